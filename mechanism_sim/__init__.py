@@ -1,0 +1,1 @@
+"""Simulator of real (loose, rattling, vibrating) planar machines."""

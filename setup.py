@@ -1,0 +1,25 @@
+"""Installation by pip; what colcon needs stands in package.xml."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = 'mechanism_sim'
+NODES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
+
+setup(
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/msg', sorted(glob('msg/*.msg'))),
+    ],
+    entry_points={
+        'console_scripts': [
+            'mechanism-sim = mechanism_sim.cli:main',
+            *(f'{node} = mechanism_sim.nodes.{node}:main' for node in NODES),
+        ]
+    },
+)
