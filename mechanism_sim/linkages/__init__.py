@@ -1,1 +1,1 @@
-""""""
+"""Linkages of revolute joints: loop closure, and the bearing as relation or gap."""

@@ -1,1 +1,1 @@
-""""""
+"""Mathematics without mechanics: small symbolic systems, piecewise polynomials."""

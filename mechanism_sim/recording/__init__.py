@@ -1,1 +1,19 @@
-""""""
+"""Bags: MCAP files of ROS 2 messages, written so that a kill cannot spoil them, read anyhow."""
+
+from mechanism_sim.recording.inventory import BagInfo, info, render_info, scene_name
+from mechanism_sim.recording.reader import Bag, Topic, read_bag
+from mechanism_sim.recording.rosbag2 import Qos, QosLike
+from mechanism_sim.recording.writer import BagWriter
+
+__all__ = [
+    'Bag',
+    'BagInfo',
+    'BagWriter',
+    'Qos',
+    'QosLike',
+    'Topic',
+    'info',
+    'read_bag',
+    'render_info',
+    'scene_name',
+]

@@ -1,0 +1,119 @@
+"""A fingerprint of a run: equal if and only if motion and impacts are equal, bit by bit."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class MotionDigest:
+    """SHA-256 over the motion and the impacts of a run, however they were batched.
+
+    Two streams are hashed apart, so that it does not matter how segments and impacts interleave,
+    and their digests are hashed together. All numbers are little-endian.
+
+    - a segment: start, start_low, duration (float64), turns (n int64), d + 1 (int64),
+      coefficients (n (d + 1) float64), modes (r uint8); d is the highest degree that occurs in
+      the segment, so that padding with zeros makes no difference
+    - an impact: length of the joint's name (int64), the name (UTF-8), the eight numbers of
+      `add_impact` in their order (float64)
+    """
+
+    def __init__(self) -> None:
+        self._segments = hashlib.sha256()
+        self._impacts = hashlib.sha256()
+
+    def add_segments(
+        self,
+        start: ArrayLike,
+        start_low: ArrayLike,
+        duration: ArrayLike,
+        turns: ArrayLike,
+        coefficients: ArrayLike,
+        modes: ArrayLike,
+    ) -> None:
+        """Add m segments of motion in the order of time.
+
+        Args:
+            start: Shape (m,) [s].
+            start_low: Shape (m,) [s], what `start` rounds away.
+            duration: Shape (m,) [s].
+            turns: Shape (m, n), whole turns.
+            coefficients: Shape (m, n, d + 1) [rad/s^j].
+            modes: Shape (m, r), as in ModeChange.
+
+        """
+        times = np.column_stack([np.asarray(x, '<f8') for x in (start, start_low, duration)])
+        counts = np.asarray(turns, '<i8')
+        powers = np.asarray(coefficients, '<f8')
+        states = np.asarray(modes, 'u1')
+        # Columns in use: up to the last power that is not zero for every coordinate.
+        used = np.any(powers != 0, axis=1)
+        widths = np.where(used.any(axis=1), used.shape[1] - np.argmax(used[:, ::-1], axis=1), 0)
+        # Runs of equal width are hashed in one go.
+        for first, last in _runs(widths):
+            width = int(widths[first])
+            rows = slice(first, last)
+            columns = (
+                _bytes(times[rows]),
+                _bytes(counts[rows]),
+                _bytes(np.full((last - first, 1), width, '<i8')),
+                _bytes(powers[rows, :, :width]),
+                _bytes(states[rows]),
+            )
+            self._segments.update(np.concatenate(columns, axis=1).tobytes())
+
+    def add_impact(
+        self,
+        time: float,
+        joint: str,
+        normal_angle: float,
+        approach_speed: float,
+        rebound_speed: float,
+        normal_impulse: float,
+        tangential_impulse: float,
+        energy_loss: float,
+        drive_impulse: float,
+    ) -> None:
+        """Add the next impact, with the units of the message Impact."""
+        name = joint.encode()
+        self._impacts.update(
+            struct.pack('<q', len(name))
+            + name
+            + struct.pack(
+                '<8d',
+                time,
+                normal_angle,
+                approach_speed,
+                rebound_speed,
+                normal_impulse,
+                tangential_impulse,
+                energy_loss,
+                drive_impulse,
+            )
+        )
+
+    def hexdigest(self) -> str:
+        """Return the digest of what was added so far, as 64 hexadecimal digits."""
+        both = b'motion' + self._segments.digest() + b'impacts' + self._impacts.digest()
+        return hashlib.sha256(both).hexdigest()
+
+
+def _runs(values: NDArray[Any]) -> list[tuple[int, int]]:
+    """Return (first, last + 1) of the runs of equal values."""
+    if not len(values):
+        return []
+    edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
+    return list(pairwise(edges))
+
+
+def _bytes(block: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return the rows of `block` as bytes, shape (m, bytes of a row)."""
+    if not block.size:
+        return np.empty((len(block), 0), 'u1')
+    return np.frombuffer(block.tobytes(), 'u1').reshape(len(block), -1)

@@ -1,0 +1,163 @@
+"""What the joints with clearance suffer: impacts, counted by joint and by revolution."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DominantImpact:
+    """The impact of the largest normal impulse; the first of them if there are several."""
+
+    time: float  #: [s]
+    joint: str
+    crank_angle: float | None  #: [rad] in [0, 2 pi), None where the motion is not recorded
+    normal_impulse: float  #: [N s]
+    approach_speed: float  #: [m/s]
+    normal_angle: float  #: [rad]
+
+
+@dataclass(frozen=True)
+class JointImpacts:
+    """The impacts of one joint over the whole run."""
+
+    joint: str
+    count: int
+    normal_impulse: float  #: [N s] sum
+    energy_loss: float  #: [J] sum
+    largest_approach_speed: float  #: [m/s]
+
+
+@dataclass(frozen=True)
+class RevolutionTable:
+    """Impacts by revolution of the crank (rows, from 0) and joint (columns).
+
+    The last revolution may be a part of one. `elsewhere` counts the impacts at times of which the
+    motion is not recorded; they are in no row.
+    """
+
+    joints: tuple[str, ...]
+    count: NDArray[np.int64]  #: (revolutions, joints)
+    normal_impulse: Array  #: (revolutions, joints) [N s]
+    elsewhere: int
+
+
+@dataclass(frozen=True)
+class ImpactSummary:
+    """All impacts of a run; what is per revolution is None without the crank's motion."""
+
+    count: int
+    normal_impulse: float  #: [N s] sum
+    energy_loss: float  #: [J] sum
+    joints: tuple[JointImpacts, ...]
+    dominant: DominantImpact | None
+    count_per_revolution: float | None
+    normal_impulse_per_revolution: float | None  #: [N s]
+    table: RevolutionTable | None
+
+
+class ImpactCollector:
+    """Gathers Impact messages, a few numbers of each."""
+
+    def __init__(self) -> None:
+        self._joints: dict[str, int] = {}
+        self._joint, self._numbers = array('l'), array('d')
+
+    def add(self, message: Any) -> None:
+        """Add the impact that follows."""
+        self._joint.append(self._joints.setdefault(message.joint, len(self._joints)))
+        self._numbers.extend(
+            (
+                message.time,
+                message.normal_impulse,
+                message.energy_loss,
+                message.approach_speed,
+                message.normal_angle,
+            )
+        )
+
+    def summary(
+        self,
+        revolutions: float | None,
+        turned: Callable[[Array], Array],
+        crank_angle: Callable[[float], float | None],
+    ) -> ImpactSummary:
+        """Return what was gathered.
+
+        Args:
+            revolutions: Of the crank over the run, None if its motion is not recorded.
+            turned: Revolutions since the start by times (N,) [s]; nan where the motion is not
+                recorded.
+            crank_angle: Angle [rad] of the crank at a time [s].
+
+        """
+        joint = np.array(self._joint, np.int64)
+        numbers = np.array(self._numbers).reshape(-1, 5)
+        time, impulse, loss, speed, angle = numbers.T
+        names = tuple(sorted(self._joints))
+        columns = np.array([names.index(name) for name in self._joints], np.int64)[joint]
+        dominant = None
+        if len(time):
+            k = int(np.argmax(impulse))
+            at = float(time[k])
+            dominant = DominantImpact(
+                at,
+                names[columns[k]],
+                crank_angle(at),
+                float(impulse[k]),
+                float(speed[k]),
+                float(angle[k]),
+            )
+        by_joint = tuple(
+            JointImpacts(
+                name,
+                int(np.sum(columns == i)),
+                float(np.sum(impulse[columns == i])),
+                float(np.sum(loss[columns == i])),
+                float(np.max(speed[columns == i])),
+            )
+            for i, name in enumerate(names)
+        )
+        total = float(np.sum(impulse))
+        return ImpactSummary(
+            count=len(time),
+            normal_impulse=total,
+            energy_loss=float(np.sum(loss)),
+            joints=by_joint,
+            dominant=dominant,
+            count_per_revolution=len(time) / revolutions if revolutions else None,
+            normal_impulse_per_revolution=total / revolutions if revolutions else None,
+            table=(
+                _table(names, columns, impulse, turned(time), revolutions)
+                if revolutions is not None
+                else None
+            ),
+        )
+
+
+def _table(
+    names: tuple[str, ...],
+    columns: NDArray[np.int64],
+    impulse: Array,
+    turned: Array,
+    revolutions: float,
+) -> RevolutionTable:
+    """Return the table of impacts that happened after `turned` revolutions in given columns."""
+    # A revolution that is full but for rounding is full.
+    slack = 1e-9
+    rows = max(1, int(np.ceil(revolutions - slack)))
+    known = np.isfinite(turned)
+    row = np.clip(np.floor(turned[known] + slack), 0, rows - 1).astype(np.int64)
+    count = np.zeros((rows, len(names)), np.int64)
+    sums = np.zeros((rows, len(names)))
+    np.add.at(count, (row, columns[known]), 1)
+    np.add.at(sums, (row, columns[known]), impulse[known])
+    return RevolutionTable(names, count, sums, int(np.sum(~known)))

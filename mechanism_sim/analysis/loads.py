@@ -1,0 +1,130 @@
+"""Forces, torque and the balance of energy over a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest magnitude of something, among the instants that were published."""
+
+    name: str
+    value: float  #: [N] magnitude of a force; [N m] torque, with its sign
+    time: float  #: [s]
+    crank_angle: float | None  #: [rad] in [0, 2 pi), None where the motion is not recorded
+
+
+@dataclass(frozen=True)
+class LoadSummary:
+    """The largest force in each joint and the largest torque of the drive."""
+
+    samples: int
+    joints: tuple[Peak, ...]
+    drive_torque: Peak
+
+
+@dataclass(frozen=True)
+class EnergySummary:
+    """Where the energy went: kinetic + potential - initial - drive work + dissipated = residual.
+
+    All in [J]; the residual would be 0 without errors of integration.
+    """
+
+    samples: int
+    initial: float
+    final: float
+    drive_work: float
+    dissipated: float
+    residual_at_end: float
+    largest_residual: float  #: magnitude
+    largest_residual_time: float  #: [s]
+    largest_energy: float  #: the largest term of the balance, to measure the residual by
+
+
+class LoadCollector:
+    """Keeps the peaks of JointReactions messages."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self._force: dict[str, tuple[float, float]] = {}
+        self._torque = (0.0, 0.0)
+
+    def add(self, message: Any) -> None:
+        """Take in one instant."""
+        time = float(message.time)
+        if not self.samples or abs(message.drive_torque) > abs(self._torque[0]):
+            self._torque = (float(message.drive_torque), time)
+        self.samples += 1
+        for joint, fx, fy in zip(message.joints, message.force_x, message.force_y, strict=True):
+            force = math.hypot(fx, fy)
+            if joint not in self._force or force > self._force[joint][0]:
+                self._force[joint] = (force, time)
+
+    def summary(self, crank_angle: Callable[[float], float | None]) -> LoadSummary | None:
+        """Return the peaks; None without a message.
+
+        Args:
+            crank_angle: Angle [rad] of the crank at a time [s].
+
+        """
+        if not self.samples:
+            return None
+        peaks = tuple(
+            Peak(joint, force, time, crank_angle(time))
+            for joint, (force, time) in self._force.items()
+        )
+        torque, time = self._torque
+        return LoadSummary(self.samples, peaks, Peak('drive', torque, time, crank_angle(time)))
+
+
+class EnergyCollector:
+    """Follows the balance through LinkageState messages, from the first of them on."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self._first = self._last = np.zeros(4)
+        self._residual, self._worst, self._worst_time, self._scale = 0.0, 0.0, 0.0, 0.0
+
+    def add(self, message: Any) -> None:
+        """Take in one instant."""
+        terms = np.array(
+            [
+                message.kinetic_energy,
+                message.potential_energy,
+                message.drive_work,
+                message.dissipated,
+            ]
+        )
+        if not self.samples:
+            self._first = terms
+            self._worst_time = float(message.time)
+        self.samples += 1
+        self._last = terms
+        # Term by term against the first instant: large energies do not hide small changes.
+        kinetic, potential, work, dissipated = terms - self._first
+        self._residual = kinetic + potential - work + dissipated
+        self._scale = max(self._scale, float(np.max(np.abs(terms))))
+        if abs(self._residual) > self._worst:
+            self._worst, self._worst_time = abs(self._residual), float(message.time)
+
+    def summary(self) -> EnergySummary | None:
+        """Return the balance; None without a message."""
+        if not self.samples:
+            return None
+        return EnergySummary(
+            samples=self.samples,
+            initial=float(self._first[:2].sum()),
+            final=float(self._last[:2].sum()),
+            drive_work=float(self._last[2] - self._first[2]),
+            dissipated=float(self._last[3] - self._first[3]),
+            residual_at_end=float(self._residual),
+            largest_residual=float(self._worst),
+            largest_residual_time=self._worst_time,
+            largest_energy=self._scale,
+        )

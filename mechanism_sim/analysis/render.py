@@ -1,0 +1,176 @@
+"""The summary of a run as text for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+from mechanism_sim.analysis.impacts import ImpactSummary
+from mechanism_sim.analysis.ledger import Ledger
+from mechanism_sim.analysis.loads import EnergySummary, LoadSummary, Peak
+from mechanism_sim.analysis.modes import JointModes
+from mechanism_sim.analysis.summary import Summary
+from mechanism_sim.analysis.vibration import SensorSummary
+
+ROWS = 12  # of a table of revolutions, before its middle is left out
+
+
+def render(summary: Summary) -> str:
+    """Return the text that the command line shows."""
+    parts = [_head(summary)]
+    if summary.impacts is not None:
+        parts.append(_impacts(summary.impacts))
+    if summary.modes is not None:
+        parts.append(_modes(summary.modes))
+    if summary.loads is not None:
+        parts.append(_loads(summary.loads))
+    if summary.energy is not None:
+        parts.append(_energy(summary.energy))
+    if summary.vibration is not None:
+        parts.append(_vibration(summary.vibration))
+    if summary.ledger is not None:
+        parts.append(_ledger(summary.ledger))
+    if summary.absent:
+        parts.append('\n'.join(['not in this bag', *(f'  {line}' for line in summary.absent)]))
+    return '\n\n'.join(parts)
+
+
+def _head(s: Summary) -> str:
+    lines = [
+        ('bag', s.bag if s.complete else f'{s.bag} (CUT SHORT: what could be read is analysed)'),
+        ('scene', s.scene or 'not recorded'),
+        ('run', f'{s.start:.9g} s to {s.end:.9g} s'),
+    ]
+    if s.motion is not None:
+        m = s.motion
+        rpm = m.mean_speed * 30 / math.pi
+        lines += [
+            (m.crank, f'{m.revolutions:.9g} revolutions, {rpm:.6g} rpm on average'),
+            ('motion', f'{m.segments} segments of {", ".join(m.coordinates)}'),
+        ]
+        lines += [('MISSING', f'motion from {a:.9g} s to {b:.9g} s') for a, b in m.gaps]
+    if s.digest is not None:
+        lines.append(('digest', s.digest))
+    width = max(len(key) for key, _ in lines)
+    return '\n'.join(f'{key:<{width}}  {value}' for key, value in lines)
+
+
+def _impacts(impacts: ImpactSummary) -> str:
+    head = f'impacts: {impacts.count}, normal impulse {impacts.normal_impulse:.6g} N s'
+    if impacts.count_per_revolution is not None:
+        head += (
+            f'; per revolution {impacts.count_per_revolution:.6g}, '
+            f'{impacts.normal_impulse_per_revolution:.6g} N s'
+        )
+    lines = [head]
+    if impacts.joints:
+        lines += _table(
+            ('joint', 'impacts', 'impulse [N s]', 'loss [J]', 'fastest [m/s]'),
+            (
+                (j.joint, j.count, j.normal_impulse, j.energy_loss, j.largest_approach_speed)
+                for j in impacts.joints
+            ),
+        )
+    table = impacts.table
+    if table is not None and table.joints:
+        head_row = ['revolution']
+        for joint in table.joints:
+            head_row += [joint, '[N s]']
+        rows = [
+            [str(k), *(x for pair in zip(counts, sums, strict=True) for x in pair)]
+            for k, (counts, sums) in enumerate(
+                zip(table.count.tolist(), table.normal_impulse.tolist(), strict=True)
+            )
+        ]
+        if len(rows) > ROWS:
+            rows = [*rows[: ROWS // 2], ['...'] + [''] * (len(head_row) - 1), *rows[-ROWS // 2 :]]
+        lines += _table(head_row, rows)
+        if table.elsewhere:
+            lines.append(f'  {table.elsewhere} at times of which the motion is not recorded')
+    d = impacts.dominant
+    if d is not None:
+        lines.append(
+            f'  hardest: {d.normal_impulse:.6g} N s in {d.joint} at {d.time:.9g} s'
+            f'{_at_angle(d.crank_angle)}, {d.approach_speed:.6g} m/s'
+        )
+    return '\n'.join(lines)
+
+
+def _modes(joints: tuple[JointModes, ...]) -> str:
+    names = sorted({mode for joint in joints for mode in joint.share})
+    rows = [
+        [j.joint, str(j.changes), *(f'{100 * j.share.get(mode, 0.0):.4g} %' for mode in names)]
+        for j in joints
+    ]
+    return '\n'.join(['modes: share of time', *_table(('joint', 'changes', *names), rows)])
+
+
+def _loads(loads: LoadSummary) -> str:
+    def row(peak: Peak, unit: str) -> tuple[str, str, float, str]:
+        angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
+        return peak.name, f'{peak.value:.6g} {unit}', peak.time, angle
+
+    rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
+    head = ('joint', 'largest', 'at [s]', 'crank')
+    return '\n'.join([f'loads: among {loads.samples} instants', *_table(head, rows)])
+
+
+def _energy(e: EnergySummary) -> str:
+    share = e.largest_residual / e.largest_energy if e.largest_energy else 0.0
+    return '\n'.join(
+        [
+            f'energy [J]: {e.initial:.6g} + drive {e.drive_work:.6g} '
+            f'- dissipated {e.dissipated:.6g} = {e.final:.6g}',
+            f'  residual {e.residual_at_end:.3g} at the end; at most {e.largest_residual:.3g} '
+            f'({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s',
+        ]
+    )
+
+
+def _vibration(sensors: tuple[SensorSummary, ...]) -> str:
+    rows = (
+        (
+            s.sensor,
+            s.link,
+            s.samples,
+            s.missing,
+            s.rms,
+            s.peak,
+            '' if s.kurtosis is None else s.kurtosis,
+        )
+        for s in sensors
+    )
+    head = ('sensor', 'link', 'samples', 'missing', 'RMS', 'peak', 'kurtosis')
+    return '\n'.join(['vibration [m/s^2]', *_table(head, rows)])
+
+
+def _ledger(ledger: Ledger) -> str:
+    total = sum(account.sent for account in ledger.topics)
+    if not ledger.lost:
+        lines = [f'messages: all {total} that were sent are recorded']
+    else:
+        lines = [f'messages: {ledger.lost} of {total} are LOST']
+        lost = [a for a in ledger.topics if a.lost]
+        rows = ((a.topic, a.sent, a.recorded, a.lost) for a in lost)
+        lines += _table(('topic', 'sent', 'recorded', 'lost'), rows)
+    if ledger.unfinished:
+        names = ', '.join(ledger.unfinished)
+        lines.append(f'  {names} did not finish: more may have been sent')
+    return '\n'.join(lines)
+
+
+def _at_angle(angle: float | None) -> str:
+    return '' if angle is None else f', crank at {math.degrees(angle):.4g} deg'
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str | int | float]]) -> Iterator[str]:
+    """Yield indented lines: the first column to the left, the others to the right."""
+    cells = [list(head)]
+    cells += [[f'{x:.6g}' if isinstance(x, float) else str(x) for x in row] for row in rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    for row in cells:
+        first, *rest = (
+            text.ljust(width) if i == 0 else text.rjust(width)
+            for i, (text, width) in enumerate(zip(row, widths, strict=True))
+        )
+        yield '  ' + '  '.join([first, *rest]).rstrip()

@@ -1,0 +1,51 @@
+"""Which topics of a bag are ours, whatever namespace they were recorded in."""
+
+from __future__ import annotations
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.recording import Bag
+
+#: Last part of the name and type of what is analysed.
+KINDS = {
+    'drive': 'mechanism_sim/msg/DriveLaw',
+    'motion': 'mechanism_sim/msg/Motion',
+    'impacts': 'mechanism_sim/msg/Impact',
+    'mode_changes': 'mechanism_sim/msg/ModeChange',
+    'joint_reactions': 'mechanism_sim/msg/JointReactions',
+    'linkage_state': 'mechanism_sim/msg/LinkageState',
+    'accelerometer': 'mechanism_sim/msg/AccelerometerBlock',
+    'progress': 'mechanism_sim/msg/Progress',
+}
+#: Kinds told by type alone: every sensor or node may have a topic of its own, of any name.
+SHARED = ('accelerometer', 'progress')
+
+
+def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, ...]]:
+    """Return the names of the topics of one machine by kind; at most one but for shared kinds.
+
+    Args:
+        bag: The bag.
+        namespace: Of the machine, as '/left'; needed where a bag holds several.
+
+    Raises:
+        InputError: There are several and none was chosen, or nothing is in that namespace.
+
+    """
+    prefix = f'{(namespace or "").rstrip("/")}/'
+    found: dict[str, tuple[str, ...]] = {}
+    for kind, type_name in KINDS.items():
+        names = tuple(
+            topic.name
+            for topic in bag.topics.values()
+            if topic.type == type_name
+            and topic.name.startswith(prefix)
+            and (kind in SHARED or topic.name.rpartition('/')[2] == kind)
+        )
+        if len(names) > 1 and kind not in SHARED:
+            raise InputError(
+                f'{bag.path} holds several machines ({", ".join(names)}): choose a namespace.'
+            )
+        found[kind] = names
+    if namespace and not any(found.values()):
+        raise InputError(f'{bag.path} has nothing of a machine in namespace {namespace}.')
+    return found

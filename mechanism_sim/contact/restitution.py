@@ -1,0 +1,48 @@
+"""Frictionless impact with Newton's coefficient of restitution, and the end of chatter."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from mechanism_sim.numerics.complementarity import solve_lcp
+
+
+def newton_impulses(
+    compliance: list[list[float]], approach: Sequence[float], restitution: Sequence[float]
+) -> list[float]:
+    """Normal impulses of the m contacts that touch at one instant [N s].
+
+    Newton's hypothesis in the form of a complementarity: each contact ends with at least
+    ``-e`` times its approach rate, and carries an impulse only if with exactly that. For a
+    single contact it is ``(1 + e) m_eff v`` ([SB] 5.1).
+
+    Parameters
+    ----------
+    compliance : (m, m) gap rates per unit impulse [1/kg]
+    approach : (m,) gap rates before [m/s], negative when closing
+    restitution : (m,)
+    """
+    b = [(1.0 + e) * rate for e, rate in zip(restitution, approach, strict=True)]
+    return solve_lcp(compliance, b)
+
+
+class ChatterRule:
+    """When to stop counting bounces and let the pin follow.
+
+    A contact that bounces with rebound speed v against a steady approach d rises to
+    ``h = v^2/(2 d)``; all bounces still to come displace the rest of the mechanism by about
+    ``2 h/(1 - e)``. The sequence is ended, with an impact that takes all of the approach speed,
+    as soon as ``h <= max(rtol (1 - e), 8 eps) L``, L being the size of the mechanism: what is left
+    out is below the tolerance, and a rise that double precision cannot resolve is never asked
+    for.
+    """
+
+    def __init__(self, rtol: float, size: float) -> None:
+        self._rtol = rtol
+        self._size = size
+
+    def ends(self, rebound: float, free_acceleration: float, restitution: float) -> bool:
+        """Whether a rebound of this speed [m/s] under this gap acceleration [m/s^2] is the end."""
+        height = max(self._rtol * (1.0 - restitution), 8.0 * sys.float_info.epsilon) * self._size
+        return free_acceleration < 0.0 and rebound * rebound <= -2.0 * free_acceleration * height

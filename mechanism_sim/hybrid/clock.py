@@ -1,0 +1,64 @@
+"""Time of a long run: exact bases, and small numbers counted from them.
+
+Angles and times of a run of a million turns keep all their digits, because the integrator only
+ever sees the time since the last base and angles without their whole turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+
+
+@dataclass(frozen=True)
+class Base:
+    """An instant from which the integrator counts time.
+
+    Attributes
+    ----------
+    time : [s], exact
+    turns : whole turns by coordinate, not contained in angles counted from here
+    laws : of the prescribed coordinates, in powers of the time since then
+    """
+
+    time: Fraction
+    turns: Mapping[str, int]
+    laws: tuple[tuple[float, ...], ...]
+
+    @property
+    def high(self) -> float:
+        """The time rounded to a float [s]."""
+        return float(self.time)
+
+    @property
+    def low(self) -> float:
+        """What `high` rounds away [s]."""
+        return float(self.time - Fraction(self.high))
+
+    def local(self, t: float) -> float:
+        """Time since the base [s] of a time since the start of the run."""
+        return float(Fraction(t) - self.time)
+
+    def next_after(self) -> float:
+        """Local time [s] after which a new base is due: one turn of the fastest drive."""
+        fastest = max((abs(c[1]) for c in self.laws if len(c) > 1), default=0.0)
+        return min(float(TWO_PI) / fastest, 1.0) if fastest else 1.0
+
+
+def base_at(time: Fraction, laws: Sequence[DriveLaw], turns: Mapping[str, int]) -> Base:
+    """The base at `time`; `turns` are those of the coordinates that no law prescribes."""
+    whole = dict(turns)
+    local = []
+    for law in laws:
+        whole[law.coordinate], coefficients = law.about(time)
+        local.append(tuple(coefficients))
+    return Base(time, whole, tuple(local))
+
+
+def take_off_turns(angle: float) -> tuple[int, float]:
+    """Whole turns in an angle [rad], and what is left of it, smaller than a turn."""
+    whole = int(Fraction(angle) / TWO_PI)
+    return whole, float(Fraction(angle) - whole * TWO_PI)

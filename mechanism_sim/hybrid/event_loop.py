@@ -1,0 +1,211 @@
+"""The one event loop: Taylor steps between events, and what is done at each event.
+
+A step is never cut to please a caller: requests read the step's polynomials. What is published,
+and when, therefore cannot change the motion.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import heyoka as hy
+import numpy as np
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.clock import base_at, take_off_turns
+from mechanism_sim.hybrid.contacts import Contacts
+from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.system import System
+from mechanism_sim.hybrid.tape import Motion, Tape
+from mechanism_sim.planar.drive import DriveLaw
+
+_SUCCESS = hy.taylor_outcome.success
+_TIME_LIMIT = hy.taylor_outcome.time_limit
+_MAX_SIMULTANEOUS = 100
+
+
+@dataclass(frozen=True)
+class State:
+    """All there is to know at one instant; what follows depends on nothing else."""
+
+    time: Fraction  #: [s], exact
+    turns: tuple[int, ...]  #: whole turns of the free coordinates
+    q: tuple[float, ...]  #: angles of the free coordinates [rad]
+    v: tuple[float, ...]  #: rates of the free coordinates [rad/s]
+    closed: tuple[bool, ...]  #: of every gap
+
+
+class EventLoop:
+    """Runs a system through flight, impact and following.
+
+    Parameters
+    ----------
+    system : the compiled equations
+    laws : one drive law for each prescribed coordinate
+    state : where to start; open gaps that touch are resolved at once
+    rtol : error per step relative to the largest state variable
+    max_step : [s] longest Taylor step
+    compact : compile slower but smaller code (for many coordinates)
+
+    Attributes
+    ----------
+    steps, events : counts since the start
+    """
+
+    def __init__(
+        self,
+        system: System,
+        laws: Sequence[DriveLaw],
+        state: State,
+        rtol: float,
+        max_step: float,
+        compact: bool = False,
+    ) -> None:
+        self.steps = 0
+        self.events = 0
+        self._system = system
+        self._laws = list(laws)
+        self._coming: deque[DriveLaw] = deque()
+        self._max_step = max_step
+        self._ta = system.integrator(rtol, compact)
+        self._state, self._pars = self._ta.state, self._ta.pars
+        self._state[:] = [*state.q, *state.v]
+        turns = dict(zip(system.free, state.turns, strict=True))
+        self._base = base_at(state.time, self._laws, turns)
+        self._tape = Tape(system, self._ta.tc)
+        self._contacts = Contacts(system, self._ta, rtol, self._base)
+        self._start_base()
+        self._pending: tuple[float, float, int | None] | None = None
+        self._last_event = float('-inf')
+        self._simultaneous = 0
+        self._contacts.start(state.closed)
+
+    @property
+    def time(self) -> float:
+        """Time [s] up to which the solution is known."""
+        tau = self._pending[0] if self._pending else self._ta.time
+        return self._base.high + (self._base.low + tau)
+
+    def change_law(self, law: DriveLaw) -> None:
+        """Let a law replace the present one of its coordinate from ``law.valid_from`` on."""
+        self._coming.append(law)
+
+    def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
+        """Add every step to the solution that ends not later than `until` [s].
+
+        With `final`, the step that holds `until` is added too, cut off there. `most` bounds the
+        number of steps added by one call.
+
+        Raises
+        ------
+        RunError
+            If the state becomes infinite or events repeat without progress in time.
+        """
+        contacts, tape, ta = self._contacts, self._tape, self._ta
+        limit = self._base.local(until)
+        added = 0
+        while most is None or added < most:
+            if self._pending is None:
+                self._pending = self._take_step()
+            tau, h, gap = self._pending
+            if self._coming:
+                change = self._base.local(self._coming[0].valid_from)
+                if change <= limit and change < tau + h:
+                    self._cut(change)
+                    self._switch_law(self._coming.popleft())
+                    limit = self._base.local(until)
+                    continue
+            if tau + h > limit:
+                if final:
+                    self._cut(limit)
+                return
+            self._pending = None
+            self.steps += 1
+            added += 1
+            tape.enter(tau, h, contacts.closed)
+            if gap is not None:
+                self._count_event()
+                contacts.handle(gap)
+                ta.reset_cooldowns()
+            if tau > self._next_base:
+                self._rebase()
+                limit = self._base.local(until)
+
+    def _take_step(self) -> tuple[float, float, int | None]:
+        """One Taylor step from the present state: start, length, and whose guard ended it."""
+        ta = self._ta
+        tau = ta.time
+        outcome, h = ta.step(max_delta_t=self._max_step, write_tc=True)
+        self._tape.slot()[:] = ta.tc
+        if outcome == _SUCCESS or outcome == _TIME_LIMIT:
+            self._pars[self._system.stabilisation_index] = 1.0 / h
+            return tau, h, None
+        gap = -int(outcome) - 1
+        if not 0 <= gap < len(self._system.gaps):
+            raise RunError(
+                f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
+                'became infinite; the mechanism may be at a singular position'
+            )
+        return tau, h, gap
+
+    def _cut(self, at: float) -> None:
+        """End the pending step early, at local time `at`, on its own polynomials."""
+        assert self._pending is not None
+        tau = self._pending[0]
+        self._pending = None
+        x = np.polynomial.polynomial.polyval(at - tau, self._tape.slot().T)
+        if at > tau:
+            self.steps += 1
+            self._tape.enter(tau, at - tau, self._contacts.closed)
+        self._state[:] = x
+        self._ta.time = at
+        self._ta.reset_cooldowns()
+
+    def _count_event(self) -> None:
+        self.events += 1
+        t = self.time
+        self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
+        self._last_event = t
+        if self._simultaneous > _MAX_SIMULTANEOUS:
+            raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
+
+    # --- laws and bases -----------------------------------------------------------------------
+
+    def _switch_law(self, law: DriveLaw) -> None:
+        names = [known.coordinate for known in self._laws]
+        self._laws[names.index(law.coordinate)] = law
+        self._rebase()
+        self._contacts.settle()
+
+    def _rebase(self) -> None:
+        """Count time and turns anew from here, so that neither loses digits."""
+        turns = {c: self._base.turns[c] for c in self._system.free}
+        for i, name in enumerate(self._system.free):
+            whole, angle = take_off_turns(float(self._state[i]))
+            if whole:
+                turns[name] += whole
+                self._state[i] = angle
+        now = self._base.time + Fraction(self._ta.time)
+        self._base = base_at(now, self._laws, turns)
+        self._ta.time = 0.0
+        self._start_base()
+
+    def _start_base(self) -> None:
+        for index, law in zip(self._system.law_index, self._base.laws, strict=True):
+            self._pars[index[: len(law)]] = law
+            self._pars[index[len(law) :]] = 0.0
+        self._contacts.base = self._base
+        self._tape.rebase(self._base)
+        self._next_base = self._base.next_after()
+
+    # --- the solution -------------------------------------------------------------------------
+
+    def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
+        """Motion and events since the last call."""
+        contacts = self._contacts
+        impacts, contacts.impacts = contacts.impacts, []
+        changes, contacts.mode_changes = contacts.mode_changes, []
+        return self._tape.drain(), impacts, changes

@@ -1,0 +1,47 @@
+"""What happens at instants: impacts, changes of mode, and why a run stopped."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+from typing import NamedTuple
+
+
+class Mode(IntEnum):
+    """Mode of contact of a joint with clearance; the numbers are those of ModeChange.msg."""
+
+    UNKNOWN = 0
+    FREE_FLIGHT = 1
+    FOLLOWING = 2
+
+
+class StopReason(Enum):
+    """Why a run ended; the text is for the user."""
+
+    COMPLETE = 'the requested duration was reached'
+    GAP_VIOLATED = 'a gap was violated between events: the result cannot be trusted'
+    NO_PROGRESS = 'events follow each other without progress in time'
+
+
+class Impact(NamedTuple):
+    """One impact in one joint."""
+
+    t: float  #: [s]
+    joint: str
+    normal_angle: float  #: [rad] of the direction from bushing centre to pin centre
+    approach_speed: float  #: [m/s]
+    rebound_speed: float  #: [m/s]
+    normal_impulse: float  #: [N s]
+    tangential_impulse: float  #: [N s]
+    energy_loss: float  #: [J]
+    drive_impulse: float  #: [N m s] of the drives that hold their law
+    drive_work: float  #: [J] of these impulses
+    ends_chatter: bool  #: the rest of a chatter sequence is contained in this impact
+
+
+class ModeChange(NamedTuple):
+    """A joint enters a mode of contact."""
+
+    t: float  #: [s]
+    joint: str
+    mode: Mode
+    previous: Mode

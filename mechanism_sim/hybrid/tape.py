@@ -1,0 +1,112 @@
+"""Where the integrator's steps are kept until they are handed on as motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.clock import Base
+from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of all coordinates, and which gaps are closed, on m segments."""
+
+    curve: PiecewisePolynomial  #: of the n coordinates, in the order of the mechanism
+    closed: NDArray[np.bool_]  #: (m, gaps)
+
+    def __len__(self) -> int:
+        return len(self.curve)
+
+    @classmethod
+    def joined(cls, parts: list[Motion]) -> Motion:
+        """One motion from consecutive parts."""
+        curves = [part.curve for part in parts]
+        return cls(
+            PiecewisePolynomial(
+                np.concatenate([c.start for c in curves]),
+                np.concatenate([c.start_low for c in curves]),
+                np.concatenate([c.duration for c in curves]),
+                np.concatenate([c.turns for c in curves]),
+                np.concatenate([c.coefficients for c in curves]),
+            ),
+            np.concatenate([part.closed for part in parts]),
+        )
+
+
+class Tape:
+    """Taylor coefficients of the steps since the last `drain`.
+
+    A step is first written to `slot`, then entered by `enter`.
+    """
+
+    def __init__(self, system: System, coefficients: Array) -> None:
+        self._system = system
+        self._buffer = np.empty((256, *coefficients.shape))
+        self._tau: list[float] = []
+        self._h: list[float] = []
+        self._closed: list[tuple[bool, ...]] = []
+        self._bases: list[Base] = []
+        self._base_of: list[int] = []
+
+    def __len__(self) -> int:
+        return len(self._tau)
+
+    def slot(self) -> Array:
+        """Room (2 f, order + 1) for the coefficients of the next step."""
+        k = len(self._tau)
+        if k == len(self._buffer):
+            self._buffer = np.concatenate([self._buffer, np.empty_like(self._buffer)])
+        return self._buffer[k]
+
+    def enter(self, tau: float, h: float, closed: tuple[bool, ...]) -> None:
+        """Accept the step in `slot`: its start since the base, its length [s], its gaps."""
+        self._tau.append(tau)
+        self._h.append(h)
+        self._closed.append(closed)
+        self._base_of.append(len(self._bases) - 1)
+
+    def rebase(self, base: Base) -> None:
+        """Steps entered from now on count from `base`."""
+        self._bases.append(base)
+
+    def drain(self) -> Motion:
+        """The steps since the last call as motion.
+
+        A rate's Taylor polynomial, integrated, gives its angle one order higher than the
+        integrator's own.
+        """
+        system, count = self._system, len(self._tau)
+        f, order = len(system.free), self._buffer.shape[2]
+        coefficients = np.zeros((count, len(system.coordinates), order + 1))
+        free = [system.coordinates.index(c) for c in system.free]
+        raw = self._buffer[:count]
+        coefficients[:, free, 0] = raw[:, :f, 0]
+        coefficients[:, free, 1:] = raw[:, f:, :] / np.arange(1.0, order + 1.0)
+        tau, of = np.array(self._tau), np.array(self._base_of, dtype=np.intp)
+        for p, name in enumerate(system.prescribed):
+            law = np.array([base.laws[p] for base in self._bases])[of]
+            coefficients[:, system.coordinates.index(name), : law.shape[1]] = shift_powers(law, tau)
+        high = np.array([base.high for base in self._bases])[of]
+        low = np.array([base.low for base in self._bases])[of]
+        turns = [[base.turns[c] for c in system.coordinates] for base in self._bases]
+        start = high + tau
+        motion = Motion(
+            PiecewisePolynomial(
+                start,
+                (tau - (start - high)) + low,
+                np.array(self._h),
+                np.array(turns, dtype=np.int64)[of],
+                coefficients,
+            ),
+            np.array(self._closed, dtype=bool).reshape(count, len(system.gaps)),
+        )
+        # The next step may be in its slot already: it becomes the first.
+        self._buffer[0] = self.slot()
+        self._tau, self._h, self._closed, self._base_of = [], [], [], []
+        self._bases = self._bases[-1:]
+        return motion

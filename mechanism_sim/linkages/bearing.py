@@ -1,0 +1,63 @@
+"""The revolute joint as the engine sees it: a closed loop, or a pin loose in its bushing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import heyoka as hy
+
+from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class Closure:
+    """An ideal revolute joint that closes a loop: pin and bushing centre coincide."""
+
+    name: str
+    mechanism: Mechanism
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """Components of the vector from bushing centre to pin centre [m]."""
+        return list(_pin_in_bushing(self.mechanism, self.name, frames))
+
+
+@dataclass(frozen=True)
+class BearingClearance:
+    """A pin on the first-named link, loose in a bushing on the second-named link.
+
+    With Q from bushing centre to pin centre and radial clearance c, the gap is ``c - |Q|``
+    ([SB] 4.2). The engine is given ``(c^2 - Q.Q)/(2 c)``: equal to it at contact in value and in
+    first derivative, smooth when the pin is at the centre, and free of a square root.
+    """
+
+    name: str
+    mechanism: Mechanism
+    clearance: float  #: [m] radial
+    restitution: float
+
+    def value(self, frames: Frames) -> Jet:
+        """``(c^2 - Q.Q)/(2 c)`` [m]."""
+        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
+        c = self._clearance(frames)
+        return -((x.square() + y.square()) - c * c) / (2.0 * c)
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """``Q/c``: the direction from bushing centre to pin centre."""
+        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
+        c = self._clearance(frames)
+        return x / c, y / c
+
+    def _clearance(self, frames: Frames) -> hy.expression:
+        return dense(frames.parameters(f'{self.name}.clearance', self.clearance))
+
+    def distance(self, value: float) -> float:
+        """The gap ``c - |Q|`` [m] that belongs to a value of `value`."""
+        c = self.clearance
+        return c - max(0.0, c * c - 2.0 * c * value) ** 0.5
+
+
+def _pin_in_bushing(mechanism: Mechanism, joint: str, frames: Frames) -> tuple[Jet, Jet]:
+    return frames.position(mechanism.separation(joint), joint)

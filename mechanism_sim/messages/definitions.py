@@ -1,0 +1,192 @@
+"""Definitions of messages and services, their text and their hash.
+
+The definitions of ROS 2 Jazzy come with rosbags; this package's own are read from ``msg/``, from
+the source tree or from where pip and colcon put them. The hash is RIHS01 of REP-2016.
+"""
+
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from mechanism_sim.messages.services import SERVICES
+
+OWN = 'mechanism_sim'
+RULER = '=' * 80
+
+_NAMES = {
+    'builtin_interfaces/msg': 'Duration Time',
+    'diagnostic_msgs/msg': 'DiagnosticArray DiagnosticStatus KeyValue',
+    'geometry_msgs/msg': 'Point Pose Quaternion Transform TransformStamped Vector3',
+    'rcl_interfaces/msg': 'FloatingPointRange IntegerRange ListParametersResult Log Parameter'
+    ' ParameterDescriptor ParameterEvent ParameterType ParameterValue SetParametersResult',
+    'rosgraph_msgs/msg': 'Clock',
+    'sensor_msgs/msg': 'Imu JointState',
+    'std_msgs/msg': 'ColorRGBA Float64 Header String',
+    'tf2_msgs/msg': 'TFMessage',
+    'visualization_msgs/msg': 'Marker MarkerArray',
+    'rcl_interfaces/srv': 'DescribeParameters GetParameterTypes GetParameters ListParameters'
+    ' SetParameters SetParametersAtomically',
+    'std_srvs/srv': 'Trigger',
+}
+PUBLIC = {name: package for package, names in _NAMES.items() for name in names.split()}
+
+# The definitions that come with rosbags have lost their explicit defaults; this is the only one
+# of the packages above.
+_DEFAULTS: dict[str, dict[str, Any]] = {'geometry_msgs/msg/Quaternion': {'w': 1.0}}
+_TEXTS: dict[str, str] = {}
+# What follows the name of a field is its default, in YAML but for constants ('=').
+_DEFAULT_LINE = re.compile(r'^\s*[\w/]+(?:<=\d+)?(?:\[[<=\d]*\])?\s+(\w+)\s+([^=\s#].*)$')
+
+
+class MessageError(ValueError):
+    """A message is unknown, is not what its definition says, or cannot be decoded."""
+
+
+@cache
+def message_folder() -> Path:
+    """Folder of this package's own definitions."""
+    package = Path(__file__).resolve().parents[1]
+    shared = Path('share', OWN, 'msg')
+    for folder in [package.parent / 'msg', *(root / shared for root in package.parents)]:
+        if any(folder.glob('*.msg')):
+            return folder
+    folder = Path(sys.prefix) / shared
+    if not any(folder.glob('*.msg')):
+        raise MessageError(f'The message definitions are neither beside {package} nor in {folder}')
+    return folder
+
+
+@cache
+def own_messages() -> tuple[str, ...]:
+    """Names of this package's own messages, in alphabetical order."""
+    return tuple(sorted(path.stem for path in message_folder().glob('*.msg')))
+
+
+@cache
+def typestore() -> Typestore:
+    """Every definition known: those of ROS 2 Jazzy, our own, and the services."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    # ROS treats char as uint8, also when it hashes; rosbags hashes it as a type of its own, which
+    # would spoil every service hash through ServiceEventInfo.client_gid.
+    for name, (constants, members) in list(store.fielddefs.items()):
+        if "'char'" in repr(members):
+            fields = [(field, _char_as_uint8(description)) for field, description in members]
+            store.fielddefs[name] = (constants, fields)
+    for name in own_messages():
+        _register(store, f'{OWN}/msg/{name}', (message_folder() / f'{name}.msg').read_text())
+    for name, text in SERVICES.items():
+        _register_service(store, name, text)
+    return store
+
+
+def define(name: str, text: str) -> None:
+    """Add the message ``pkg/msg/Name`` given by the text of its definition."""
+    _register(typestore(), name, text)
+
+
+def define_service(name: str, text: str) -> None:
+    """Add the service ``pkg/srv/Name`` given by the text of its definition."""
+    _register_service(typestore(), name, text)
+
+
+def definition(name: str) -> str:
+    """MCAP schema text (``ros2msg``): the definition, then every nested one under its ruler."""
+    _known(name)
+    texts = [_text(name)]
+    texts += [f'{RULER}\nMSG: {_short(nested)}\n{_text(nested)}' for nested in _nested(name)]
+    return ''.join(texts)
+
+
+@cache
+def type_hash(name: str) -> str:
+    """``RIHS01_<sha256>`` of a message or a service."""
+    _known(name)
+    return typestore().hash_rihs01(name)
+
+
+def service_type_hash(name: str) -> str:
+    """``RIHS01_<sha256>`` of a service: the one hash its keys carry."""
+    return type_hash(name)
+
+
+def defaults(name: str) -> Mapping[str, Any]:
+    """Explicit defaults of the fields of a message, by field."""
+    return _DEFAULTS.get(name, {})
+
+
+def field_descriptions(name: str) -> list[tuple[str, Any]]:
+    """Fields of a message as rosbags describes them: name, and (node type, what it holds)."""
+    _known(name)
+    return list(typestore().fielddefs[name][1])
+
+
+def _known(name: str) -> None:
+    if name not in typestore().fielddefs:
+        raise MessageError(f'Message or service {name!r} is unknown; define() adds one')
+
+
+def _register(store: Typestore, name: str, text: str) -> None:
+    package, kind, short = name.split('/')
+    parsed = get_types_from_msg(text, f'{package}/msg/{short}')
+    store.register({f'{package}/{kind}/{short}': parsed[f'{package}/msg/{short}']})
+    _TEXTS[name] = text.rstrip() + '\n'
+    matches = map(_DEFAULT_LINE.match, text.splitlines())
+    _DEFAULTS[name] = {found[1]: yaml.safe_load(found[2]) for found in matches if found}
+
+
+def _register_service(store: Typestore, name: str, text: str) -> None:
+    request, response = text.split('---\n') if '---\n' in text else (text, '')
+    _register(store, f'{name}_Request', request)
+    _register(store, f'{name}_Response', response)
+    parts: dict[str, Any] = {
+        part: (Nodetype.NAME, f'{name}_{part.capitalize()}') for part in _PARTS
+    }
+    event: list[tuple[str, Any]] = [('info', (Nodetype.NAME, 'service_msgs/msg/ServiceEventInfo'))]
+    event += [(part, (Nodetype.SEQUENCE, (parts[part], 1))) for part in _PARTS[:2]]
+    store.register({f'{name}_Event': ([], event)})
+    store.register({name: ([], [(f'{part}_message', parts[part]) for part in _PARTS])})
+
+
+_PARTS = ('request', 'response', 'event')
+
+
+def _char_as_uint8(description: Any) -> Any:
+    kind, inner = description
+    if kind == Nodetype.BASE:
+        return (kind, ('uint8', 0)) if inner[0] == 'char' else description
+    if kind == Nodetype.NAME:
+        return description
+    return (kind, (_char_as_uint8(inner[0]), inner[1]))
+
+
+def _nested(name: str) -> list[str]:
+    """Every type below a type, in the order in which they are met, each once."""
+
+    def walk(parent: str) -> Iterator[str]:
+        for _, (kind, inner) in field_descriptions(parent):
+            child = inner[0] if kind in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (kind, inner)
+            if child[0] == Nodetype.NAME:
+                yield child[1]
+                yield from walk(child[1])
+
+    return list(dict.fromkeys(walk(name)))
+
+
+def _short(name: str) -> str:
+    package, _, short = name.split('/')
+    return f'{package}/{short}'
+
+
+def _text(name: str) -> str:
+    if name not in _TEXTS:
+        text, _ = typestore().generate_msgdef(name, ros_version=2)
+        _TEXTS[name] = text.split(RULER)[0].rstrip() + '\n'
+    return _TEXTS[name]

@@ -1,0 +1,34 @@
+"""Definitions of the services that nodes of ROS 2 Jazzy serve and rosbags does not bring."""
+
+SERVICES = {
+    'std_srvs/srv/Trigger': """---
+bool success
+string message
+""",
+    'rcl_interfaces/srv/DescribeParameters': """string[] names
+---
+ParameterDescriptor[] descriptors
+""",
+    'rcl_interfaces/srv/GetParameterTypes': """string[] names
+---
+uint8[] types
+""",
+    'rcl_interfaces/srv/GetParameters': """string[] names
+---
+ParameterValue[] values
+""",
+    'rcl_interfaces/srv/ListParameters': """uint64 DEPTH_RECURSIVE=0
+string[] prefixes
+uint64 depth
+---
+ListParametersResult result
+""",
+    'rcl_interfaces/srv/SetParameters': """Parameter[] parameters
+---
+SetParametersResult[] results
+""",
+    'rcl_interfaces/srv/SetParametersAtomically': """Parameter[] parameters
+---
+SetParametersResult result
+""",
+}

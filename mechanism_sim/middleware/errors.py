@@ -1,0 +1,28 @@
+"""What can go wrong, under the names of rclpy where it has one."""
+
+
+class MiddlewareError(RuntimeError):
+    """The network, a name or a call is not as it should be; the text says what to do."""
+
+
+class ExternalShutdownException(MiddlewareError):  # noqa: N818
+    """A signal asked the process to end while it was spinning."""
+
+
+class InvalidNameError(MiddlewareError, ValueError):
+    """A name is not a ROS name."""
+
+
+class ParameterNotDeclaredException(MiddlewareError, KeyError):  # noqa: N818
+    """A parameter is used that its node has not declared."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class ParameterAlreadyDeclaredException(MiddlewareError):  # noqa: N818
+    """A parameter is declared twice."""
+
+
+class InvalidParameterValueException(MiddlewareError, ValueError):  # noqa: N818
+    """The first value of a parameter is refused."""

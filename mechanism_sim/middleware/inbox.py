@@ -1,0 +1,111 @@
+"""Queues between Zenoh's threads, which fill them, and an executor, which empties them.
+
+Every subscription, service and client has one. A sample from another process that finds the queue
+of a KEEP_ALL subscription full waits in Zenoh's thread: the link fills, and the publisher over
+there waits too. Two exceptions keep this from ever locking up:
+
+- samples published in this process never wait, for the thread that publishes may be the one that
+  has to empty the queue;
+- while this process itself waits for others (its publication is stuck behind a slow subscriber,
+  or it awaits a reply), samples from others do not wait either: two processes that publish to
+  each other cannot stop each other.
+
+In these cases the queue grows beyond its limit.
+"""
+
+from collections import deque
+from enum import Enum
+from queue import SimpleQueue
+from threading import Condition
+from typing import Any, Protocol
+
+from mechanism_sim.middleware.session import Context
+
+LIMIT = 1000  # samples that a KEEP_ALL subscription holds before its publishers wait
+RECHECK = 0.05  # [s]
+
+
+class Entity(Protocol):
+    """What an executor executes."""
+
+    def execute(self) -> bool:
+        """Handle one item that waits; False if there is none."""
+
+
+Ready = SimpleQueue[Entity | None]
+
+
+class Overflow(Enum):
+    """What happens to an item that finds the queue full."""
+
+    WAIT = 'wait'
+    DROP_OLDEST = 'drop oldest'
+    GROW = 'grow'
+
+
+class Inbox:
+    """Items in order of arrival; each puts its owner once into the executor's ready queue."""
+
+    def __init__(
+        self, context: Context, owner: Entity, limit: int = LIMIT, overflow: Overflow = Overflow.GROW
+    ) -> None:
+        self._context = context
+        self._owner = owner
+        self._limit = limit
+        self._overflow = overflow
+        self._items: deque[Any] = deque()
+        self._changed = Condition()
+        self._ready: Ready | None = None
+        self._open = True
+        context.inboxes.add(self)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def put(self, item: Any, *, local: bool = False) -> None:
+        """Add an item; called by Zenoh's threads. ``local``: it comes from this process."""
+        with self._changed:
+            if len(self._items) >= self._limit:
+                if self._overflow is Overflow.DROP_OLDEST:
+                    self._items.popleft()
+                    self._items.append(item)
+                    return
+                if self._overflow is Overflow.WAIT and not local:
+                    self._wait_for_room()
+            if not self._open:
+                return
+            self._items.append(item)
+            if self._ready is not None:
+                self._ready.put(self._owner)
+
+    def take(self) -> Any:
+        """Next item, None if there is none; called by the executor."""
+        with self._changed:
+            if not self._items:
+                return None
+            item = self._items.popleft()
+            if len(self._items) == self._limit // 2:
+                self._changed.notify_all()
+            return item
+
+    def attach(self, ready: Ready | None) -> None:
+        """From now on report to this ready queue, what waits included; None: to nobody."""
+        with self._changed:
+            self._ready = ready
+            if ready is not None:
+                for _ in self._items:
+                    ready.put(self._owner)
+
+    def close(self) -> None:
+        """Take in nothing more and let go whoever waits."""
+        with self._changed:
+            self._open = False
+            self._changed.notify_all()
+        self._context.inboxes.discard(self)
+
+    def _wait_for_room(self) -> None:
+        # Half empty, so that both sides work in long strokes instead of waking each other up.
+        while (
+            self._open and len(self._items) > self._limit // 2 and not self._context.is_waiting()
+        ):
+            self._changed.wait(RECHECK)

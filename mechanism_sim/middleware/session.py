@@ -1,0 +1,189 @@
+"""The context of a process: one Zenoh session, shared by its nodes, and what they know together.
+
+**Router.** Peers find each other through a router and then talk directly. If none answers, the
+first process opens one; whoever comes second connects to it. When that process ends, the links
+between the others stay; the next process to start opens a new router, which the others find
+within a second or two.
+
+**Nothing is lost at the end.** ``close`` first stops to take in samples, then asks every other
+process of this package for a sign of life that travels behind everything published so far, and
+ends when all have answered: what was published has then been put into the queues of all their
+subscriptions. Nodes of ROS cannot be asked; for them counts what Zenoh does at closing.
+"""
+
+import time
+from collections.abc import Callable
+from itertools import count
+from threading import get_ident
+from typing import Any, Protocol
+
+import zenoh
+from zenoh.handlers import Callback
+
+from mechanism_sim.messages import type_hash
+from mechanism_sim.middleware import config, wire
+from mechanism_sim.middleware.errors import MiddlewareError
+from mechanism_sim.middleware.graph import Graph
+
+FAREWELL = '@mechanism_sim'
+ROUTER_PATIENCE = 5.0  # [s] for a router that accepts a connection to say who it is
+FLUSH_PATIENCE = 60.0  # [s]
+STUCK = 0.1  # [s] after which a publication counts as waiting for others
+
+
+class Closable(Protocol):
+    """What a context closes when it ends."""
+
+    def close(self) -> None:
+        """Take in nothing more and let go whoever waits."""
+
+
+class Context:
+    """Session, graph and counters of a process. Raises MiddlewareError if there is no network."""
+
+    def __init__(self, domain: int | None = None) -> None:
+        self.domain = config.domain_id() if domain is None else domain
+        self.router, self.session = _join()
+        self.zid = str(self.session.zid())
+        self.graph = Graph()
+        self.is_open = True
+        self.gids: set[bytes] = set()
+        self.inboxes: set[Closable] = set()
+        self._hashed = config.has_type_hashes()
+        self._ids = count()
+        self._publishing: dict[int, float] = {}
+        self._tokens: dict[str, zenoh.LivelinessToken] = {}
+        self._farewell = self.session.declare_queryable(
+            f'{FAREWELL}/{self.domain}/{self.zid}', Callback(_answer, indirect=False)
+        )
+        self._watch = self.session.liveliness().declare_subscriber(
+            f'{wire.TOKENS}/{self.domain}/**',
+            Callback(self._on_token, indirect=False),
+            history=True,
+        )
+
+    def next_id(self) -> int:
+        """Id of a node or endpoint: one counter for the session, from 0."""
+        return next(self._ids)
+
+    def key(self, name: str, type_name: str) -> str:
+        """Key of the data of a topic or service."""
+        return wire.data_key(self.domain, name, type_name, self.hash_of(type_name))
+
+    def hash_of(self, type_name: str) -> str:
+        """Type hash as keys and tokens carry it."""
+        return type_hash(type_name) if self._hashed else wire.NO_HASH
+
+    def announce(self, token: wire.Token) -> str:
+        """Declare the token of a node or endpoint; gives its key."""
+        key = wire.token_key(self.domain, token)
+        self._tokens[key] = self.session.liveliness().declare_token(key)
+        self.graph.add(key)
+        return key
+
+    def retract(self, key: str) -> None:
+        """Take a token back."""
+        token = self._tokens.pop(key, None)
+        if token is not None and self.is_open:
+            token.undeclare()
+        self.graph.remove(key)
+
+    def put(self, send: Callable[[], Any]) -> None:
+        """Publish, on the books of ``is_waiting``: the call may wait for a slow subscriber."""
+        thread = get_ident()
+        self._publishing[thread] = time.monotonic()
+        try:
+            send()
+        finally:
+            self._publishing.pop(thread, None)
+
+    def is_waiting(self) -> bool:
+        """Whether this process waits for others to take what it publishes or asks."""
+        now = time.monotonic()
+        return any(now - since > STUCK for since in list(self._publishing.values()))
+
+    def flush(self, timeout: float = FLUSH_PATIENCE) -> bool:
+        """Wait until every other process has in its queues what was published here.
+
+        False if ``timeout`` [s] passes first.
+        """
+        answers = self.session.get(
+            f'{FAREWELL}/{self.domain}/*',
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            timeout=timeout,
+        )
+        return all(answer.ok is not None for answer in answers)
+
+    def close(self, timeout: float = FLUSH_PATIENCE) -> bool:
+        """End: no more samples in, what was published out (see ``flush``), session closed."""
+        if not self.is_open:
+            return True
+        for inbox in list(self.inboxes):
+            inbox.close()
+        try:
+            return self.flush(timeout)
+        finally:
+            self.is_open = False
+            self.session.close()
+            if self.router is not None:
+                self.router.close()
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr)
+        if sample.kind == zenoh.SampleKind.PUT:
+            self.graph.add(key)
+        else:
+            self.graph.remove(key)
+
+
+def _answer(query: zenoh.Query) -> None:
+    with query:
+        query.reply(query.key_expr, b'')
+
+
+def _join() -> tuple[zenoh.Session | None, zenoh.Session]:
+    """Own router, if one had to be opened, and session."""
+    if config.connects_elsewhere():
+        return None, zenoh.open(config.session_config())
+    endpoint = config.router_endpoint()
+    attempts = config.router_attempts()
+    router = None
+    if attempts is None or attempts >= 0:
+        router = _find_or_open_router(endpoint, attempts)
+    session = zenoh.open(config.session_config())
+    if attempts is not None and attempts < 0:
+        return None, session
+    end = time.monotonic() + ROUTER_PATIENCE
+    while not session.info.routers_zid():
+        if time.monotonic() > end:
+            session.close()
+            raise MiddlewareError(
+                f'{endpoint} is in use by something that is not a Zenoh router: stop it, or set'
+                ' MECHANISM_SIM_ROUTER to another port, such as tcp/127.0.0.1:7448'
+            )
+        time.sleep(0.001)
+    return router, session
+
+
+def _find_or_open_router(endpoint: str, attempts: int | None) -> zenoh.Session | None:
+    """Router opened here, None if one was there; waits as ``attempts`` says."""
+    looked = 0
+    while not config.answers(endpoint):
+        looked += 1
+        if attempts == 0 or (attempts is not None and looked < attempts):
+            time.sleep(1.0)
+            continue
+        if not config.is_loopback(endpoint):
+            raise MiddlewareError(
+                f'No router answers at {endpoint}: start one there, or unset MECHANISM_SIM_ROUTER'
+                ' to have one opened on this machine'
+            )
+        try:
+            return zenoh.open(config.router_config())
+        except zenoh.ZError as error:
+            # Another process was faster, unless the port cannot be had at all.
+            if not config.answers(endpoint):
+                raise MiddlewareError(f'No router can be opened at {endpoint}: {error}') from error
+    return None

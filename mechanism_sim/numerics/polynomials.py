@@ -1,0 +1,122 @@
+"""Piecewise polynomials in time: the form every solution and every motion message has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TWO_PI = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class PiecewisePolynomial:
+    """n functions of time on m consecutive segments, each a polynomial of degree d.
+
+    ``f_i(t) = 2 pi turns[k, i] + sum_j coefficients[k, i, j] (t - start[k] - start_low[k])^j``
+    """
+
+    start: Array  #: (m,) [s]
+    start_low: Array  #: (m,) [s], what `start` rounds away
+    duration: Array  #: (m,) [s]
+    turns: NDArray[np.int64]  #: (m, n)
+    coefficients: Array  #: (m, n, d + 1)
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @property
+    def end(self) -> float:
+        """End of the last segment [s]."""
+        return float(self.start[-1] + (self.start_low[-1] + self.duration[-1]))
+
+    def locate(self, t: Array) -> NDArray[np.intp]:
+        """Index of the segment that holds each time; at a boundary the later one.
+
+        Raises
+        ------
+        ValueError
+            If a time lies outside of the segments by more than rounding.
+        """
+        t = np.asarray(t, dtype=float)
+        if not len(self):
+            raise ValueError('there is no motion to sample: the solution is empty')
+        slack = 4 * np.spacing(max(abs(self.end), 1e-300))
+        if t.size and (t.min() < self.start[0] - slack or t.max() > self.end + slack):
+            raise ValueError(
+                f'time outside of the solution: asked [{t.min():.9g}, {t.max():.9g}] s, '
+                f'solved [{self.start[0]:.9g}, {self.end:.9g}] s'
+            )
+        return np.clip(np.searchsorted(self.start, t, side='right') - 1, 0, len(self) - 1)
+
+    def at(self, segment: NDArray[np.intp], dt: Array, derivative: int = 0) -> Array:
+        """Value of a derivative at times `dt` after the start of given segments.
+
+        Parameters
+        ----------
+        segment : (N,) indices
+        dt : (N,) [s]
+        derivative : order, 0 for the value itself
+
+        Returns
+        -------
+        (N, n) array
+        """
+        d = self.coefficients.shape[2] - 1
+        out = np.zeros((len(dt), self.coefficients.shape[1]))
+        for j in range(d, derivative - 1, -1):
+            factor = float(np.prod(np.arange(j - derivative + 1, j + 1)))
+            out *= dt[:, None]
+            out += factor * self.coefficients[segment, :, j]
+        if derivative == 0:
+            out += TWO_PI * self.turns[segment]
+        return out
+
+    def __call__(self, t: Array, derivative: int = 0) -> Array:
+        """Value of a derivative at times `t` (N,) [s]: (N, n)."""
+        t = np.atleast_1d(np.asarray(t, dtype=float))
+        k = self.locate(t)
+        return self.at(k, (t - self.start[k]) - self.start_low[k], derivative)
+
+
+def chebyshev_nodes(count: int) -> Array:
+    """Chebyshev points of the first kind on [0, 1], ascending: (count,)."""
+    k = np.arange(count)
+    return 0.5 * (1.0 - np.cos(np.pi * (k + 0.5) / count))
+
+
+def fit_powers(nodes: Array, values: Array, width: float) -> Array:
+    """Interpolating polynomials in powers of ``t`` on [0, width].
+
+    Parameters
+    ----------
+    nodes : (d + 1,) points on [0, 1], best those of `chebyshev_nodes`
+    values : (..., d + 1) values at ``width * nodes``
+    width : [s]
+
+    Returns
+    -------
+    (..., d + 1) coefficients of rising powers
+    """
+    basis = np.polynomial.chebyshev.chebvander(2.0 * nodes - 1.0, len(nodes) - 1)
+    in_chebyshev = np.linalg.solve(basis, np.moveaxis(values, -1, 0).reshape(len(nodes), -1))
+    powers = np.zeros_like(in_chebyshev)
+    shift = np.polynomial.Polynomial([-1.0, 2.0])
+    for k in range(len(nodes)):
+        term = np.polynomial.Chebyshev.basis(k).convert(kind=np.polynomial.Polynomial)(shift)
+        powers[: k + 1] += np.outer(term.coef, in_chebyshev[k])
+    powers /= width ** np.arange(len(nodes))[:, None]
+    return np.moveaxis(powers.reshape((len(nodes), *values.shape[:-1])), 0, -1)
+
+
+def shift_powers(coefficients: Array, by: Array) -> Array:
+    """Coefficients (N, d + 1) of N polynomials in powers of ``t - by`` instead of ``t``."""
+    rows = coefficients.copy()
+    d = rows.shape[1] - 1
+    for i in range(d):
+        for j in range(d - 1, i - 1, -1):
+            rows[:, j] += by * rows[:, j + 1]
+    return rows

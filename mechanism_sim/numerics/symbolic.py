@@ -1,0 +1,83 @@
+"""Linear algebra on small matrices of heyoka expressions.
+
+Structural zeros are ``None``, so that what a scene does not have is not compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import heyoka as hy
+
+Term = hy.expression | None
+Vector = list[Term]
+Matrix = list[list[Term]]
+
+
+def add(*terms: Term) -> Term:
+    """Sum that skips structural zeros."""
+    present = [t for t in terms if t is not None]
+    if len(present) <= 1:
+        return present[0] if present else None
+    return hy.sum(present)
+
+
+def mul(a: Term, b: Term) -> Term:
+    """Product; zero when either factor is."""
+    return None if a is None or b is None else a * b
+
+
+def neg(a: Term) -> Term:
+    """The negative."""
+    return None if a is None else -a
+
+
+def div(a: Term, b: Term) -> Term:
+    """Quotient; `b` must not be a structural zero."""
+    if b is None:
+        raise ZeroDivisionError('structurally singular matrix')
+    return None if a is None else a / b
+
+
+def dot(a: Sequence[Term], b: Sequence[Term]) -> Term:
+    """Scalar product of two vectors of equal length."""
+    return add(*(mul(x, y) for x, y in zip(a, b, strict=True)))
+
+
+def dense(term: Term) -> hy.expression:
+    """The expression, with a structural zero as the number 0."""
+    return hy.expression(0.0) if term is None else term
+
+
+def solve_symmetric(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:
+    """Solve ``A X = B`` for symmetric positive definite A by LDL^T.
+
+    Parameters
+    ----------
+    A : n by n nested lists
+        Only the lower triangle is read.
+    columns : sequence of vectors of length n
+        The right-hand sides.
+
+    Returns
+    -------
+    One solution vector for each right-hand side.
+    """
+    n = len(A)
+    L: Matrix = [[None] * n for _ in range(n)]
+    D: Vector = [None] * n
+    for j in range(n):
+        D[j] = add(A[j][j], *(neg(mul(mul(L[j][k], L[j][k]), D[k])) for k in range(j)))
+        for i in range(j + 1, n):
+            s = add(A[i][j], *(neg(mul(mul(L[i][k], L[j][k]), D[k])) for k in range(j)))
+            L[i][j] = div(s, D[j])
+    solutions = []
+    for b in columns:
+        y: Vector = []
+        for i in range(n):
+            y.append(add(b[i], *(neg(mul(L[i][k], y[k])) for k in range(i))))
+        x: Vector = [div(y[i], D[i]) for i in range(n)]
+        for i in reversed(range(n)):
+            x[i] = add(x[i], *(neg(mul(L[k][i], x[k])) for k in range(i + 1, n)))
+        solutions.append(x)
+    return solutions

@@ -1,0 +1,44 @@
+"""What a drive prescribes: the angle of its coordinate as a polynomial in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import comb
+
+#: 2 pi to 60 digits, so that whole turns can be taken off without losing any.
+TWO_PI = Fraction('6.28318530717958647692528676655900576839433879875021164194989')
+
+
+@dataclass(frozen=True)
+class DriveLaw:
+    """``angle(t) = sum_k coefficients[k] (t - reference_time)^k`` for ``t >= valid_from``."""
+
+    coordinate: str
+    coefficients: tuple[float, ...]  #: [rad, rad/s, rad/s^2, ...]
+    reference_time: float = 0.0  #: [s]
+    valid_from: float = 0.0  #: [s]
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomial."""
+        return len(self.coefficients) - 1
+
+    def about(self, time: Fraction) -> tuple[int, list[float]]:
+        """Whole turns at `time`, and the law in powers of the time since then.
+
+        The angle left over lies in [0, 2 pi). Exact arithmetic: no digits are lost after however
+        many turns.
+        """
+        shift = time - Fraction(self.reference_time)
+        exact = [Fraction(c) for c in self.coefficients]
+        moved = [
+            sum(
+                (comb(k, j) * exact[k] * shift ** (k - j) for k in range(j, len(exact))),
+                start=Fraction(0),
+            )
+            for j in range(len(exact))
+        ]
+        turns = int(moved[0] // TWO_PI)
+        moved[0] -= turns * TWO_PI
+        return turns, [float(c) for c in moved]

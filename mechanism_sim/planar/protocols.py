@@ -1,0 +1,44 @@
+"""What the engine asks of a relation (bilateral) and of a gap (unilateral), and no more.
+
+Both are functions of the coordinates, written with the poses that `Frames` gives; these carry
+their derivatives along, so that Jacobian rows and curvature terms follow by themselves.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+
+
+class Relation(Protocol):
+    """A bilateral constraint of one joint: every component is kept at zero."""
+
+    @property
+    def name(self) -> str:
+        """Name of the joint."""
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """The components that vanish [m]."""
+
+
+class Gap(Protocol):
+    """A unilateral constraint: a distance that never becomes negative."""
+
+    @property
+    def name(self) -> str:
+        """Name of the joint."""
+
+    @property
+    def restitution(self) -> float:
+        """Newton's coefficient of restitution, 0 to 1."""
+
+    def value(self, frames: Frames) -> Jet:
+        """The distance [m] for small distances; smooth wherever the motion can go.
+
+        Its Jacobian times the normal force is the generalised force of the contact.
+        """
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Unit vector along which the first-named link presses on the second, when closed."""

@@ -1,0 +1,113 @@
+"""What is in a bag, at a glance."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mechanism_sim.recording.reader import Bag, Topic, read_bag
+
+
+@dataclass(frozen=True)
+class BagInfo:
+    """What is in a bag.
+
+    size: [bytes]; start, end: smallest and largest log time [s], simulated; duration: between
+    them [s]; scene: name of the scene that made it, None where topic `scene` is missing.
+    """
+
+    path: str
+    size: int
+    complete: bool
+    library: str
+    start: float
+    end: float
+    duration: float
+    messages: int
+    topics: tuple[Topic, ...]
+    schemas: tuple[str, ...]
+    compression: str
+    scene: str | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the same as a plain dictionary."""
+        return asdict(self)
+
+
+def info(path: Path | str) -> BagInfo:
+    """Return what is in the bag at `path`.
+
+    Raises:
+        InputError: No such file, not an MCAP, or its index is damaged.
+
+    """
+    bag = read_bag(path)
+    topics = tuple(bag.topics.values())
+    return BagInfo(
+        path=str(bag.path),
+        size=bag.path.stat().st_size,
+        complete=bag.complete,
+        library=bag.library,
+        start=bag.start / 1e9,
+        end=bag.end / 1e9,
+        duration=(bag.end - bag.start) / 1e9,
+        messages=sum(topic.count for topic in topics),
+        topics=topics,
+        schemas=tuple(sorted({topic.type for topic in topics if topic.type})),
+        compression=bag.compression,
+        scene=scene_name(bag),
+    )
+
+
+def scene_name(bag: Bag) -> str | None:
+    """Return the name of the scene from the latched topic `scene` of a bag, None without one.
+
+    The topic holds the name itself, or the scene as YAML or JSON with its `name`.
+    """
+    for topic in bag.topics.values():
+        if topic.name.rpartition('/')[2] == 'scene' and topic.type == 'std_msgs/msg/String':
+            for _, message, _ in bag.messages(topic.name):
+                return _name_in(message.data)
+    return None
+
+
+def render_info(bag: BagInfo) -> str:
+    """Return the text that the command line shows."""
+    head = {
+        'bag': f'{bag.path} ({bag.size / 1e6:.3g} MB, {bag.compression})',
+        'scene': bag.scene or 'not recorded',
+        'simulated': f'{bag.duration:.6g} s, from {bag.start:.6g} s to {bag.end:.6g} s',
+        'messages': f'{bag.messages} on {len(bag.topics)} topics',
+        'complete': 'yes' if bag.complete else 'NO: cut short; what could be read is listed',
+        'written by': bag.library or 'unknown',
+    }
+    lines = [f'{key + ":":<12}{value}' for key, value in head.items()]
+    rows = [('topic', 'messages', 'type', 'delivery'), *map(_row, bag.topics)]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    lines.append('')
+    for name, count, kind, delivery in rows:
+        line = f'{name:<{widths[0]}}  {count:>{widths[1]}}  {kind:<{widths[2]}}  {delivery}'
+        lines.append(line.rstrip())
+    return '\n'.join(lines)
+
+
+def _row(topic: Topic) -> tuple[str, str, str, str]:
+    qos = topic.qos
+    if qos is None:
+        return topic.name, str(topic.count), topic.type, ''
+    kept = 'keep_all' if qos.history == 'keep_all' else f'keep_last {qos.depth}'
+    delivery = f'{qos.reliability}, {qos.durability}, {kept}'
+    return topic.name, str(topic.count), topic.type, delivery
+
+
+def _name_in(text: str) -> str:
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError:
+        content = None
+    if isinstance(content, dict) and 'name' in content:
+        return str(content['name'])
+    return text.partition('\n')[0]

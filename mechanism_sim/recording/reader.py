@@ -1,0 +1,157 @@
+"""Reading bags: any MCAP of ROS 2 messages, whole or cut short, in bounded memory."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.messages import MessageError, deserialize, type_hash
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.scan import Layout, blocks, messages, survey
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag: `qos` is that of its first publisher, None where the bag does not say."""
+
+    name: str
+    type: str
+    count: int
+    qos: Qos | None
+
+
+class Bag:
+    """A bag on disk; made by `read_bag`.
+
+    No file stays open between calls, and every iteration starts at the beginning.
+
+    Attributes:
+        path: The file.
+        complete: False if the file ends before its end: what is there is read.
+        topics: What is known of each topic, by name.
+        start: Smallest log time [ns].
+        end: Largest log time [ns].
+        compression: Of its chunks, as `zstd`.
+        library: What wrote it.
+
+    """
+
+    def __init__(self, path: Path, layout: Layout) -> None:
+        self.path = path
+        self.complete = layout.complete
+        self.start, self.end = layout.start, layout.end
+        self.compression = ', '.join(sorted(filter(None, layout.compression))) or 'none'
+        self.library = layout.library
+        self.topics = _topics(layout)
+        self._layout = layout
+
+    def messages(
+        self, topics: str | Iterable[str] | None = None
+    ) -> Iterator[tuple[str, Any, int]]:
+        """Return an iterator over (topic, message, log time [ns]) in the order of the file.
+
+        Args:
+            topics: Name or names of the topics wanted; all of them unless told.
+
+        Raises:
+            InputError: No such topic; from the iterator: a type that is not known here, or was
+                another when the bag was written.
+
+        """
+        return self._decoded(self._channels(topics))
+
+    def raw(self, topics: str | Iterable[str] | None = None) -> Iterator[tuple[str, bytes, int]]:
+        """Return an iterator like that of `messages`, over the messages as CDR."""
+        return self._serialized(self._channels(topics))
+
+    def _channels(self, topics: str | Iterable[str] | None) -> dict[int, str]:
+        """Return the names of the topics wanted by channel."""
+        names = {channel.id: channel.topic for channel in self._layout.channels.values()}
+        if topics is None:
+            return names
+        wanted = {topics} if isinstance(topics, str) else set(topics)
+        for name in sorted(wanted - self.topics.keys()):
+            near = difflib.get_close_matches(name, self.topics, n=1, cutoff=0.5)
+            hint = f'did you mean {near[0]}?' if near else f'it has {", ".join(self.topics)}.'
+            raise InputError(f'{self.path} has no topic {name}; {hint}')
+        return {channel: name for channel, name in names.items() if name in wanted}
+
+    def _serialized(self, channels: dict[int, str]) -> Iterator[tuple[str, bytes, int]]:
+        for channel, cdr, log_time in self._payloads(channels):
+            yield channels[channel], cdr, log_time
+
+    def _decoded(self, channels: dict[int, str]) -> Iterator[tuple[str, Any, int]]:
+        types: dict[int, str] = {}
+        for channel, cdr, log_time in self._payloads(channels):
+            if channel not in types:
+                types[channel] = self._checked_type(channel)
+            try:
+                message = deserialize(cdr, types[channel])
+            except MessageError as error:
+                raise InputError(f'{self.path}, topic {channels[channel]}: {error}.') from error
+            yield channels[channel], message, log_time
+
+    def _payloads(self, channels: dict[int, str]) -> Iterator[tuple[int, bytes, int]]:
+        with self.path.open('rb') as stream:
+            for block in blocks(self.path, stream, self._layout, channels):
+                for channel, log_time, start, stop in messages(block):
+                    if channel in channels:
+                        yield channel, block[start:stop], log_time
+
+    def _checked_type(self, channel_id: int) -> str:
+        """Return the type of a channel, once sure that it means here what it meant then."""
+        channel = self._layout.channels[channel_id]
+        schema = self._layout.schemas.get(channel.schema_id)
+        where = f'{self.path}, topic {channel.topic}'
+        if channel.message_encoding != 'cdr' or schema is None:
+            raise InputError(f'{where}: {channel.message_encoding!r} is not an encoding of ROS 2.')
+        recorded = channel.metadata.get('topic_type_hash', '')
+        try:
+            known = type_hash(schema.name)
+        except MessageError as error:
+            raise InputError(f'{where}: {error}.') from error
+        if recorded.startswith('RIHS') and recorded != known:
+            raise InputError(f'{where}: {schema.name} was another type when this was recorded.')
+        return schema.name
+
+
+def read_bag(path: Path | str) -> Bag:
+    """Open a bag for reading.
+
+    Raises:
+        InputError: No such file, not an MCAP, or its index is damaged.
+
+    """
+    path = Path(path)
+    return Bag(path, survey(path))
+
+
+def _topics(layout: Layout) -> dict[str, Topic]:
+    """Return the topics by name; several channels of one topic (publishers) count as one."""
+    topics: dict[str, Topic] = {}
+    for channel in sorted(layout.channels.values(), key=lambda channel: channel.topic):
+        schema = layout.schemas.get(channel.schema_id)
+        known = topics.get(channel.topic)
+        topics[channel.topic] = Topic(
+            name=channel.topic,
+            type=schema.name if schema else '',
+            count=layout.counts[channel.id] + (known.count if known else 0),
+            qos=known.qos if known else _qos(channel.metadata.get('offered_qos_profiles', '')),
+        )
+    return topics
+
+
+def _qos(profiles: str) -> Qos | None:
+    """Return the first of the profiles; None where policies are numbers, as before Iron."""
+    try:
+        first = (yaml.safe_load(profiles) or [{}])[0]
+        words = {name: first[name] for name in ('reliability', 'durability', 'history', 'depth')}
+    except (yaml.YAMLError, KeyError, TypeError):
+        return None
+    return Qos(**words) if isinstance(words['history'], str) else None

@@ -1,0 +1,214 @@
+"""Walking through an MCAP file, whole or cut off anywhere.
+
+A file that was cut has no index, and its last record may be a piece. Every record says its length
+beforehand, so what is complete can be told from what is not without reading it.
+Source: MCAP file format specification, version 0 (mcap.dev/spec).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Container, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError, UnsupportedCompressionError
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Chunk, Header, Schema
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
+from zstandard import ZstdError
+
+from mechanism_sim.errors import InputError
+
+MAGIC = b'\x89MCAP0\r\n'
+RECORD = struct.Struct('<BQ')  # opcode, length of what follows
+MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log time, publish time
+
+
+class DamagedBagError(InputError):
+    """A part of the file is there but wrong."""
+
+
+@dataclass
+class Layout:
+    """What a file holds and where its readable part ends.
+
+    `chunk_channels` maps the offset of a chunk to the channels in it, where an index says so.
+    """
+
+    complete: bool = False
+    readable: int = len(MAGIC)
+    library: str = ''
+    start: int = 0
+    end: int = 0
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    compression: set[str] = field(default_factory=set)
+    chunk_channels: dict[int, frozenset[int]] = field(default_factory=dict)
+
+
+def survey(path: Path) -> Layout:
+    """Return the layout of a file: from its index, or by reading all of it where that is missing.
+
+    Raises:
+        InputError: No such file, or not an MCAP.
+
+    """
+    try:
+        with path.open('rb') as stream:
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise InputError(f'{path} is not an MCAP file.')
+            return _from_index(path, stream) or _from_records(path, stream)
+    except FileNotFoundError:
+        raise InputError(f'{path} does not exist.') from None
+    except OSError as error:
+        raise InputError(f'{path} cannot be read: {error.strerror or error}.') from error
+
+
+def blocks(
+    path: Path, stream: BinaryIO, layout: Layout, wanted: Container[int] | None = None
+) -> Iterator[bytes]:
+    """Yield the readable part of a file as runs of records, chunk by chunk, decompressed.
+
+    Args:
+        path: The file, for messages to people.
+        stream: The file, open for reading.
+        layout: Says where to stop and what can be skipped.
+        wanted: Channels asked for; chunks known to hold none of them are skipped.
+
+    Raises:
+        DamagedBagError: A chunk does not agree with its checksum.
+
+    """
+    for opcode, offset, length in _records(stream, layout.readable):
+        if opcode == Opcode.CHUNK:
+            inside = layout.chunk_channels.get(offset)
+            if wanted is not None and inside is not None and not any(c in wanted for c in inside):
+                continue
+            stream.seek(offset + RECORD.size)
+            yield _decompress(path, offset, stream.read(length))[1]
+        elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
+            stream.seek(offset)
+            yield stream.read(RECORD.size + length)
+
+
+def messages(block: bytes) -> Iterator[tuple[int, int, int, int]]:
+    """Yield (channel, log time [ns], start, stop) of every message: it is block[start:stop]."""
+    position = 0
+    while position < len(block):
+        opcode, length = RECORD.unpack_from(block, position)
+        body = position + RECORD.size
+        position = body + length
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_time, _ = MESSAGE.unpack_from(block, body)
+            yield channel, log_time, body + MESSAGE.size, position
+
+
+def _records(stream: BinaryIO, limit: int) -> Iterator[tuple[int, int, int]]:
+    """Yield (opcode, offset, length) of the records that end before `limit`, up to the footer."""
+    offset = len(MAGIC)
+    while offset + RECORD.size <= limit:
+        stream.seek(offset)
+        opcode, length = RECORD.unpack(stream.read(RECORD.size))
+        # Opcode 0 is none: a file system that lost power may leave zeros behind.
+        if opcode == 0 or offset + RECORD.size + length > limit:
+            return
+        yield opcode, offset, length
+        if opcode == Opcode.FOOTER:
+            return
+        offset += RECORD.size + length
+
+
+def _decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(body)))
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+        return chunk, stream.read(length)
+    except UnsupportedCompressionError as error:
+        raise InputError(f'{path}: {error}.') from error
+    except (CRCValidationError, McapError, ZstdError, RuntimeError, struct.error) as error:
+        raise DamagedBagError(
+            f'{path}: the chunk at byte {offset} is damaged ({error}).'
+        ) from error
+
+
+def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
+    """Return the layout by the summary of a file that was closed; None where there is none."""
+    size = stream.seek(0, 2)
+    stream.seek(max(0, size - len(MAGIC)))
+    if size < 2 * len(MAGIC) or stream.read(len(MAGIC)) != MAGIC:
+        return None
+    stream.seek(0)
+    try:
+        reader = SeekingReader(stream)
+        summary, header = reader.get_summary(), reader.get_header()
+    except (McapError, struct.error) as error:
+        raise DamagedBagError(f'{path}: its index is damaged ({error}).') from error
+    if summary is None or summary.statistics is None or not summary.chunk_indexes:
+        return None
+    return Layout(
+        complete=True,
+        readable=size,
+        library=header.library,
+        start=summary.statistics.message_start_time,
+        end=summary.statistics.message_end_time,
+        schemas=summary.schemas,
+        channels=summary.channels,
+        counts=Counter(summary.statistics.channel_message_counts),
+        compression={index.compression for index in summary.chunk_indexes},
+        chunk_channels={
+            index.chunk_start_offset: frozenset(index.message_index_offsets)
+            for index in summary.chunk_indexes
+            if index.message_index_offsets
+        },
+    )
+
+
+def _from_records(path: Path, stream: BinaryIO) -> Layout:
+    """Return the layout by reading records as far as they are sound."""
+    layout = Layout()
+    times: list[int] = []
+    size = stream.seek(0, 2)
+    for opcode, offset, length in _records(stream, size):
+        stream.seek(offset)
+        block = stream.read(RECORD.size + length)
+        if opcode == Opcode.CHUNK:
+            try:
+                chunk, block = _decompress(path, offset, block[RECORD.size :])
+            except DamagedBagError:
+                break  # readable up to here, and `complete` says that this is not all
+            layout.compression.add(chunk.compression)
+        if opcode in {Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
+            _register(layout, block)
+            found = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
+            if found:
+                layout.counts.update(channel for channel, _ in found)
+                ends = [log_time for _, log_time in found]
+                times = [min(times[:1] + ends), max(times[1:] + ends)]
+        elif opcode == Opcode.HEADER:
+            layout.library = Header.read(ReadDataStream(BytesIO(block[RECORD.size :]))).library
+        layout.readable = offset + RECORD.size + length
+        layout.complete = opcode == Opcode.FOOTER and layout.readable + len(MAGIC) <= size
+    layout.start, layout.end = times or (0, 0)
+    return layout
+
+
+def _register(layout: Layout, block: bytes) -> None:
+    """Note the schemas and channels that a run of records introduces."""
+    position = 0
+    while position < len(block):
+        opcode, length = RECORD.unpack_from(block, position)
+        body = position + RECORD.size
+        position = body + length
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(ReadDataStream(BytesIO(block[body:position])))
+            layout.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(block[body:position])))
+            layout.channels[channel.id] = channel

@@ -1,0 +1,231 @@
+"""Writing bags: MCAP, profile `ros2`, that a kill cannot spoil."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from io import BufferedWriter
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.messages import MessageError, definition, type_hash
+from mechanism_sim.recording.rosbag2 import (
+    METADATA_NAME,
+    QosLike,
+    TopicRecord,
+    bag_metadata,
+    plain_yaml,
+    qos_profile,
+)
+
+CHUNK_SIZE = 1 << 20  # [bytes] before compression
+FLUSH_PERIOD = 0.5  # [s] of wall time: half of the second that a kill may cost
+
+
+class BagWriter:
+    """One MCAP file, written from any thread: chunked, zstd, indexed, with checksums.
+
+    `write` closes the chunk under way and hands it to the operating system once `FLUSH_PERIOD`
+    has passed, `flush` does so always: a killed process leaves a file readable up to there.
+    Whoever may stop writing for a while calls `flush` from a timer.
+
+    Args:
+        path: File to write; its directory must exist.
+        overwrite: Replace a file that is there already.
+
+    Raises:
+        InputError: The path exists already, or nothing can be written there.
+        RunError: From any method: the disk is full or gone, or the bag is closed. What was
+            flushed stays readable.
+
+    """
+
+    def __init__(self, path: Path | str, *, overwrite: bool = False) -> None:
+        self.path = Path(path)
+        self._stream: BufferedWriter | None = _create(self.path, overwrite=overwrite)
+        self._mcap = _mcap_writer(self._stream)
+        self._lock = threading.RLock()
+        self._topics: dict[str, TopicRecord] = {}
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+        self._start, self._end = 2**63 - 1, 0
+        self._flushed = time.monotonic()
+        with self._writing():
+            self._mcap.start(profile=Profile.ROS2, library='mechanism_sim')
+            # Here already, and again at the end: without the version that it states, the quality
+            # of service of a bag that was cut would be misread.
+            self._add_metadata()
+            self._mcap.flush()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by topic."""
+        with self._lock:
+            return dict(self._counts)
+
+    def add_topic(self, topic: str, type_name: str, qos: QosLike) -> None:
+        """Announce a topic; again with the same type changes nothing.
+
+        Args:
+            topic: Name, as `/four_bar/motion`.
+            type_name: Message type, as `mechanism_sim/msg/Motion`.
+            qos: How its publisher offers it.
+
+        Raises:
+            InputError: The topic is there with another type, or the type is unknown, or `qos`
+                makes no sense.
+
+        """
+        with self._writing():
+            if topic in self._topics:
+                known = self._topics[topic].type
+                if known != type_name:
+                    raise InputError(f'{topic} is a topic of {known}, not of {type_name}.')
+                return
+            try:
+                schema, fingerprint = definition(type_name).encode(), type_hash(type_name)
+            except MessageError as error:
+                raise InputError(f'{topic}: {error}.') from error
+            record = TopicRecord(topic, type_name, fingerprint, qos_profile(qos), 0)
+            if type_name not in self._schemas:
+                self._schemas[type_name] = self._mcap.register_schema(
+                    type_name, SchemaEncoding.ROS2, schema
+                )
+            self._channels[topic] = self._mcap.register_channel(
+                topic,
+                MessageEncoding.CDR,
+                self._schemas[type_name],
+                {
+                    'offered_qos_profiles': plain_yaml([record.qos]),
+                    'topic_type_hash': record.type_hash,
+                },
+            )
+            self._topics[topic], self._counts[topic] = record, 0
+
+    def write(
+        self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int | None = None
+    ) -> None:
+        """Append a message.
+
+        Args:
+            topic: Name given to `add_topic` before.
+            cdr: The message as on the wire, encapsulation header included.
+            log_time_ns: Simulated time by which players order messages [ns], not negative.
+            publish_time_ns: Time of publication [ns], `log_time_ns` unless told.
+
+        Raises:
+            InputError: A topic that was not added, or a negative time.
+
+        """
+        if publish_time_ns is None:
+            publish_time_ns = log_time_ns
+        with self._lock:
+            if self._stream is None:
+                raise RunError(f'{self.path} is closed already.')
+            channel = self._channels.get(topic)
+            if channel is None:
+                raise InputError(f'{topic} is no topic of {self.path} yet: add_topic comes first.')
+            if log_time_ns < 0 or publish_time_ns < 0:
+                raise InputError(f'{topic}: a bag holds no message from before time zero.')
+            count = self._counts[topic]
+            try:
+                self._mcap.add_message(
+                    channel, log_time_ns, cdr, publish_time_ns, count & 0xFFFFFFFF
+                )
+            except OSError as error:
+                raise self._abandon(error) from error
+            self._counts[topic] = count + 1
+            self._start = min(self._start, log_time_ns)
+            self._end = max(self._end, log_time_ns)
+            if time.monotonic() - self._flushed > FLUSH_PERIOD:
+                self.flush()
+
+    def flush(self) -> None:
+        """Close the chunk under way and hand everything to the operating system."""
+        with self._writing():
+            self._mcap.flush()
+            self._flushed = time.monotonic()
+
+    def close(self) -> None:
+        """Write the index and close the file; a second call does nothing."""
+        with self._lock:
+            if self._stream is None:
+                return
+            with self._writing():
+                self._add_metadata()
+                self._mcap.finish()
+                self._stream.close()
+            self._stream = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _add_metadata(self) -> None:
+        topics = (replace(t, count=self._counts[t.name]) for t in self._topics.values())
+        text = bag_metadata(self.path.name, self._start, self._end, topics)
+        self._mcap.add_metadata(METADATA_NAME, {'serialized_metadata': text})
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        with self._lock:
+            if self._stream is None:
+                raise RunError(f'{self.path} is closed already.')
+            try:
+                yield
+            except OSError as error:
+                raise self._abandon(error) from error
+
+    def _abandon(self, error: OSError) -> RunError:
+        """Let go of a file that takes no more, and return what to raise."""
+        if self._stream is not None:
+            # Past the buffer, which would try to write its rest and fail the same way.
+            self._stream.raw.close()
+            self._stream = None
+        return RunError(
+            f'{self.path} cannot be written any further ({error.strerror or error}); '
+            'what was flushed before stays readable.'
+        )
+
+
+def _create(path: Path, *, overwrite: bool) -> BufferedWriter:
+    """Open `path` for writing; InputError says why it cannot be."""
+    try:
+        # 'x' creates or fails in one step, so that nothing can slip in between a look and an open.
+        return path.open('wb' if overwrite else 'xb')
+    except FileExistsError:
+        reason = 'exists already; choose another name or allow overwriting'
+    except FileNotFoundError:
+        reason = f'cannot be created: there is no directory {path.parent}'
+    except IsADirectoryError:
+        reason = 'is a directory; name a file in it'
+    except OSError as error:
+        reason = f'cannot be written: {error.strerror or error}'
+    raise InputError(f'{path} {reason}.')
+
+
+def _mcap_writer(stream: BufferedWriter) -> Any:
+    """Return mcap's writer; as Any, since half of its methods carry no annotations."""
+    return Writer(
+        stream,
+        chunk_size=CHUNK_SIZE,
+        compression=CompressionType.ZSTD,
+        enable_crcs=True,
+        enable_data_crcs=True,
+    )

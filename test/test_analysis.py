@@ -1,0 +1,505 @@
+"""Numbers out of bags, checked against runs whose numbers can be worked out by hand."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import struct
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mechanism_sim.analysis import MotionDigest, analyze, collect_motion, render
+from mechanism_sim.analysis.modes import MODES
+from mechanism_sim.analysis.vibration import Moments
+from mechanism_sim.errors import InputError
+from mechanism_sim.messages import message_class, serialize
+from mechanism_sim.recording import BagWriter, Qos, read_bag
+
+# A crank at 300 rpm goes round three times in 0.6 s; a rocker swings by 1 + 2 t + 3 t^2.
+SPEED, PHASE, END = 10 * math.pi, 0.25, 0.6
+CUTS = (0.0, 0.1, 0.25, 0.4, END)
+ROCKER = np.polynomial.Polynomial([1.0, 2.0, 3.0])
+IMPACTS = (  # time, joint, normal impulse; a revolution takes 0.2 s
+    (0.05, 'a', 1e-3),
+    (0.15, 'b', 2e-3),
+    (0.30, 'a', 4e-3),
+    (0.45, 'b', 8e-3),
+    (0.59, 'a', 16e-3),
+)
+
+
+def make(name, time, **fields):
+    message = message_class(f'mechanism_sim/msg/{name}')(**fields)
+    if hasattr(message, 'time'):
+        message.time = time
+    message.header.stamp.sec, nanosec = divmod(round(time * 1e9), 10**9)
+    message.header.stamp.nanosec = nanosec
+    return time, message
+
+
+def segments(direction=1.0):
+    """The motion, segment by segment: (start, duration, turns (2,), coefficients (2, 3))."""
+    for start, end in zip(CUTS[:-1], CUTS[1:], strict=True):
+        angle = direction * (PHASE + SPEED * start)
+        turns = math.floor(angle / math.tau)
+        moved = ROCKER(np.polynomial.Polynomial([start, 1.0])).coef
+        crank = [angle - math.tau * turns, direction * SPEED, 0.0]
+        yield start, end - start, [turns, 0], [crank, list(moved)]
+
+
+def motion(sizes=(2, 2), degrees=(2, 2), **options):
+    """Motion messages of given sizes, their polynomials padded with zeros to given degrees."""
+    todo = list(segments(**options))
+    for size, degree in zip(sizes, degrees, strict=True):
+        now, todo = todo[:size], todo[size:]
+        start, duration, turns, powers = (np.array(column) for column in zip(*now, strict=True))
+        powers = np.pad(powers, ((0, 0), (0, 0), (0, degree - 2)))
+        yield make(
+            'Motion',
+            float(start[0]),
+            coordinates=['crank', 'rocker'],
+            segments=size,
+            degree=degree,
+            start=start,
+            start_low=np.zeros(size),
+            duration=duration,
+            turns=turns.ravel(),
+            coefficients=powers.ravel(),
+            joints=['a', 'b'],
+            modes=np.array([1, 2] * size, dtype=np.uint8),
+        )
+
+
+def impacts():
+    for k, (time, joint, impulse) in enumerate(IMPACTS):
+        yield make(
+            'Impact',
+            time,
+            index=k,
+            joint=joint,
+            normal_impulse=impulse,
+            approach_speed=0.1 * (k + 1),
+            normal_angle=0.5,
+            energy_loss=1e-6,
+        )
+
+
+def changes():
+    for time, joint, mode, previous in (
+        (0.0, 'a', 1, 0),
+        (0.0, 'b', 2, 0),
+        (0.15, 'a', 2, 1),
+        (0.45, 'a', 1, 2),
+    ):
+        yield make('ModeChange', time, joint=joint, mode=mode, previous_mode=previous)
+
+
+def reactions():
+    forces = {0.1: ([3.0, 0.0], [4.0, 1.0], 2.0), 0.2: ([6.0, 0.0], [8.0, -2.0], 5.0)}
+    forces[0.3] = ([0.0, 0.5], [-1.0, 0.0], -7.0)
+    for time, (fx, fy, torque) in forces.items():
+        names = ['ground_crank', 'crank_coupler']
+        yield make(
+            'JointReactions',
+            time,
+            joints=names,
+            force_x=np.array(fx),
+            force_y=np.array(fy),
+            drive_torque=torque,
+        )
+
+
+def states():
+    """A balance that is out by 2^-20 J at 0.2 s and by -2^-21 J at the end."""
+    for time, kinetic, potential, work, dissipated in (
+        (0.0, 2.0, 1.0, 0.0, 0.0),
+        (0.2, 4.0, 0.5 + 2**-20, 2.0, 0.5),
+        (END, 3.0, 1.0 - 2**-21, 4.0, 3.0),
+    ):
+        yield make(
+            'LinkageState',
+            time,
+            kinetic_energy=kinetic,
+            potential_energy=potential,
+            drive_work=work,
+            dissipated=dissipated,
+        )
+
+
+def blocks():
+    """A sine of amplitude 3 over 50 whole periods, in uneven blocks, on an offset of 4."""
+    signal = 4.0 + 3.0 * np.sin(math.tau * 50 * np.arange(6000) / 6000)
+    first = 0
+    for size in (1, 999, 0, 2000, 3000):
+        values = signal[first : first + size]
+        yield make(
+            'AccelerometerBlock',
+            first / 10_000,
+            sensor='s1',
+            link='coupler',
+            sample_rate=10_000.0,
+            acceleration=values,
+        )
+        first += size
+
+
+def progress(node, finished, **counts):
+    return make(
+        'Progress',
+        END,
+        node=node,
+        finished=finished,
+        topics=list(counts),
+        counts=np.array(list(counts.values()), dtype=np.uint64),
+    )
+
+
+def law():
+    return make('DriveLaw', 0.0, coordinate='crank', kind=1)
+
+
+def whole_run(**options):
+    return {
+        'drive': [law()],
+        'motion': list(motion(**options)),
+        'impacts': list(impacts()),
+        'mode_changes': list(changes()),
+        'joint_reactions': list(reactions()),
+        'linkage_state': list(states()),
+        'accelerometer': list(blocks()),
+        'progress': [
+            progress('linkage', False, motion=1, impacts=2),
+            progress('linkage', True, motion=2, impacts=7, linkage_state=3),
+            progress('crank_drive', False, drive=1),
+        ],
+    }
+
+
+def record(path, run, prefix='/'):
+    """Write a run into a bag, in the order of time."""
+    rows = [
+        (time, f'{prefix}{name}', message) for name, part in run.items() for time, message in part
+    ]
+    with BagWriter(path, overwrite=True) as writer:
+        for time, topic, message in sorted(rows, key=lambda row: row[0]):
+            writer.add_topic(topic, type(message).__msgtype__, Qos())
+            writer.write(topic, serialize(message), round(time * 1e9))
+    return path
+
+
+@pytest.fixture
+def summary(tmp_path):
+    return analyze(record(tmp_path / 'run.mcap', whole_run()))
+
+
+def test_revolutions_come_from_the_motion(summary):
+    assert summary.motion.crank == 'crank'
+    assert summary.motion.coordinates == ('crank', 'rocker')
+    assert summary.motion.revolutions == pytest.approx(3, abs=1e-12)
+    assert summary.motion.mean_speed == pytest.approx(SPEED, rel=1e-12)
+    assert (summary.start, summary.end) == (0.0, END)
+    assert (summary.motion.segments, summary.motion.gaps) == (4, ())
+    assert summary.complete
+    assert summary.absent == ()
+
+
+def test_impacts_are_counted_by_revolution_and_joint(summary):
+    found = summary.impacts
+    assert found.count == 5
+    assert found.normal_impulse == pytest.approx(31e-3)
+    assert found.count_per_revolution == pytest.approx(5 / 3)
+    assert found.normal_impulse_per_revolution == pytest.approx(31e-3 / 3)
+    assert found.table.joints == ('a', 'b')
+    assert found.table.count.tolist() == [[1, 1], [1, 0], [1, 1]]
+    expected = [[1e-3, 2e-3], [4e-3, 0], [16e-3, 8e-3]]
+    assert found.table.normal_impulse == pytest.approx(np.array(expected))
+    assert found.table.elsewhere == 0
+    a, b = found.joints
+    assert (a.joint, a.count, b.count) == ('a', 3, 2)
+    assert a.normal_impulse == pytest.approx(21e-3)
+    assert a.energy_loss == pytest.approx(3e-6)
+    assert b.largest_approach_speed == pytest.approx(0.4)
+
+
+def test_the_hardest_impact_is_named(summary):
+    hardest = summary.impacts.dominant
+    assert (hardest.time, hardest.joint) == (0.59, 'a')
+    assert hardest.normal_impulse == 16e-3
+    assert hardest.crank_angle == pytest.approx((PHASE + SPEED * 0.59) % math.tau, abs=1e-12)
+
+
+def test_a_crank_that_turns_backwards_counts_the_same(tmp_path):
+    found = analyze(record(tmp_path / 'run.mcap', whole_run(direction=-1.0)))
+    assert found.motion.revolutions == pytest.approx(3, abs=1e-12)
+    assert found.motion.mean_speed == pytest.approx(-SPEED, rel=1e-12)
+    assert found.impacts.table.count.tolist() == [[1, 1], [1, 0], [1, 1]]
+
+
+def test_shares_of_modes_are_exact(summary):
+    a, b = summary.modes
+    assert a.share == pytest.approx({'free_flight': 0.5, 'following': 0.5}, rel=1e-12)
+    assert (a.joint, a.changes) == ('a', 2)
+    assert b.share == {'following': 1.0}
+    assert (b.joint, b.changes) == ('b', 0)
+
+
+def test_modes_have_the_names_of_the_message():
+    change = message_class('mechanism_sim/msg/ModeChange')
+    assert {getattr(change, name.upper()): name for name in MODES.values()} == MODES
+
+
+def test_largest_forces_and_torque(summary):
+    crank, coupler = summary.loads.joints
+    assert (crank.name, crank.value, crank.time) == ('ground_crank', 10.0, 0.2)
+    assert crank.crank_angle == pytest.approx(PHASE, abs=1e-12)
+    assert (coupler.name, coupler.value, coupler.time) == ('crank_coupler', 2.0, 0.2)
+    assert (summary.loads.drive_torque.value, summary.loads.drive_torque.time) == (-7.0, 0.3)
+    assert summary.loads.samples == 3
+
+
+def test_balance_of_energy(summary):
+    energy = summary.energy
+    assert (energy.initial, energy.final) == (3.0, 4.0 - 2**-21)
+    assert (energy.drive_work, energy.dissipated) == (4.0, 3.0)
+    assert energy.residual_at_end == -(2**-21)
+    assert (energy.largest_residual, energy.largest_residual_time) == (2**-20, 0.2)
+    assert energy.largest_energy == 4.0
+
+
+def test_vibration_of_a_sine(summary):
+    [sensor] = summary.vibration
+    assert (sensor.sensor, sensor.link, sensor.samples) == ('s1', 'coupler', 6000)
+    assert sensor.rms == pytest.approx(math.sqrt(16 + 4.5), rel=1e-12)
+    assert sensor.peak == pytest.approx(7.0, rel=1e-12)
+    assert sensor.kurtosis == pytest.approx(1.5, rel=1e-9)
+    assert sensor.missing == 0
+
+
+def test_missing_samples_and_a_flat_signal(tmp_path):
+    run = {'accelerometer': [block for i, block in enumerate(blocks()) if i != 3]}
+    for _, block in run['accelerometer']:
+        block.acceleration = np.ones(len(block.acceleration))
+    [sensor] = analyze(record(tmp_path / 'run.mcap', run)).vibration
+    assert sensor.missing == 2000
+    assert (sensor.rms, sensor.kurtosis) == (1.0, None)
+
+
+def test_moments_agree_with_scipy_however_the_stream_is_cut():
+    x = np.random.default_rng(7).gamma(0.5, size=4001) + 1e3
+    moments = Moments()
+    for part in np.split(x, [1, 2, 2, 500, 3000]):
+        moments.add(part)
+    assert moments.rms == pytest.approx(math.sqrt(np.mean(x**2)), rel=1e-12)
+    assert moments.kurtosis == pytest.approx(stats.kurtosis(x, fisher=False), rel=1e-9)
+
+
+def test_losses_are_named(summary):
+    ledger = summary.ledger
+    accounts = {account.topic: account for account in ledger.topics}
+    assert (accounts['/impacts'].sent, accounts['/impacts'].recorded) == (7, 5)
+    assert accounts['/impacts'].lost == ledger.lost == 2
+    assert accounts['/motion'].lost == accounts['/drive'].lost == 0
+    assert (ledger.finished, ledger.unfinished) == (('linkage',), ('crank_drive',))
+
+
+def test_a_topic_that_was_never_recorded_is_a_loss(tmp_path):
+    run = {'progress': [progress('cam', True, lift=10), progress('gear', True, lift=5)]}
+    [account] = analyze(record(tmp_path / 'run.mcap', run)).ledger.topics
+    assert (account.topic, account.sent, account.lost) == ('/lift', 15, 15)
+
+
+@pytest.mark.parametrize(
+    ('sizes', 'degrees'),
+    [((4,), (2,)), ((1, 1, 1, 1), (2, 2, 2, 2)), ((1, 3), (2, 7)), ((3, 1), (19, 4))],
+)
+def test_the_digest_knows_no_batches(summary, tmp_path, sizes, degrees):
+    other = record(tmp_path / 'other.mcap', whole_run(sizes=sizes, degrees=degrees))
+    assert analyze(other).digest == summary.digest
+
+
+def test_the_digest_is_what_it_says(summary):
+    moved = hashlib.sha256()
+    for start, duration, turns, powers in segments():
+        moved.update(struct.pack('<3d2qq', start, 0.0, duration, *turns, 3))
+        moved.update(struct.pack('<6d', *powers[0], *powers[1]) + bytes([1, 2]))
+    hit = hashlib.sha256()
+    for k, (time, joint, impulse) in enumerate(IMPACTS):
+        hit.update(struct.pack('<q', 1) + joint.encode())
+        hit.update(struct.pack('<8d', time, 0.5, 0.1 * (k + 1), 0, impulse, 0, 1e-6, 0))
+    both = hashlib.sha256(b'motion' + moved.digest() + b'impacts' + hit.digest())
+    assert summary.digest == both.hexdigest()
+
+
+def test_the_digest_sees_every_bit():
+    def digest(**changed):
+        fields = {
+            'start': np.array([0.0, 1.0]),
+            'start_low': np.zeros(2),
+            'duration': np.ones(2),
+            'turns': np.array([[1], [2]]),
+            'coefficients': np.array([[[0.5, 1.0]], [[0.25, 0.0]]]),
+            'modes': np.array([[1], [2]]),
+        }
+        made = MotionDigest()
+        made.add_segments(**{**fields, **changed})
+        made.add_impact(**{**hit, **{k: v for k, v in changed.items() if k in hit}})
+        return made.hexdigest()
+
+    def segments_digest(name, value):
+        return digest(**{name: value})
+
+    hit = dict.fromkeys(
+        ('time', 'normal_angle', 'approach_speed', 'rebound_speed', 'normal_impulse'), 1.0
+    )
+    hit |= dict.fromkeys(('tangential_impulse', 'energy_loss', 'drive_impulse'), 1.0)
+    hit['joint'] = 'a'
+    seen = {
+        digest(),
+        segments_digest('start', np.array([0.0, np.nextafter(1.0, 2.0)])),
+        segments_digest('start_low', np.array([0.0, 1e-300])),
+        segments_digest('duration', np.array([1.0, np.nextafter(1.0, 0.0)])),
+        segments_digest('turns', np.array([[1], [3]])),
+        segments_digest('coefficients', np.array([[[0.5, 1.0]], [[0.25, 5e-324]]])),
+        segments_digest('modes', np.array([[1], [1]])),
+    }
+    assert len(seen) == 7
+    assert digest(modes=np.empty((2, 0))) not in seen
+    assert MotionDigest().hexdigest() not in seen
+    for name in hit:
+        made = MotionDigest()
+        made.add_impact(**{**hit, name: 'b' if name == 'joint' else np.nextafter(1.0, 2.0)})
+        seen.add(made.hexdigest())
+    assert len(seen) == 7 + len(hit)
+
+
+def test_recorded_motion_is_evaluated_exactly():
+    found = collect_motion(message for _, message in motion())
+    t = np.linspace(0, END, 1001)
+    assert found.position(t)[:, 0] == pytest.approx(PHASE + SPEED * t, abs=1e-12)
+    assert found.position(t)[:, 1] == pytest.approx(ROCKER(t), abs=1e-13)
+    assert found.velocity(t)[:, 0] == pytest.approx(np.full(1001, SPEED), abs=1e-12)
+    assert found.velocity(t)[:, 1] == pytest.approx(ROCKER.deriv()(t), abs=1e-12)
+    assert found.acceleration(t) == pytest.approx(np.tile([0.0, 6.0], (1001, 1)), abs=1e-12)
+    assert found.position(0.3).shape == (1, 2)
+    assert found.turned(t, 'crank') == pytest.approx(5 * t, abs=1e-14)
+    only = collect_motion((message for _, message in motion(degrees=(2, 9))), ['rocker'])
+    assert np.array_equal(only.position(t), found.position(t)[:, 1:])
+    assert found.modes.tolist() == [[1, 2]] * 4
+
+
+def test_a_million_revolutions_lose_no_digits():
+    _, message = next(motion(sizes=(1,), degrees=(2,)))
+    _, later = next(motion(sizes=(1,), degrees=(2,)))
+    later.start, later.turns = np.array([2e5]), np.array([10**6, 0])
+    found = collect_motion([message, later])
+    turned = found.turned([2e5 + 2**-10], 'crank')[0]
+    assert turned - 10**6 == pytest.approx(5 * 2**-10, abs=2e-10)  # one ulp of a million
+    assert found.gaps() == [(0.1, 2e5)]
+
+
+def test_lost_motion_is_a_gap_and_not_an_invention(tmp_path):
+    run = whole_run(sizes=(1, 2, 1), degrees=(2, 2, 2))
+    del run['motion'][1]
+    path = record(tmp_path / 'run.mcap', run)
+    found = analyze(path)
+    assert found.motion.gaps == ((0.1, 0.4),)
+    assert found.motion.revolutions == pytest.approx(3, abs=1e-12)
+    assert found.impacts.table.count.tolist() == [[1, 0], [0, 0], [1, 1]]
+    assert found.impacts.table.elsewhere == 2
+    assert found.loads.drive_torque.crank_angle is None
+    assert 'MISSING' in render(found)
+    recorded = collect_motion(message for _, message, _ in read_bag(path).messages('/motion'))
+    assert recorded.covers([0.05, 0.2, 0.5, 0.7]).tolist() == [True, False, True, False]
+    with pytest.raises(InputError, match=r'the motion at 0\.2 s is not recorded.*with gaps'):
+        recorded.velocity([0.05, 0.2])
+
+
+def test_contradictory_motion_is_refused():
+    _, message = next(motion())
+    message.segments = 3
+    with pytest.raises(InputError, match='contradicts its own counts'):
+        collect_motion([message])
+    with pytest.raises(InputError, match='there is no recorded motion'):
+        collect_motion([])
+    _, message = next(motion())
+    with pytest.raises(InputError, match=r'is of crank, rocker; coupler was wanted'):
+        collect_motion([message], ['coupler'])
+
+
+@pytest.mark.parametrize('kept', [*whole_run(), None])
+def test_every_part_stands_alone(tmp_path, kept):
+    whole = whole_run()
+    run = {} if kept is None else {kept: whole[kept]}
+    found = analyze(record(tmp_path / 'run.mcap', run))
+    part = {'mode_changes': 'modes', 'joint_reactions': 'loads', 'linkage_state': 'energy'}
+    part |= {'accelerometer': 'vibration', 'progress': 'ledger'}
+    own = part.get(kept, kept)
+    for name in ('motion', 'impacts', 'modes', 'loads', 'energy', 'vibration', 'ledger'):
+        assert (getattr(found, name) is not None) == (name == own)
+    assert any('no topic' in line for line in found.absent)
+    json.dumps(found.to_json(), allow_nan=False)
+    assert 'not in this bag' in render(found)
+
+
+def test_a_cut_bag_is_analysed_as_far_as_it_goes(tmp_path):
+    whole = record(tmp_path / 'run.mcap', whole_run()).read_bytes()
+    cut = tmp_path / 'cut.mcap'
+    for size in range(8, len(whole), 499):
+        cut.write_bytes(whole[:size])
+        found = analyze(cut)
+        assert not found.complete
+        assert 'CUT SHORT' in render(found)
+
+
+def test_namespaces_are_matched_and_told_apart(tmp_path, summary):
+    path = record(tmp_path / 'named.mcap', whole_run(), prefix='/plant/left/')
+    found = analyze(path)
+    assert found.digest == summary.digest
+    assert found.ledger.lost == 2
+    assert analyze(path, namespace='/plant').digest == summary.digest
+    with pytest.raises(InputError, match='nothing of a machine in namespace /right'):
+        analyze(path, namespace='/right')
+
+    both = whole_run()
+    run = {f'left/{name}': part for name, part in both.items()}
+    run |= {f'right/{name}': part for name, part in whole_run(direction=-1.0).items()}
+    path = record(tmp_path / 'both.mcap', run)
+    with pytest.raises(InputError, match=r'several machines \(/left/.*choose a namespace'):
+        analyze(path)
+    assert analyze(path, namespace='/left').digest == summary.digest
+    assert analyze(path, namespace='/right/').motion.mean_speed < 0
+
+
+def test_text_and_json_say_the_same(summary):
+    data = json.loads(json.dumps(summary.to_json(), allow_nan=False))
+    assert data['impacts']['table']['count'] == [[1, 1], [1, 0], [1, 1]]
+    assert data['impacts']['dominant']['joint'] == 'a'
+    assert data['modes'][0]['share']['following'] == pytest.approx(0.5)
+    assert data['ledger']['lost'] == 2
+    assert data['energy']['largest_residual'] == 2**-20
+    text = render(summary)
+    for part in ('3 revolutions, 300 rpm', 'impacts: 5', 'hardest: 0.016', '2 of 11 are LOST'):
+        assert part in text
+    assert summary.digest in text
+    assert max(map(len, text.splitlines())) < 100
+
+
+def test_a_long_table_leaves_its_middle_out(tmp_path):
+    later = []
+    for k in range(40):
+        time, message = next(motion(sizes=(1,), degrees=(2,)))
+        message.start = message.start + 0.1 * k
+        message.turns, message.coefficients = (
+            np.array([k // 2, 0]),
+            message.coefficients + np.array([math.pi * (k % 2), 0, 0, 0, 0, 0]),
+        )
+        later.append((time + 0.1 * k, message))
+    hits = [make('Impact', 0.2 * k + 0.05, joint='a', normal_impulse=1.0) for k in range(20)]
+    found = analyze(record(tmp_path / 'run.mcap', {'motion': later, 'impacts': hits}))
+    assert found.impacts.table.count.tolist() == [[1]] * 20
+    lines = render(found).splitlines()
+    assert '  ...' in lines
+    assert sum(line.split()[1:] == ['1', '1'] for line in lines) == 12

@@ -1,0 +1,522 @@
+"""Bags: read back by readers that are not ours, killed, cut, damaged, refused."""
+
+from __future__ import annotations
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Chunk, Message, Metadata
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2 import Reader
+from zstandard import ZstdError
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.messages import message_class, serialize, type_hash
+from mechanism_sim.recording import BagWriter, Qos, info, read_bag, render_info
+
+RESULT = Qos(history='keep_all', depth=0)
+LATCHED = Qos(durability='transient_local', depth=1)
+STRING = 'std_msgs/msg/String'
+
+
+def header(nanoseconds, frame='ground'):
+    sec, nanosec = divmod(nanoseconds, 10**9)
+    stamp = message_class('builtin_interfaces/msg/Time')(sec=sec, nanosec=nanosec)
+    return message_class('std_msgs/msg/Header')(stamp=stamp, frame_id=frame)
+
+
+def text(data):
+    return serialize(message_class(STRING)(data=data))
+
+
+def one_of_each(k):
+    """Messages of every shape a field can have, number k of each: (topic, type, message)."""
+    floats = np.linspace(-1.0, 1.0, 3 + k % 4)
+    stamp = 10**9 * k + 7
+    make = {
+        '/scene': (STRING, {'data': f'four_bar_clearance ü {k}'}),
+        '/clock': ('rosgraph_msgs/msg/Clock', {'clock': header(stamp).stamp}),
+        '/joint_states': (
+            'sensor_msgs/msg/JointState',
+            {
+                'header': header(stamp),
+                'name': ['crank', 'rocker'],
+                'position': floats[:2],
+                'velocity': 2 * floats[:2],
+                'effort': np.zeros(2),
+            },
+        ),
+        '/motion': (
+            'mechanism_sim/msg/Motion',
+            {
+                'header': header(stamp),
+                'coordinates': ['crank'],
+                'segments': 2,
+                'degree': 1,
+                'start': np.array([0.0, 1.0]) + k,
+                'start_low': np.array([0.0, 1e-18]),
+                'duration': np.ones(2),
+                'turns': np.array([k, -k], dtype=np.int64),
+                'coefficients': np.array([0.1, 0.2, 0.3, np.nextafter(0.4, 1)]),
+                'joints': ['coupler_rocker'],
+                'modes': np.array([1, 2], dtype=np.uint8),
+            },
+        ),
+        '/impacts': (
+            'mechanism_sim/msg/Impact',
+            {
+                'header': header(stamp, frame=''),
+                'time': k + 1e-13,
+                'index': 2**63 + k,
+                'joint': 'coupler_rocker',
+                'normal_angle': 0.5,
+                'approach_speed': 0.1,
+                'rebound_speed': 0.05,
+                'normal_impulse': 1e-3,
+                'tangential_impulse': -0.0,
+                'energy_loss': 1e-300,
+                'drive_impulse': -1.0,
+                'ends_chatter': bool(k % 2),
+            },
+        ),
+        '/progress': (
+            'mechanism_sim/msg/Progress',
+            {
+                'header': header(stamp),
+                'node': 'linkage',
+                'time': float(k),
+                'finished': k == 2,
+                'topics': [] if k == 0 else ['/motion', '/impacts'],
+                'counts': np.array([] if k == 0 else [k, 2**64 - 1], dtype=np.uint64),
+            },
+        ),
+    }
+    return [(topic, name, message_class(name)(**fields)) for topic, (name, fields) in make.items()]
+
+
+def plain(value):
+    """Whatever a reader makes of a message, as dictionaries, lists and numbers."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, (list, tuple, bytes)):
+        return [plain(item) for item in value]
+    slots = getattr(value, '__slots__', None) or getattr(value, '__dict__', None)
+    if slots is None:
+        return value
+    names = [name.lstrip('_') for name in slots]
+    return {
+        name: plain(getattr(value, name))
+        for name in names
+        if name and name not in {'type', 'full_text', 'msgtype__'} and name.islower()
+    }
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """A bag with three of each message, and what is in it: (path, [(topic, time, message)])."""
+    path, sent = tmp_path / 'run.mcap', []
+    with BagWriter(path) as writer:
+        for k in range(3):
+            for topic, name, message in one_of_each(k):
+                writer.add_topic(topic, name, LATCHED if topic == '/scene' else RESULT)
+                writer.write(topic, serialize(message), 10**9 * k)
+                sent.append((topic, 10**9 * k, plain(message)))
+            writer.flush()
+    return path, sent
+
+
+def test_foxglove_decoder_reads_every_message_equal(bag):
+    path, sent = bag
+    with path.open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        got = [
+            (found.channel.topic, found.message.log_time, plain(found.decoded_message))
+            for found in reader.iter_decoded_messages(log_time_order=False)
+        ]
+    assert got == sent
+
+
+def test_rosbags_reads_every_message_equal(bag):
+    path, sent = bag
+    with AnyReader([path]) as reader:
+        got = [
+            (connection.topic, log_time, plain(reader.deserialize(data, connection.msgtype)))
+            for connection, log_time, data in reader.messages()
+        ]
+        counts = {topic: found.msgcount for topic, found in reader.topics.items()}
+    # rosbags orders by time alone
+    assert sorted(got, key=lambda item: item[:2]) == sorted(sent, key=lambda item: item[:2])
+    assert counts == dict.fromkeys({topic for topic, _, _ in sent}, 3)
+
+
+def test_our_reader_reads_every_message_equal(bag):
+    path, sent = bag
+    found = read_bag(path)
+    assert [(topic, at, plain(message)) for topic, message, at in found.messages()] == sent
+    impacts = [plain(message) for _, message, _ in found.messages('/impacts')]
+    assert impacts == [message for topic, _, message in sent if topic == '/impacts']
+    assert found.complete
+    assert (found.start, found.end) == (0, 2 * 10**9)
+    assert found.topics['/motion'].type == 'mechanism_sim/msg/Motion'
+    assert {topic.count for topic in found.topics.values()} == {3}
+
+
+def test_quality_of_service_is_read_as_offered(bag):
+    path, _ = bag
+    with Reader(path) as reader:
+        offered = {c.topic: c.ext.offered_qos_profiles for c in reader.connections}
+    [scene], [impacts] = offered['/scene'], offered['/impacts']
+    assert scene.durability == QosDurability.TRANSIENT_LOCAL
+    assert (scene.history, scene.depth) == (QosHistory.KEEP_LAST, 1)
+    assert impacts.durability == QosDurability.VOLATILE
+    assert impacts.history == QosHistory.KEEP_ALL
+    assert impacts.reliability == QosReliability.RELIABLE
+    assert read_bag(path).topics['/scene'].qos == LATCHED
+
+
+def test_the_file_is_what_rosbag2_expects(bag):
+    path, sent = bag
+    with path.open('rb') as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == 'ros2'
+        summary = reader.get_summary()
+        documents = [
+            yaml.safe_load(record.metadata['serialized_metadata'])
+            for record in reader.iter_metadata()
+            if record.name == 'rosbag2'
+        ]
+    assert [document['version'] for document in documents] == [9, 9]
+    last = documents[-1]
+    assert last['message_count'] == len(sent)
+    assert last['duration'] == {'nanoseconds': 2 * 10**9}
+    assert last['relative_file_paths'] == [last['files'][0]['path']] == ['run.mcap']
+    topics = {t['topic_metadata']['name']: t for t in last['topics_with_message_count']}
+    for channel in summary.channels.values():
+        listed = topics[channel.topic]['topic_metadata']
+        profiles = yaml.safe_load(channel.metadata['offered_qos_profiles'])
+        assert profiles == listed['offered_qos_profiles']
+        assert channel.metadata['topic_type_hash'] == listed['type_description_hash']
+        assert channel.metadata['topic_type_hash'] == type_hash(listed['type'])
+        assert summary.schemas[channel.schema_id].name == listed['type']
+        assert summary.schemas[channel.schema_id].encoding == 'ros2msg'
+        assert channel.message_encoding == 'cdr'
+    assert summary.statistics.message_count == len(sent)
+    assert {index.compression for index in summary.chunk_indexes} == {'zstd'}
+    assert all(index.message_index_offsets for index in summary.chunk_indexes)
+
+
+def test_every_checksum_holds(bag):
+    path, sent = bag
+    with path.open('rb') as stream:
+        records = list(StreamReader(stream, validate_crcs=True).records)
+    with path.open('rb') as stream:
+        chunks = [r for r in StreamReader(stream, emit_chunks=True).records if type(r) is Chunk]
+    assert sum(isinstance(record, Message) for record in records) == len(sent)
+    assert all(chunk.uncompressed_crc for chunk in chunks)
+
+
+CHILD = """
+import sys, time
+from mechanism_sim.messages import message_class, serialize
+from mechanism_sim.recording import BagWriter, Qos
+writer = BagWriter(sys.argv[1])
+writer.add_topic('/tick', 'std_msgs/msg/String', Qos())
+while True:
+    now = time.monotonic_ns()
+    writer.write('/tick', serialize(message_class('std_msgs/msg/String')(data=str(now))), now)
+    print(now, flush=True)
+    time.sleep(0.002)
+"""
+
+
+def streamed(path):
+    """Log times that mcap's own streaming reader gets out of a file that may be cut."""
+    times = []
+    with path.open('rb') as stream:
+        try:
+            records = StreamReader(stream, validate_crcs=True).records
+            times.extend(r.log_time for r in records if isinstance(r, Message))
+        except (McapError, ZstdError, struct.error):
+            return times
+    raise AssertionError('the file is whole')
+
+
+def test_a_killed_writer_loses_less_than_a_second(tmp_path):
+    path = tmp_path / 'killed.mcap'
+    command = [sys.executable, '-c', CHILD, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
+        written = [int(child.stdout.readline())]
+        while written[-1] - written[0] < 1.3e9:
+            written.append(int(child.stdout.readline()))
+        child.send_signal(signal.SIGKILL)
+        written += [int(line) for line in child.stdout.read().split('\n') if line]
+    assert child.returncode == -signal.SIGKILL
+
+    found = read_bag(path)
+    assert not found.complete
+    ours = [log_time for _, _, log_time in found.messages()]
+    assert ours == streamed(path) == written[: len(ours)]
+    assert found.topics['/tick'].count == len(ours)
+    assert written[-1] - ours[-1] < 1e9
+    with path.open('rb') as stream:
+        first = next(r for r in StreamReader(stream).records if isinstance(r, Metadata))
+    assert yaml.safe_load(first.metadata['serialized_metadata'])['version'] == 9
+
+
+def test_flush_makes_everything_readable_at_once(tmp_path):
+    path = tmp_path / 'open.mcap'
+    writer = BagWriter(path)
+    assert not read_bag(path).complete
+    writer.add_topic('/a', STRING, RESULT)
+    for k in range(5):
+        writer.write('/a', text(str(k)), k)
+        writer.flush()
+        assert [m.data for _, m, _ in read_bag(path).messages()] == [str(i) for i in range(k + 1)]
+        assert streamed(path) == list(range(k + 1))
+    writer.close()
+    assert read_bag(path).complete
+
+
+def test_write_flushes_by_itself(tmp_path, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr('mechanism_sim.recording.writer.time.monotonic', lambda: now[0])
+    with BagWriter(tmp_path / 'slow.mcap') as writer:
+        writer.add_topic('/a', STRING, RESULT)
+        seen = []
+        for k in range(10):
+            now[0] = 0.2 * k
+            writer.write('/a', text(str(k)), k)
+            seen.append(sum(1 for _ in read_bag(writer.path).raw()))
+    # after 0.6, 1.2 and 1.8 s: never does half a second's worth wait for longer
+    assert seen == [0, 0, 0, 4, 4, 4, 7, 7, 7, 10]
+
+
+def test_a_cut_file_gives_a_prefix_wherever_it_is_cut(bag, tmp_path):
+    path, sent = bag
+    whole, cut = path.read_bytes(), tmp_path / 'cut.mcap'
+    longest = 0
+    for size in range(8, len(whole), 97):
+        cut.write_bytes(whole[:size])
+        found = read_bag(cut)
+        got = [(topic, at, plain(message)) for topic, message, at in found.messages()]
+        assert not found.complete
+        assert got == sent[: len(got)]
+        assert len(got) >= longest
+        assert sum(topic.count for topic in found.topics.values()) == len(got)
+        longest = len(got)
+    assert longest == len(sent)
+    cut.write_bytes(whole[: len(whole) // 2] + bytes(5000))
+    assert not read_bag(cut).complete
+
+
+def test_a_damaged_chunk_is_named(bag, tmp_path):
+    path, _ = bag
+    data = bytearray(path.read_bytes())
+    with path.open('rb') as stream:
+        second = make_reader(stream).get_summary().chunk_indexes[1]
+    data[second.chunk_start_offset + second.chunk_length - 5] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=f'chunk at byte {second.chunk_start_offset} is damaged'):
+        list(read_bag(path).messages())
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(data[:-100])
+    assert {topic.count for topic in read_bag(cut).topics.values()} == {1}
+
+
+def test_an_existing_file_is_kept_unless_told(tmp_path):
+    path = tmp_path / 'kept.mcap'
+    path.write_text('precious')
+    with pytest.raises(InputError, match=r'kept\.mcap exists already; choose another name'):
+        BagWriter(path)
+    assert path.read_text() == 'precious'
+    BagWriter(path, overwrite=True).close()
+    assert read_bag(path).complete
+    assert read_bag(path).topics == {}
+
+
+def test_paths_that_cannot_be_written_or_read(tmp_path):
+    (tmp_path / 'text').write_text('not a bag')
+    with pytest.raises(InputError, match='there is no directory'):
+        BagWriter(tmp_path / 'nowhere' / 'a.mcap')
+    with pytest.raises(InputError, match='is a directory'):
+        BagWriter(tmp_path, overwrite=True)
+    with pytest.raises(InputError, match='cannot be written: Not a directory'):
+        BagWriter(tmp_path / 'text' / 'a.mcap')
+    with pytest.raises(InputError, match='does not exist'):
+        read_bag(tmp_path / 'a.mcap')
+    with pytest.raises(InputError, match='is not an MCAP file'):
+        read_bag(tmp_path / 'text')
+    with pytest.raises(InputError, match='cannot be read: Is a directory'):
+        read_bag(tmp_path)
+
+
+def test_unknown_names_are_answered_with_the_nearest(bag):
+    path, _ = bag
+    with pytest.raises(InputError, match=r'no topic /impact; did you mean /impacts\?'):
+        read_bag(path).messages('/impact')
+    with pytest.raises(InputError, match='it has /clock, /impacts'):
+        read_bag(path).messages(['/clock', 'qqq'])
+
+
+def test_misuse_of_the_writer_is_refused(tmp_path):
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+        writer.add_topic('/a', STRING, RESULT)
+        writer.add_topic('/a', STRING, LATCHED)
+        with pytest.raises(InputError, match='is a topic of std_msgs/msg/String'):
+            writer.add_topic('/a', 'mechanism_sim/msg/Impact', RESULT)
+        with pytest.raises(InputError, match="reliability 'certain' is none of reliable"):
+            writer.add_topic('/b', STRING, Qos(reliability='certain'))
+        with pytest.raises(InputError, match='add_topic comes first'):
+            writer.write('/b', text(''), 0)
+        with pytest.raises(InputError, match='before time zero'):
+            writer.write('/a', text(''), -1)
+        assert writer.counts == {'/a': 0}
+    writer.close()
+    for action in (writer.flush, lambda: writer.write('/a', text(''), 0)):
+        with pytest.raises(RunError, match='is closed already'):
+            action()
+
+
+def test_an_exception_still_leaves_a_whole_file(tmp_path):
+    path = tmp_path / 'a.mcap'
+
+    def interrupted():
+        with BagWriter(path) as writer:
+            writer.add_topic('/a', STRING, RESULT)
+            writer.write('/a', text('kept'), 5)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [m.data for _, m, _ in read_bag(path).messages()] == ['kept']
+    assert read_bag(path).complete
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full')
+def test_a_full_disk_is_said_once():
+    with pytest.raises(RunError, match=r'cannot be written any further \(No space left'):
+        BagWriter('/dev/full', overwrite=True)
+
+
+def test_a_disk_that_fills_up_ends_the_recording(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with BagWriter(path) as writer:
+        writer.add_topic('/a', STRING, RESULT)
+        writer.write('/a', text('kept'), 1)
+        writer.flush()
+        with Path('/dev/full').open('wb') as full:
+            os.dup2(full.fileno(), writer._stream.fileno())
+        writer.write('/a', text('lost'), 2)
+        with pytest.raises(RunError, match='what was flushed before stays readable'):
+            writer.flush()
+        with pytest.raises(RunError, match='is closed already'):
+            writer.write('/a', text('late'), 3)
+    assert [m.data for _, m, _ in read_bag(path).messages()] == ['kept']
+
+
+def test_a_type_that_has_changed_since_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / 'old.mcap'
+    monkeypatch.setattr('mechanism_sim.recording.writer.type_hash', lambda _: 'RIHS01_' + '0' * 64)
+    with BagWriter(path) as writer:
+        writer.add_topic('/a', STRING, RESULT)
+        writer.write('/a', text('?'), 0)
+    with pytest.raises(InputError, match='String was another type when this was recorded'):
+        list(read_bag(path).messages())
+    assert len(list(read_bag(path).raw())) == 1
+
+
+def test_threads_may_write_together(tmp_path):
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+
+        def work(topic):
+            writer.add_topic(topic, STRING, RESULT)
+            for k in range(500):
+                writer.write(topic, text(str(k)), k)
+                if k % 50 == 0:
+                    writer.flush()
+
+        threads = [threading.Thread(target=work, args=(f'/t{i}',)) for i in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert writer.counts == {f'/t{i}': 500 for i in range(4)}
+    for topic in read_bag(writer.path).topics:
+        data = [message.data for _, message, _ in read_bag(writer.path).messages(topic)]
+        assert data == [str(k) for k in range(500)]
+
+
+def test_reading_needs_a_few_chunks_of_memory_only(tmp_path):
+    path, payload = tmp_path / 'large.mcap', text('x' * 20_000)
+    with BagWriter(path) as writer:
+        writer.add_topic('/a', STRING, RESULT)
+        for k in range(2000):
+            writer.write('/a', payload, k)
+    tracemalloc.start()
+    found = read_bag(path)
+    assert sum(len(data) for _, data, _ in found.raw()) == 2000 * len(payload)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8e6  # of 40 MB
+
+
+def test_writing_keeps_up_with_a_hundred_thousand_messages_per_second(tmp_path):
+    payload, count, best = bytes(200), 20_000, np.inf
+    for attempt in range(3):
+        with BagWriter(tmp_path / f'{attempt}.mcap') as writer:
+            writer.add_topic('/a', STRING, RESULT)
+            start = time.process_time()
+            for k in range(count):
+                writer.write('/a', payload, k)
+            writer.flush()
+            best = min(best, time.process_time() - start)
+    assert count / best > 100_000
+
+
+def test_info_says_what_is_there(bag, tmp_path):
+    path, sent = bag
+    whole = info(path)
+    assert (whole.complete, whole.messages, whole.duration) == (True, len(sent), 2.0)
+    assert whole.scene == 'four_bar_clearance ü 0'
+    assert whole.compression == 'zstd'
+    assert 'mechanism_sim/msg/Impact' in whole.schemas
+    assert whole.to_json()['topics'][0]['name'] == '/clock'
+    lines = render_info(whole).splitlines()
+    assert any(line.split()[:2] == ['/impacts', '3'] for line in lines)
+
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(path.read_bytes()[:-1])
+    part = info(cut)
+    assert (part.complete, part.messages) == (False, len(sent))
+    assert 'cut short' in render_info(part)
+
+
+@pytest.mark.parametrize(
+    ('content', 'name'),
+    [
+        ('geneva', 'geneva'),
+        ('name: four_bar\nlinks: {}', 'four_bar'),
+        ('{"name": "cam"}', 'cam'),
+        ('a: [\nb', 'a: ['),
+    ],
+)
+def test_info_finds_the_name_of_the_scene(tmp_path, content, name):
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+        writer.add_topic('/ns/scene', STRING, LATCHED)
+        writer.write('/ns/scene', text(content), 0)
+    assert info(writer.path).scene == name
