@@ -17,8 +17,9 @@ import pytest
 import yaml
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Chunk, Message, Metadata
+from mcap.records import Chunk, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, IndexType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
@@ -26,7 +27,13 @@ from rosbags.rosbag2 import Reader
 from zstandard import ZstdError
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.messages import message_class, serialize, type_hash
+from mechanism_sim.messages import (
+    definition,
+    message_class,
+    own_messages,
+    serialize,
+    type_hash,
+)
 from mechanism_sim.recording import BagWriter, Qos, info, read_bag, render_info
 
 RESULT = Qos(history='keep_all', depth=0)
@@ -164,6 +171,21 @@ def test_rosbags_reads_every_message_equal(bag):
     assert counts == dict.fromkeys({topic for topic, _, _ in sent}, 3)
 
 
+@pytest.mark.parametrize('name', own_messages())
+def test_others_understand_each_of_our_types(tmp_path, name):
+    kind = f'mechanism_sim/msg/{name}'
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+        writer.add_topic('/a', kind, RESULT)
+        writer.write('/a', serialize(message_class(kind)()), 0)
+    expected = plain(message_class(kind)())
+    with writer.path.open('rb') as stream:
+        [found] = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+    with AnyReader([writer.path]) as reader:
+        [(connection, _, data)] = reader.messages()
+        other = reader.deserialize(data, connection.msgtype)
+    assert plain(found.decoded_message) == plain(other) == expected
+
+
 def test_our_reader_reads_every_message_equal(bag):
     path, sent = bag
     found = read_bag(path)
@@ -228,6 +250,7 @@ def test_every_checksum_holds(bag):
         chunks = [r for r in StreamReader(stream, emit_chunks=True).records if type(r) is Chunk]
     assert sum(isinstance(record, Message) for record in records) == len(sent)
     assert all(chunk.uncompressed_crc for chunk in chunks)
+    assert next(r for r in records if isinstance(r, DataEnd)).data_section_crc
 
 
 CHILD = """
@@ -320,22 +343,97 @@ def test_a_cut_file_gives_a_prefix_wherever_it_is_cut(bag, tmp_path):
         assert sum(topic.count for topic in found.topics.values()) == len(got)
         longest = len(got)
     assert longest == len(sent)
-    cut.write_bytes(whole[: len(whole) // 2] + bytes(5000))
-    assert not read_bag(cut).complete
 
 
-def test_a_damaged_chunk_is_named(bag, tmp_path):
-    path, _ = bag
-    data = bytearray(path.read_bytes())
+def second_chunk(path):
     with path.open('rb') as stream:
-        second = make_reader(stream).get_summary().chunk_indexes[1]
-    data[second.chunk_start_offset + second.chunk_length - 5] ^= 0xFF
+        return make_reader(stream).get_summary().chunk_indexes[1]
+
+
+def test_nothing_is_trusted_after_zeros_that_a_power_cut_left(bag, tmp_path):
+    path, sent = bag
+    whole, cut = path.read_bytes(), tmp_path / 'cut.mcap'
+    at = second_chunk(path).chunk_start_offset
+    cut.write_bytes(whole[:at] + bytes(18) + whole[at:-100])
+    found = read_bag(cut)
+    assert not found.complete
+    assert len(list(found.messages())) == len(sent) // 3
+
+
+@pytest.mark.parametrize('where', ['checksum', 'data'])
+def test_a_damaged_chunk_is_named(bag, tmp_path, where):
+    path, _ = bag
+    data, second = bytearray(path.read_bytes()), second_chunk(path)
+    offset = second.chunk_start_offset
+    data[offset + (9 + 24 if where == 'checksum' else second.chunk_length - 5)] ^= 0xFF
     path.write_bytes(data)
-    with pytest.raises(InputError, match=f'chunk at byte {second.chunk_start_offset} is damaged'):
+    with pytest.raises(InputError, match=f'chunk at byte {offset} is damaged'):
         list(read_bag(path).messages())
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(data[:-100])
     assert {topic.count for topic in read_bag(cut).topics.values()} == {1}
+
+
+def test_start_and_end_do_not_depend_on_the_order_of_writing(tmp_path):
+    with BagWriter(tmp_path / 'a.mcap') as writer:
+        writer.add_topic('/a', STRING, RESULT)
+        for log_time in (5, 2, 9, 4):
+            writer.write('/a', text(''), log_time)
+            if log_time == 2:
+                writer.flush()
+        writer.flush()
+        cut = read_bag(writer.path)
+    whole = read_bag(writer.path)
+    assert (whole.start, whole.end) == (cut.start, cut.end) == (2, 9)
+    assert [log_time for _, _, log_time in whole.raw()] == [5, 2, 9, 4]
+
+
+@pytest.mark.parametrize(
+    'options',
+    [
+        {'compression': CompressionType.LZ4},
+        {'compression': CompressionType.NONE},
+        {'use_chunking': False},
+        {'index_types': IndexType.NONE, 'use_statistics': False},
+        {'use_statistics': False, 'repeat_channels': False, 'repeat_schemas': False},
+    ],
+)
+def test_files_of_others_are_read(tmp_path, options):
+    path = tmp_path / 'foreign.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream, **options)
+        writer.start(profile='ros2')
+        schema = writer.register_schema(STRING, 'ros2msg', definition(STRING).encode())
+        old = {
+            'offered_qos_profiles': '- history: 3\n  depth: 0\n  reliability: 1\n  durability: 2'
+        }
+        first, second = (writer.register_channel('/a', 'cdr', schema, old) for _ in range(2))
+        for k in range(4):
+            writer.add_message((first, second)[k % 2], k, text(str(k)), k)
+        writer.finish()
+    found = read_bag(path)
+    assert found.complete
+    assert found.topics['/a'].count == 4
+    assert found.topics['/a'].qos is None
+    assert [message.data for _, message, _ in found.messages('/a')] == ['0', '1', '2', '3']
+    assert (found.start, found.end) == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ('encoding', 'name', 'reason'),
+    [('json', STRING, 'is not an encoding of ROS 2'), ('cdr', 'other/msg/X', 'is unknown')],
+)
+def test_what_is_not_known_here_is_listed_but_not_decoded(tmp_path, encoding, name, reason):
+    path = tmp_path / 'foreign.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(name, 'ros2msg', b'')
+        writer.add_message(writer.register_channel('/a', encoding, schema), 0, b'{}', 0)
+        writer.finish()
+    assert info(path).topics[0].type == name
+    with pytest.raises(InputError, match=reason):
+        list(read_bag(path).messages())
 
 
 def test_an_existing_file_is_kept_unless_told(tmp_path):

@@ -32,17 +32,17 @@ class ChatterRule:
 
     A contact that bounces with rebound speed v against a steady approach d rises to
     ``h = v^2/(2 d)``; all bounces still to come displace the rest of the mechanism by about
-    ``2 h/(1 - e)``. The sequence is ended, with an impact that takes all of the approach speed,
-    as soon as ``h <= max(rtol (1 - e), 8 eps) L``, L being the size of the mechanism: what is left
-    out is below the tolerance, and a rise that double precision cannot resolve is never asked
-    for.
+    ``2 h/(1 - e)``. The sequence is ended, with an impact that takes all of the approach speed, as
+    soon as ``h <= max(rtol L (1 - e), atol (1 - e), 8 eps L)``, L being the size of the mechanism:
+    what is left out is below the tolerance, and a rise that double precision cannot resolve is
+    never asked for.
     """
 
-    def __init__(self, rtol: float, size: float) -> None:
-        self._rtol = rtol
-        self._size = size
+    def __init__(self, rtol: float, atol: float, size: float) -> None:
+        self._allowed = max(rtol * size, atol)
+        self._resolved = 8.0 * sys.float_info.epsilon * size
 
     def ends(self, rebound: float, free_acceleration: float, restitution: float) -> bool:
         """Whether a rebound of this speed [m/s] under this gap acceleration [m/s^2] is the end."""
-        height = max(self._rtol * (1.0 - restitution), 8.0 * sys.float_info.epsilon) * self._size
+        height = max(self._allowed * (1.0 - restitution), self._resolved)
         return free_acceleration < 0.0 and rebound * rebound <= -2.0 * free_acceleration * height

@@ -26,7 +26,7 @@ class Contacts:
     """
 
     def __init__(
-        self, system: System, integrator: hy.taylor_adaptive_dbl, rtol: float, base: Base
+        self, system: System, integrator: hy.taylor_adaptive_dbl, rule: ChatterRule, base: Base
     ) -> None:
         self.closed: tuple[bool, ...] = (False,) * len(system.gaps)
         self.impacts: list[Impact] = []
@@ -38,7 +38,7 @@ class Contacts:
         self._f = len(system.free)
         self._terms_function = system.contact_function
         self._projection = system.projection
-        self._rule = ChatterRule(rtol, system.mechanism.size)
+        self._rule = rule
         self._restitution = [gap.restitution for gap in system.gaps]
         self._rounding = 2.0 * float(np.spacing(system.mechanism.size))
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed

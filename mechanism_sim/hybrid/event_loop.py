@@ -14,6 +14,7 @@ from fractions import Fraction
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.contact.restitution import ChatterRule
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
@@ -47,6 +48,7 @@ class EventLoop:
     laws : one drive law for each prescribed coordinate
     state : where to start; open gaps that touch are resolved at once
     rtol : error per step relative to the largest state variable
+    atol : [m] displacement that may be left out when chatter is ended
     max_step : [s] longest Taylor step
     compact : compile slower but smaller code (for many coordinates)
 
@@ -61,6 +63,7 @@ class EventLoop:
         laws: Sequence[DriveLaw],
         state: State,
         rtol: float,
+        atol: float,
         max_step: float,
         compact: bool = False,
     ) -> None:
@@ -76,7 +79,7 @@ class EventLoop:
         turns = dict(zip(system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
         self._tape = Tape(system, self._ta.tc)
-        self._contacts = Contacts(system, self._ta, rtol, self._base)
+        self._contacts = Contacts(system, self._ta, ChatterRule(rtol, atol, system.mechanism.size), self._base)
         self._start_base()
         self._pending: tuple[float, float, int | None] | None = None
         self._last_event = float('-inf')

@@ -28,6 +28,7 @@ from mechanism_sim.numerics.symbolic import (
     solve_symmetric,
 )
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
@@ -53,18 +54,6 @@ class ContactTerms(NamedTuple):
     normal_angle: list[float]  #: (m,) [rad]
 
 
-class Observation(NamedTuple):
-    """Everything that follows from the state, at N instants."""
-
-    acceleration: Array  #: (n, N) [rad/s^2]
-    gap: Array  #: (m, N) [m] in the gap's own measure
-    normal_force: Array  #: (m, N) [N]
-    drive_torque: Array  #: (p, N) [N m]
-    reaction: Array  #: (joints, 2, N) [N] on the second-named link
-    kinetic_energy: Array  #: (N,) [J]
-    potential_energy: Array  #: (N,) [J]
-
-
 class System:
     """Equations of a mechanism with gaps and prescribed coordinates, ready to run.
 
@@ -84,6 +73,7 @@ class System:
         self.coordinates = mechanism.coordinates
         self.prescribed = tuple(prescribed)
         self.free = tuple(c for c in self.coordinates if c not in prescribed)
+        self.prescribed_index = [self.coordinates.index(c) for c in self.prescribed]
         self.degree = degree
         self.equations = Equations(mechanism, gaps)
         p = self.equations.parameters
@@ -315,7 +305,16 @@ class System:
         ends = np.cumsum([n, m, m, p, 2 * len(self.mechanism.joints)])
         a, gap, force, torque, reaction, energy = np.split(out, ends)
         return Observation(
-            a, gap, force, torque, reaction.reshape(-1, 2, count), energy[0], energy[1]
+            q,
+            v,
+            a,
+            np.array([g.distance(row) for g, row in zip(self.gaps, gap, strict=True)]),
+            force,
+            reaction.reshape(-1, 2, count),
+            torque,
+            (torque * v[self.prescribed_index]).sum(axis=0),
+            energy[0],
+            energy[1],
         )
 
     @cached_property

@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.mechanism import Mechanism
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -53,10 +57,10 @@ class BearingClearance:
     def _clearance(self, frames: Frames) -> hy.expression:
         return dense(frames.parameters(f'{self.name}.clearance', self.clearance))
 
-    def distance(self, value: float) -> float:
-        """The gap ``c - |Q|`` [m] that belongs to a value of `value`."""
+    def distance(self, value: Array) -> Array:
+        """The gap ``c - |Q|`` [m] that belongs to values of ``(c^2 - Q.Q)/(2 c)``."""
         c = self.clearance
-        return c - max(0.0, c * c - 2.0 * c * value) ** 0.5
+        return 2.0 * value / (1.0 + np.sqrt(np.maximum(0.0, 1.0 - 2.0 * value / c)))
 
 
 def _pin_in_bushing(mechanism: Mechanism, joint: str, frames: Frames) -> tuple[Jet, Jet]:

@@ -48,16 +48,19 @@ class FourBar:
         coupler-rocker pin lies ([V] 2.3.1). Where the triangle cannot be closed the angles are
         NaN.
         """
-        dx = self.ground - self.crank * np.cos(th2)
-        dy = -self.crank * np.sin(th2)
-        d = np.hypot(dx, dy)
+        return self.close(
+            self.ground - self.crank * np.cos(th2), -self.crank * np.sin(th2)
+        )
+
+    def close(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Angles th3, th4 for which ``l3 u(th3) - l4 u(th4)`` is the vector (x, y) [m]."""
+        d = np.hypot(x, y)
         side = 1.0 if self.branch == 'open' else -1.0
         with np.errstate(invalid='ignore', divide='ignore'):
             cosine = (d * d + self.coupler**2 - self.rocker**2) / (2.0 * d * self.coupler)
-            th3 = np.arctan2(dy, dx) + side * np.arccos(cosine)
-        x = self.crank * np.cos(th2) + self.coupler * np.cos(th3) - self.ground
-        y = self.crank * np.sin(th2) + self.coupler * np.sin(th3)
-        return np.arctan2(np.sin(th3), np.cos(th3)), np.arctan2(y, x)
+            th3 = np.arctan2(y, x) + side * np.arccos(cosine)
+        th4 = np.arctan2(self.coupler * np.sin(th3) - y, self.coupler * np.cos(th3) - x)
+        return np.arctan2(np.sin(th3), np.cos(th3)), th4
 
     def rates(self, th2: Array, w2: Array, th3: Array, th4: Array) -> tuple[Array, Array]:
         """Angular velocities w3, w4 [rad/s]: the closure differentiated once ([V] 2.4)."""

@@ -47,7 +47,11 @@ class Inbox:
     """Items in order of arrival; each puts its owner once into the executor's ready queue."""
 
     def __init__(
-        self, context: Context, owner: Entity, limit: int = LIMIT, overflow: Overflow = Overflow.GROW
+        self,
+        context: Context,
+        owner: Entity,
+        limit: int = LIMIT,
+        overflow: Overflow = Overflow.GROW,
     ) -> None:
         self._context = context
         self._owner = owner
@@ -106,6 +110,6 @@ class Inbox:
     def _wait_for_room(self) -> None:
         # Half empty, so that both sides work in long strokes instead of waking each other up.
         while (
-            self._open and len(self._items) > self._limit // 2 and not self._context.is_waiting()
+            self._open and len(self._items) > self._limit // 2 and not self._context.waits.long()
         ):
             self._changed.wait(RECHECK)

@@ -1,5 +1,7 @@
-"""Names of nodes, topics and services, resolved as ROS does (design article "Topic and Service
-Names")."""
+"""Names of nodes, topics and services, resolved as ROS does.
+
+Source: the design article "Topic and Service Names" (design.ros2.org).
+"""
 
 import re
 

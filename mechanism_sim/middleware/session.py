@@ -12,9 +12,7 @@ subscriptions. Nodes of ROS cannot be asked; for them counts what Zenoh does at 
 """
 
 import time
-from collections.abc import Callable
 from itertools import count
-from threading import get_ident
 from typing import Any, Protocol
 
 import zenoh
@@ -24,11 +22,11 @@ from mechanism_sim.messages import type_hash
 from mechanism_sim.middleware import config, wire
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.graph import Graph
+from mechanism_sim.middleware.waits import Waits
 
 FAREWELL = '@mechanism_sim'
 ROUTER_PATIENCE = 5.0  # [s] for a router that accepts a connection to say who it is
 FLUSH_PATIENCE = 60.0  # [s]
-STUCK = 0.1  # [s] after which a publication counts as waiting for others
 
 
 class Closable(Protocol):
@@ -49,9 +47,9 @@ class Context:
         self.is_open = True
         self.gids: set[bytes] = set()
         self.inboxes: set[Closable] = set()
+        self.waits = Waits()
         self._hashed = config.has_type_hashes()
         self._ids = count()
-        self._publishing: dict[int, float] = {}
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
         self._farewell = self.session.declare_queryable(
             f'{FAREWELL}/{self.domain}/{self.zid}', Callback(_answer, indirect=False)
@@ -84,23 +82,14 @@ class Context:
     def retract(self, key: str) -> None:
         """Take a token back."""
         token = self._tokens.pop(key, None)
-        if token is not None and self.is_open:
-            token.undeclare()
+        if token is not None:
+            self.undeclare(token)
         self.graph.remove(key)
 
-    def put(self, send: Callable[[], Any]) -> None:
-        """Publish, on the books of ``is_waiting``: the call may wait for a slow subscriber."""
-        thread = get_ident()
-        self._publishing[thread] = time.monotonic()
-        try:
-            send()
-        finally:
-            self._publishing.pop(thread, None)
-
-    def is_waiting(self) -> bool:
-        """Whether this process waits for others to take what it publishes or asks."""
-        now = time.monotonic()
-        return any(now - since > STUCK for since in list(self._publishing.values()))
+    def undeclare(self, entity: Any) -> None:
+        """Take an entity of the session off the network, unless the session has ended."""
+        if self.is_open:
+            entity.undeclare()
 
     def flush(self, timeout: float = FLUSH_PATIENCE) -> bool:
         """Wait until every other process has in its queues what was published here.
@@ -126,9 +115,9 @@ class Context:
             return self.flush(timeout)
         finally:
             self.is_open = False
-            self.session.close()
+            _close(self.session)
             if self.router is not None:
-                self.router.close()
+                _close(self.router)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
@@ -136,6 +125,10 @@ class Context:
             self.graph.add(key)
         else:
             self.graph.remove(key)
+
+
+def _close(session: Any) -> None:
+    session.close()
 
 
 def _answer(query: zenoh.Query) -> None:
@@ -158,7 +151,7 @@ def _join() -> tuple[zenoh.Session | None, zenoh.Session]:
     end = time.monotonic() + ROUTER_PATIENCE
     while not session.info.routers_zid():
         if time.monotonic() > end:
-            session.close()
+            _close(session)
             raise MiddlewareError(
                 f'{endpoint} is in use by something that is not a Zenoh router: stop it, or set'
                 ' MECHANISM_SIM_ROUTER to another port, such as tcp/127.0.0.1:7448'

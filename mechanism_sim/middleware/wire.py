@@ -98,7 +98,7 @@ def parse_token(key: str) -> Token | None:
 
 def gid(key: str) -> bytes:
     """16 bytes that name an endpoint: XXH3-128 of its token, least significant byte first."""
-    return xxhash.xxh3_128_intdigest(key).to_bytes(16, 'little')
+    return xxhash.xxh3_128_intdigest(key.encode()).to_bytes(16, 'little')
 
 
 def pack_attachment(sequence: int, time: int, endpoint: bytes) -> bytes:

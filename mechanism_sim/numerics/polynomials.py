@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,15 +66,15 @@ class PiecewisePolynomial:
         -------
         (N, n) array
         """
-        d = self.coefficients.shape[2] - 1
-        out = np.zeros((len(dt), self.coefficients.shape[1]))
+        n, d = self.coefficients.shape[1], self.coefficients.shape[2] - 1
+        chosen = np.ascontiguousarray(self.coefficients[segment].transpose(2, 1, 0))
+        out = np.zeros((n, len(dt)))
         for j in range(d, derivative - 1, -1):
-            factor = float(np.prod(np.arange(j - derivative + 1, j + 1)))
-            out *= dt[:, None]
-            out += factor * self.coefficients[segment, :, j]
-        if derivative == 0:
-            out += TWO_PI * self.turns[segment]
-        return out
+            out *= dt
+            out += math.perm(j, derivative) * chosen[j]
+        if derivative == 0 and self.turns.any():
+            out += TWO_PI * self.turns[segment].T
+        return out.T
 
     def __call__(self, t: Array, derivative: int = 0) -> Array:
         """Value of a derivative at times `t` (N,) [s]: (N, n)."""
@@ -86,6 +87,12 @@ def chebyshev_nodes(count: int) -> Array:
     """Chebyshev points of the first kind on [0, 1], ascending: (count,)."""
     k = np.arange(count)
     return 0.5 * (1.0 - np.cos(np.pi * (k + 0.5) / count))
+
+
+def gauss_nodes(count: int) -> tuple[Array, Array]:
+    """Gauss-Legendre nodes and weights on [0, 1], each (count,)."""
+    x, w = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (x + 1.0), 0.5 * w
 
 
 def fit_powers(nodes: Array, values: Array, width: float) -> Array:

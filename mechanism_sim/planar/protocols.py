@@ -8,8 +8,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
+
+Array = NDArray[np.float64]
 
 
 class Relation(Protocol):
@@ -42,3 +47,6 @@ class Gap(Protocol):
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Unit vector along which the first-named link presses on the second, when closed."""
+
+    def distance(self, value: Array) -> Array:
+        """The distance in metres that belongs to values of `value`."""

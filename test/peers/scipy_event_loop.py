@@ -237,17 +237,17 @@ def simulate(e, revolutions=1.0, rtol=1e-10, start='centred', cut=1e-6, times=()
                 dense = solver.dense_output()
                 grid = a + NODES * (b - a)
                 event = first_fall(guard, dense, a, b, guard(grid, dense(grid)))
-            else:
-                if low < 0.4 * high or low < 0:
-                    dense = solver.dense_output()
-                    values = [guard(x, dense(x)) for x in a + NODES * (b - a)]
-                    event = first_fall(guard, dense, a, b, values)
+            elif low < 0.4 * high or low < 0:
+                dense = solver.dense_output()
+                values = [guard(x, dense(x)) for x in a + NODES * (b - a)]
+                event = first_fall(guard, dense, a, b, values)
             if event is not None:
                 event, landed = land(fun, guard, dense, event)
             t = b if event is None else event
             while times and times[0] <= t:
                 dense = dense or solver.dense_output()
-                rows.append(exact(fun, dense, times.pop(0))[0] if times[0] > a else dense.y_old)
+                asked = times.pop(0)
+                rows.append(exact(fun, dense, asked)[0] if asked > a else dense.y_old)
             if touching and event is None:
                 y = solver.y = np.array(project(t, *solver.y.tolist()))
                 solver.f = solver.fun(t, y)

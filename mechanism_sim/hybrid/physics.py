@@ -1,0 +1,79 @@
+"""What can be said of a machine once its motion is known."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.planar.inverse_dynamics import Observation
+
+
+class Physics(Protocol):
+    """A machine of any level, seen through its motion."""
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all joints."""
+
+    @property
+    def clearances(self) -> tuple[str, ...]:
+        """Names of the joints with clearance."""
+
+    @property
+    def has_forces(self) -> bool:
+        """Whether forces and energies are known, or only motion."""
+
+    def observe(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Observation:
+        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
+
+    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+        """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
+
+    def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:
+        """Largest distance [m] then that should be zero: in closed gaps, or where loops close."""
+
+
+class LoosePhysics:
+    """A system with gaps: accelerations and forces follow from state and mode of contact."""
+
+    has_forces = True
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.coordinates = system.coordinates
+        self.joints = tuple(joint.name for joint in system.mechanism.joints)
+        self.clearances = tuple(gap.name for gap in system.gaps)
+
+    def observe(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Observation:
+        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
+        curve = motion.curve
+        return self.system.observe(
+            curve.at(segments, dt).T,
+            curve.at(segments, dt, 1).T,
+            curve.at(segments, dt, 2).T[self.system.prescribed_index],
+            motion.closed[segments].T.astype(float),
+        )
+
+    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+        """The gaps (m, N) [m] then, infinite where closed."""
+        gaps = self._gaps(motion, segments, dt)
+        return np.where(motion.closed[segments].T, np.inf, gaps)
+
+    def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:
+        """Largest distance of a closed gap from zero [m]."""
+        closed = self._gaps(motion, segments, dt)[motion.closed[segments].T]
+        return float(np.abs(closed).max(initial=0.0))
+
+    def _gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+        values = self.system.gap_values(motion.curve.at(segments, dt).T)
+        return np.array(
+            [gap.distance(row) for gap, row in zip(self.system.gaps, values, strict=True)]
+        )

@@ -1,0 +1,95 @@
+"""Everything about a machine at any instant of its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.system import Array
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import gauss_nodes
+from mechanism_sim.planar.inverse_dynamics import Observation
+
+_NODES, _WEIGHTS = gauss_nodes(12)
+
+
+class Books(NamedTuple):
+    """Work and losses of a motion of m segments [J]."""
+
+    work: Array  #: (m,) of the drives in each segment, without impulses
+    impacts: Sequence[Impact]  #: those within the motion
+    drive_work: float = 0.0  #: before the motion
+    dissipated: float = 0.0  #: before the motion
+
+
+class Samples(NamedTuple):
+    """A machine at N instants."""
+
+    t: Array  #: (N,) [s]
+    closed: NDArray[np.bool_]  #: (m, N)
+    observed: Observation
+    drive_work: Array  #: (N,) [J] since the start of the run
+    dissipated: Array  #: (N,) [J] since the start of the run
+
+
+def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
+    """The machine at times `t` (N,) [s]; at an event, what holds after it.
+
+    Raises
+    ------
+    ValueError
+        For a time outside of the motion.
+    """
+    curve = motion.curve
+    k = curve.locate(t)
+    dt = (t - curve.start[k]) - curve.start_low[k]
+    observed = physics.observe(motion, k, dt)
+    work, lost = np.full(len(t), books.drive_work), np.full(len(t), books.dissipated)
+    if physics.has_forces:
+        work += np.concatenate([[0.0], np.cumsum(books.work)])[k]
+        work += _work_since_start(physics, motion, k, dt)
+        at = [impact.t for impact in books.impacts]
+        passed = np.searchsorted(at, t, side='right')
+        work += np.cumsum([0.0, *(i.drive_work for i in books.impacts)])[passed]
+        lost += np.cumsum([0.0, *(i.energy_loss for i in books.impacts)])[passed]
+    return Samples(t, motion.closed[k].T, observed, work, lost)
+
+
+def _work_since_start(
+    physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array
+) -> Array:
+    """Work of the drives from the start of segment k to `dt` later (N,) [J], by quadrature."""
+    inner = (dt[:, None] * _NODES).ravel()
+    power = physics.observe(motion, np.repeat(k, len(_NODES)), inner).drive_power
+    return np.asarray(dt * (power.reshape(-1, len(_NODES)) @ _WEIGHTS))
+
+
+def table(physics: Physics, s: Samples) -> dict[str, Array]:
+    """Samples as columns (N,) by name; the names are those of `Solution.sample`."""
+    o = s.observed
+    columns: dict[str, Array] = {'t': s.t}
+    for name, rows in (
+        ('position', o.position),
+        ('velocity', o.velocity),
+        ('acceleration', o.acceleration),
+    ):
+        columns |= {f'{name}.{c}': row for c, row in zip(physics.coordinates, rows, strict=True)}
+    for i, joint in enumerate(physics.clearances):
+        columns[f'gap.{joint}'] = o.gap[i]
+        columns[f'normal_force.{joint}'] = o.normal_force[i]
+        columns[f'closed.{joint}'] = s.closed[i].astype(float)
+    if physics.has_forces:
+        for i, joint in enumerate(physics.joints):
+            columns[f'reaction.{joint}.x'] = o.reaction[i, 0]
+            columns[f'reaction.{joint}.y'] = o.reaction[i, 1]
+        columns['drive_torque'] = o.drive_torque.sum(axis=0)
+        columns['energy.kinetic'] = o.kinetic_energy
+        columns['energy.potential'] = o.potential_energy
+        columns['energy.drive_work'] = s.drive_work
+        columns['energy.dissipated'] = s.dissipated
+    return columns

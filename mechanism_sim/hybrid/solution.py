@@ -1,0 +1,79 @@
+"""What a run leaves behind: motion as polynomials, events, and the books."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechanism_sim.hybrid.audit import Energy
+from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.sampling import Books, Samples, sample, table
+from mechanism_sim.hybrid.system import Array
+from mechanism_sim.hybrid.tape import Motion
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What a run cost."""
+
+    wall_time: float  #: [s]
+    cpu_time: float  #: [s] of this process, without compilation
+    compile_time: float  #: [s]
+    steps: int
+    switches: int  #: events: impacts and losses of contact
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A finished run.
+
+    Attributes
+    ----------
+    scene, level : names
+    motion : polynomials of all coordinates and the state of the gaps
+    impacts, modes : events in the order of time
+    energy : the books; ``None`` where masses are not part of the scene
+    max_penetration, max_closure_error : [m]
+    """
+
+    scene: str
+    level: str
+    physics: Physics
+    motion: Motion
+    books: Books
+    impacts: list[Impact]
+    modes: list[ModeChange]
+    stats: Stats
+    energy: Energy | None
+    max_penetration: float
+    max_closure_error: float
+    stop_reason: StopReason
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return self.motion.curve.end
+
+    def samples(self, t: Array | float) -> Samples:
+        """Everything at times `t` (N,) [s] in one structure."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        return sample(self.physics, self.motion, self.books, times)
+
+    def sample(self, t: Array | float) -> Mapping[str, Array]:
+        """Everything at times `t` [s], as arrays (N,) by name.
+
+        ``position.LINK`` [rad], ``velocity.LINK``, ``acceleration.LINK``; with clearance
+        ``gap.JOINT`` [m], ``normal_force.JOINT`` [N], ``closed.JOINT`` (0 or 1); and where the
+        scene has forces ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named
+        link), ``drive_torque`` [N m], ``energy.kinetic``, ``energy.potential``,
+        ``energy.drive_work``, ``energy.dissipated`` [J].
+
+        Raises
+        ------
+        ValueError
+            For a time outside of the solution.
+        """
+        return table(self.physics, self.samples(t))

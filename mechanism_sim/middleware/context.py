@@ -1,0 +1,97 @@
+"""``init``, ``shutdown`` and ``ok``: the one context of a process."""
+
+import atexit
+import signal
+from threading import current_thread, main_thread
+from types import FrameType
+from typing import Protocol
+from weakref import WeakSet
+
+from mechanism_sim.middleware.errors import MiddlewareError
+from mechanism_sim.middleware.session import FLUSH_PATIENCE, Context
+
+
+class Sleeper(Protocol):
+    """What has to look around when ``ok`` changes."""
+
+    def wake(self) -> None:
+        """Look around; may be called from a signal handler."""
+
+
+_context: Context | None = None
+_signalled = False
+_sleepers: WeakSet[Sleeper] = WeakSet()
+
+
+def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:  # noqa: ARG001
+    """Join the network. From here on SIGTERM makes ``spin`` raise ExternalShutdownException.
+
+    Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
+    """
+    global _context, _signalled  # noqa: PLW0603
+    if _context is not None:
+        raise MiddlewareError('init() was called twice without shutdown() between')
+    _context = Context(domain_id)
+    _signalled = False
+    in_main = current_thread() is main_thread()
+    if in_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _end)
+
+
+def shutdown(timeout_sec: float = FLUSH_PATIENCE) -> None:
+    """Leave the network, once others have what was published here; see ``Context.close``.
+
+    Raises MiddlewareError if they have not after ``timeout_sec`` [s].
+    """
+    global _context
+    ending, _context = _context, None
+    if ending is None:
+        raise MiddlewareError('shutdown() was called without init()')
+    _wake()
+    if not ending.close(timeout_sec):
+        raise MiddlewareError(
+            f'After {timeout_sec} s other processes had not taken in what was published here:'
+            ' part of it is lost'
+        )
+
+
+def try_shutdown() -> None:
+    """``shutdown`` if there is something to shut down."""
+    if _context is not None:
+        shutdown()
+
+
+def ok() -> bool:
+    """Whether the process is on the network and nobody asked it to end."""
+    return _context is not None and not _signalled
+
+
+def signalled() -> bool:
+    """Whether a signal asked the process to end."""
+    return _signalled
+
+
+def default_context() -> Context:
+    """The context of this process."""
+    if _context is None:
+        raise MiddlewareError('init() comes first')
+    return _context
+
+
+def add_sleeper(sleeper: Sleeper) -> None:
+    """Have it woken when ``ok`` changes, as long as it lives."""
+    _sleepers.add(sleeper)
+
+
+def _wake() -> None:
+    for sleeper in list(_sleepers):
+        sleeper.wake()
+
+
+def _end(_number: int, _frame: FrameType | None) -> None:
+    global _signalled  # noqa: PLW0603
+    _signalled = True
+    _wake()
+
+
+atexit.register(try_shutdown)

@@ -1,0 +1,81 @@
+"""Loggers of nodes: one line each on standard error, as ROS writes it, and on ``/rosout``."""
+
+import sys
+import time
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any
+
+from mechanism_sim.messages import message_class
+from mechanism_sim.middleware.clock import Time
+
+
+class LoggingSeverity(IntEnum):
+    """How bad it is."""
+
+    DEBUG = 10
+    INFO = 20
+    WARN = 30
+    ERROR = 40
+    FATAL = 50
+
+
+class Logger:
+    """Says what a node has to say; ``publish`` takes the message for ``/rosout``."""
+
+    def __init__(self, name: str, publish: Callable[[Any], Any] | None = None) -> None:
+        self.name = name
+        self._publish = publish
+        self._level = LoggingSeverity.INFO
+        self._said: dict[str, float] = {}
+
+    def set_level(self, level: LoggingSeverity) -> None:
+        """Say nothing below this level."""
+        self._level = LoggingSeverity(level)
+
+    def debug(self, message: str, **how: Any) -> bool:
+        """For those who look for an error."""
+        return self._say(LoggingSeverity.DEBUG, message, **how)
+
+    def info(self, message: str, **how: Any) -> bool:
+        """What happens."""
+        return self._say(LoggingSeverity.INFO, message, **how)
+
+    def warning(self, message: str, **how: Any) -> bool:
+        """What is not as it should be."""
+        return self._say(LoggingSeverity.WARN, message, **how)
+
+    warn = warning
+
+    def error(self, message: str, **how: Any) -> bool:
+        """What failed."""
+        return self._say(LoggingSeverity.ERROR, message, **how)
+
+    def fatal(self, message: str, **how: Any) -> bool:
+        """What ends the node."""
+        return self._say(LoggingSeverity.FATAL, message, **how)
+
+    def _say(
+        self,
+        level: LoggingSeverity,
+        message: str,
+        *,
+        once: bool = False,
+        throttle_duration_sec: float = 0.0,
+    ) -> bool:
+        if level < self._level:
+            return False
+        now = time.time_ns()
+        last = self._said.get(message)
+        if last is not None and (once or now - last < throttle_duration_sec * 1e9):
+            return False
+        if once or throttle_duration_sec:
+            self._said[message] = now
+        seconds, nanoseconds = divmod(now, 1_000_000_000)
+        line = f'[{level.name}] [{seconds}.{nanoseconds:09d}] [{self.name}]: {message}'
+        print(line, file=sys.stderr, flush=True)
+        if self._publish is not None:
+            log = message_class('rcl_interfaces/msg/Log')
+            stamp = Time(nanoseconds=now).to_msg()
+            self._publish(log(stamp=stamp, level=int(level), name=self.name, msg=message))
+        return True

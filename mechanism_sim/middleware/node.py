@@ -1,0 +1,246 @@
+"""Nodes: the surface of rclpy's ``Node`` that the nodes of this package use."""
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from mechanism_sim.messages import message_class
+from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.clock import Clock, Time
+from mechanism_sim.middleware.context import default_context
+from mechanism_sim.middleware.inbox import Ready
+from mechanism_sim.middleware.logger import Logger
+from mechanism_sim.middleware.node_graph import NodeGraph
+from mechanism_sim.middleware.parameter_services import serve_parameters
+from mechanism_sim.middleware.parameters import Parameter, Parameters
+from mechanism_sim.middleware.publisher import Publisher
+from mechanism_sim.middleware.qos import (
+    QoSProfile,
+    as_profile,
+    qos_profile_clock,
+    qos_profile_rosout,
+    qos_profile_services_default,
+)
+from mechanism_sim.middleware.services import Client, Service
+from mechanism_sim.middleware.subscription import Subscription
+from mechanism_sim.middleware.timer import Timer
+
+if TYPE_CHECKING:
+    from mechanism_sim.middleware.executor import SingleThreadedExecutor
+
+
+E = TypeVar('E', Subscription, Service, Client)
+
+
+class Node(NodeGraph):
+    """A node: publishers, subscriptions, timers, services and parameters under one name.
+
+    Raises InvalidNameError for a name that is none, MiddlewareError without ``init``.
+    """
+
+    def __init__(
+        self,
+        node_name: str,
+        *,
+        namespace: str = '',
+        parameter_overrides: Iterable[Parameter] | None = None,
+        start_parameter_services: bool = True,
+        enable_rosout: bool = True,
+    ) -> None:
+        super().__init__(default_context(), node_name, namespace)
+        self.executor: SingleThreadedExecutor | None = None
+        self.timers: list[Timer] = []
+        self._id = self.context.next_id()
+        self._entities: list[Publisher | Subscription | Service | Client] = []
+        self._ready: Ready | None = None
+        self._clock = Clock()
+        self._clock_subscription: Subscription | None = None
+        self._token = self.context.announce(self._describe(wire.NODE, self._id))
+        rosout = None
+        if enable_rosout:
+            log = message_class('rcl_interfaces/msg/Log')
+            rosout = self.create_publisher(log, '/rosout', qos_profile_rosout).publish
+        self._logger = Logger(
+            self.get_fully_qualified_name().lstrip('/').replace('/', '.'), rosout
+        )
+        self._parameters = Parameters(self.get_fully_qualified_name(), parameter_overrides or ())
+        self._parameters.add_post_set_callback(self._follow_sim_time)
+        if start_parameter_services:
+            serve_parameters(self, self._parameters)
+        self.declare_parameter('use_sim_time', False)
+
+    # Endpoints
+
+    def create_publisher(
+        self, msg_type: type[Any], topic: str, qos_profile: QoSProfile | int
+    ) -> Publisher:
+        """Publisher on a topic."""
+        publisher = Publisher(self, msg_type, self.resolve(topic), as_profile(qos_profile))
+        self._entities.append(publisher)
+        return publisher
+
+    def create_subscription(
+        self,
+        msg_type: type[Any],
+        topic: str,
+        callback: Callable[..., Any],
+        qos_profile: QoSProfile | int,
+        *,
+        raw: bool = False,
+    ) -> Subscription:
+        """Subscription to a topic; see Subscription for what the callback gets."""
+        profile = as_profile(qos_profile)
+        return self._add(Subscription(self, msg_type, self.resolve(topic), callback, profile, raw))
+
+    def create_service(
+        self,
+        srv_type: type[Any],
+        srv_name: str,
+        callback: Callable[[Any, Any], Any],
+        *,
+        qos_profile: QoSProfile = qos_profile_services_default,
+    ) -> Service:
+        """Service; the callback gets request and response, and gives back the response."""
+        return self._add(Service(self, srv_type, self.resolve(srv_name), callback, qos_profile))
+
+    def create_client(
+        self,
+        srv_type: type[Any],
+        srv_name: str,
+        *,
+        qos_profile: QoSProfile = qos_profile_services_default,
+    ) -> Client:
+        """Client of a service."""
+        return self._add(Client(self, srv_type, self.resolve(srv_name), qos_profile))
+
+    def create_timer(
+        self, timer_period_sec: float, callback: Callable[[], Any], *, autostart: bool = True
+    ) -> Timer:
+        """Timer on the clock of the node."""
+        timer = Timer(timer_period_sec, callback, self._clock)
+        if not autostart:
+            timer.cancel()
+        self.timers.append(timer)
+        if self.executor is not None:
+            self.executor.wake()
+        return timer
+
+    def destroy_publisher(self, publisher: Publisher) -> bool:
+        """Take a publisher off the network; False if it is not of this node."""
+        return self._destroy(publisher)
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        """Take a subscription off the network; False if it is not of this node."""
+        return self._destroy(subscription)
+
+    def destroy_service(self, service: Service) -> bool:
+        """Take a service off the network; False if it is not of this node."""
+        return self._destroy(service)
+
+    def destroy_client(self, client: Client) -> bool:
+        """Take a client off the network; False if it is not of this node."""
+        return self._destroy(client)
+
+    def destroy_timer(self, timer: Timer) -> bool:
+        """Stop a timer for good; False if it is not of this node."""
+        if timer not in self.timers:
+            return False
+        timer.cancel()
+        self.timers.remove(timer)
+        return True
+
+    def destroy_node(self) -> None:
+        """Take the node and all that belongs to it off the network."""
+        if self.executor is not None:
+            self.executor.remove_node(self)
+        self.timers.clear()
+        for entity in reversed(self._entities):
+            entity.destroy()
+        self._entities.clear()
+        self.context.retract(self._token)
+
+    # Parameters, clock, log
+
+    def declare_parameter(self, name: str, value: Any = None, descriptor: Any = None) -> Parameter:
+        """Declare a parameter with its default, which ``parameter_overrides`` may replace."""
+        return self._parameters.declare(name, value, descriptor)
+
+    def has_parameter(self, name: str) -> bool:
+        """Whether the parameter is declared."""
+        return self._parameters.has(name)
+
+    def get_parameter(self, name: str) -> Parameter:
+        """A declared parameter."""
+        return self._parameters.get(name)
+
+    def get_parameters(self, wanted: Iterable[str]) -> list[Parameter]:
+        """Declared parameters."""
+        return [self._parameters.get(name) for name in wanted]
+
+    def set_parameters(self, parameters: Iterable[Parameter]) -> list[Any]:
+        """Set parameters one by one; ``rcl_interfaces/msg/SetParametersResult`` for each."""
+        return [self._parameters.set([parameter]) for parameter in parameters]
+
+    def set_parameters_atomically(self, parameters: Iterable[Parameter]) -> Any:
+        """Set all of the parameters or none."""
+        return self._parameters.set(list(parameters))
+
+    def add_on_set_parameters_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
+        """Have a say: the callback gives back a SetParametersResult, with a reason to refuse."""
+        self._parameters.add_on_set_callback(callback)
+
+    def get_clock(self) -> Clock:
+        """Clock of the node, simulated if its parameter ``use_sim_time`` says so."""
+        return self._clock
+
+    def get_logger(self) -> Logger:
+        """Logger of the node."""
+        return self._logger
+
+    # For the rest of this room
+
+    def attach(self, ready: Ready | None) -> None:
+        """Report what arrives to this ready queue."""
+        self._ready = ready
+        for entity in self._entities:
+            if not isinstance(entity, Publisher):
+                entity.inbox.attach(ready)
+
+    def token(self, kind: str, name: str, type_name: str, qos: QoSProfile) -> wire.Token:
+        """Token for a new endpoint of this node."""
+        described = self._describe(kind, self.context.next_id())
+        hashed = self.context.hash_of(type_name)
+        return described._replace(name=name, type=type_name, hash=hashed, qos=qos)
+
+    def _describe(self, kind: str, entity_id: int) -> wire.Token:
+        session = self.context.zid
+        return wire.Token(session, self._id, entity_id, kind, self._namespace, self._name)
+
+    def _add(self, entity: E) -> E:
+        entity.inbox.attach(self._ready)
+        self._entities.append(entity)
+        return entity
+
+    def _destroy(self, entity: Publisher | Subscription | Service | Client) -> bool:
+        if entity not in self._entities:
+            return False
+        self._entities.remove(entity)
+        entity.destroy()
+        return True
+
+    def _follow_sim_time(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name != 'use_sim_time':
+                continue
+            if parameter.value and self._clock_subscription is None:
+                self._clock.simulated = Time()
+                clock = message_class('rosgraph_msgs/msg/Clock')
+                self._clock_subscription = self.create_subscription(
+                    clock, '/clock', self._on_clock, qos_profile_clock
+                )
+            elif not parameter.value and self._clock_subscription is not None:
+                self.destroy_subscription(self._clock_subscription)
+                self._clock_subscription = None
+                self._clock.simulated = None
+
+    def _on_clock(self, message: Any) -> None:
+        self._clock.simulated = Time.from_msg(message.clock)

@@ -1,0 +1,92 @@
+"""What a node is called, and what it sees of the others."""
+
+from typing import NamedTuple
+
+from mechanism_sim.middleware import names, wire
+from mechanism_sim.middleware.qos import QoSProfile
+from mechanism_sim.middleware.session import Context
+
+
+class TopicEndpointInfo(NamedTuple):
+    """A publisher or subscription of any node."""
+
+    node_name: str
+    node_namespace: str
+    topic_type: str
+    topic_type_hash: str
+    endpoint_gid: list[int]
+    qos_profile: QoSProfile
+
+
+class NodeGraph:
+    """Name of a node and its view of the graph."""
+
+    def __init__(self, context: Context, name: str, namespace: str) -> None:
+        self.context = context
+        self._name = names.check_node_name(name)
+        self._namespace = names.resolve_namespace(namespace)
+
+    def get_name(self) -> str:
+        """Name without the namespace."""
+        return self._name
+
+    def get_namespace(self) -> str:
+        """Namespace, '/' for the root."""
+        return self._namespace
+
+    def get_fully_qualified_name(self) -> str:
+        """'/namespace/name'."""
+        return names.full_node_name(self._namespace, self._name)
+
+    def get_node_names(self) -> list[str]:
+        """Names of all nodes, without namespaces."""
+        return [token.node for token in self.context.graph.nodes()]
+
+    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
+        """Names and namespaces of all nodes."""
+        return [(token.node, token.namespace) for token in self.context.graph.nodes()]
+
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        """Topics that somebody publishes or subscribes to."""
+        return self.context.graph.names_and_types((wire.PUBLISHER, wire.SUBSCRIPTION))
+
+    def get_service_names_and_types(self) -> list[tuple[str, list[str]]]:
+        """Services that somebody serves."""
+        return self.context.graph.names_and_types((wire.SERVICE,))
+
+    def count_publishers(self, topic: str) -> int:
+        """Number of publishers on a topic."""
+        return self.context.graph.count(wire.PUBLISHER, self.resolve(topic))
+
+    def count_subscribers(self, topic: str) -> int:
+        """Number of subscriptions to a topic."""
+        return self.context.graph.count(wire.SUBSCRIPTION, self.resolve(topic))
+
+    def get_publishers_info_by_topic(self, topic: str) -> list[TopicEndpointInfo]:
+        """Who publishes on a topic."""
+        return self._infos(wire.PUBLISHER, topic)
+
+    def get_subscriptions_info_by_topic(self, topic: str) -> list[TopicEndpointInfo]:
+        """Who subscribes to a topic."""
+        return self._infos(wire.SUBSCRIPTION, topic)
+
+    def resolve(self, name: str) -> str:
+        """Fully qualified name of a topic or service."""
+        return names.resolve(name, self._namespace, self._name)
+
+    resolve_topic_name = resolve_service_name = resolve
+
+    def _infos(self, kind: str, topic: str) -> list[TopicEndpointInfo]:
+        found = self.context.graph.find(kind, self.resolve(topic))
+        domain = self.context.domain
+        return [
+            TopicEndpointInfo(
+                token.node,
+                token.namespace,
+                token.type,
+                token.hash,
+                list(wire.gid(wire.token_key(domain, token))),
+                token.qos,
+            )
+            for token in found
+        ]

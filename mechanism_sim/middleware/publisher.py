@@ -1,0 +1,82 @@
+"""Publishers."""
+
+import time
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+from zenoh import ext
+
+from mechanism_sim.messages import serialize, type_name
+from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.errors import MiddlewareError
+from mechanism_sim.middleware.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+if TYPE_CHECKING:
+    from mechanism_sim.middleware.node import Node
+
+HEARTBEAT = 0.5  # [s]
+
+
+class Publisher:
+    """Publishes messages of one type on one topic.
+
+    RELIABLE + KEEP_ALL: ``publish`` waits for slow subscribers, nothing is lost. Otherwise
+    samples that a link cannot take at once are dropped.
+    """
+
+    def __init__(self, node: 'Node', kind: type[Any], topic: str, qos: QoSProfile) -> None:
+        context = node.context
+        self.msg_type = kind
+        self.topic_name = topic
+        self.topic = topic
+        self.qos_profile = qos
+        self._context = context
+        self._type = type_name(kind)
+        self._sequence = count(1)
+        token = node.token(wire.PUBLISHER, topic, self._type, qos)
+        self._gid = wire.gid(wire.token_key(context.domain, token))
+        context.gids.add(self._gid)
+        self._publisher = _declare(context.session, context.key(topic, self._type), qos)
+        self._token = context.announce(token)
+
+    def publish(self, message: Any) -> None:
+        """Publish a message, or the bytes of one that is serialised already."""
+        data = message if isinstance(message, bytes) else serialize(message)
+        attachment = wire.pack_attachment(next(self._sequence), time.time_ns(), self._gid)
+        try:
+            with self._context.waits:
+                self._publisher.put(data, attachment=attachment)
+        except zenoh.ZError as error:
+            raise MiddlewareError(f'{self.topic_name}: not published: {error}') from error
+
+    def get_subscription_count(self) -> int:
+        """Number of subscriptions to this topic with this type."""
+        return self._context.graph.count(wire.SUBSCRIPTION, self.topic_name, self._type)
+
+    def destroy(self) -> None:
+        """Take the publisher off the network."""
+        self._context.retract(self._token)
+        self._context.gids.discard(self._gid)
+        self._context.undeclare(self._publisher)
+
+
+def _declare(
+    session: zenoh.Session, key: str, qos: QoSProfile
+) -> zenoh.Publisher | ext.AdvancedPublisher:
+    congestion = zenoh.CongestionControl.BLOCK if qos.blocks else zenoh.CongestionControl.DROP
+    if qos.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+        return session.declare_publisher(key, congestion_control=congestion)
+    beat = None
+    if qos.reliability == ReliabilityPolicy.RELIABLE:
+        beat = ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT)
+    return ext.declare_advanced_publisher(
+        session,
+        key,
+        congestion_control=congestion,
+        cache=ext.CacheConfig(
+            qos.depth, replies_config=ext.RepliesConfig(congestion_control=congestion)
+        ),
+        sample_miss_detection=beat,
+        publisher_detection=True,
+    )

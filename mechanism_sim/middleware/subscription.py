@@ -1,0 +1,139 @@
+"""Subscriptions."""
+
+import time
+from collections.abc import Callable
+from inspect import signature
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+from zenoh import ext
+from zenoh.handlers import Callback
+
+from mechanism_sim.messages import deserialize, type_name
+from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.inbox import LIMIT, Inbox, Overflow
+from mechanism_sim.middleware.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+
+if TYPE_CHECKING:
+    from mechanism_sim.middleware.node import Node
+
+
+class Subscription:
+    """Hands the messages of one topic to a callback, in the order in which they arrive.
+
+    The callback takes the message, or the message and a dictionary about it as in rclpy; with
+    ``raw`` it gets the serialised bytes. What comes twice from one publisher is handed on once.
+    """
+
+    def __init__(
+        self,
+        node: 'Node',
+        kind: type[Any],
+        topic: str,
+        callback: Callable[..., Any],
+        qos: QoSProfile,
+        raw: bool,
+    ) -> None:
+        context = node.context
+        self.msg_type = kind
+        self.topic_name = topic
+        self.topic = topic
+        self.qos_profile = qos
+        self.raw = raw
+        self._context = context
+        self._callback = callback
+        self._with_info = _takes_info(callback)
+        self._latest: dict[bytes, int] = {}
+        self._received = 0
+        self.inbox = Inbox(context, self, *_queue(qos))
+        name = type_name(kind)
+        receive = Callback(self._receive, indirect=False)
+        self._subscriber = _declare(context.session, context.key(topic, name), receive, qos)
+        self._token = context.announce(node.token(wire.SUBSCRIPTION, topic, name, qos))
+
+    def execute(self) -> bool:
+        """Hand one sample to the callback; False if none waits."""
+        item = self.inbox.take()
+        if item is None:
+            return False
+        data, attachment, received = item
+        message = data if self.raw else deserialize(data, self.msg_type)
+        if not self._with_info:
+            self._callback(message)
+            return True
+        self._received += 1
+        info = {
+            'source_timestamp': attachment.time,
+            'received_timestamp': received,
+            'publication_sequence_number': attachment.sequence,
+            'reception_sequence_number': self._received,
+        }
+        self._callback(message, info)
+        return True
+
+    def get_publisher_count(self) -> int:
+        """Number of publishers on this topic with this type."""
+        name = type_name(self.msg_type)
+        return self._context.graph.count(wire.PUBLISHER, self.topic_name, name)
+
+    def destroy(self) -> None:
+        """Take the subscription off the network; what waits in its queue is dropped."""
+        self._context.retract(self._token)
+        self.inbox.close()
+        self._context.undeclare(self._subscriber)
+
+    def _receive(self, sample: zenoh.Sample) -> None:
+        """Take in a sample, in Zenoh's thread; one without the attachment of ROS is not ROS's."""
+        extra = sample.attachment
+        attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
+        if attachment is None or sample.kind != zenoh.SampleKind.PUT:
+            return
+        if attachment.sequence <= self._latest.get(attachment.gid, 0):
+            return
+        self._latest[attachment.gid] = attachment.sequence
+        item = (sample.payload.to_bytes(), attachment, time.time_ns())
+        self.inbox.put(item, local=attachment.gid in self._context.gids)
+
+
+def _takes_info(callback: Callable[..., Any]) -> bool:
+    """Whether a callback wants the message and what is known about it, as rclpy decides it."""
+    parameters = signature(callback)
+    try:
+        parameters.bind(object())
+    except TypeError:
+        parameters.bind(object(), object())
+        return True
+    return False
+
+
+def _queue(qos: QoSProfile) -> tuple[int, Overflow]:
+    if qos.history == HistoryPolicy.KEEP_LAST:
+        return qos.depth, Overflow.DROP_OLDEST
+    # An advanced subscriber calls back under a lock of its own; what waits there could hold up a
+    # publisher of this process.
+    if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+        return LIMIT, Overflow.GROW
+    reliable = qos.reliability == ReliabilityPolicy.RELIABLE
+    return LIMIT, Overflow.WAIT if reliable else Overflow.DROP_OLDEST
+
+
+def _declare(
+    session: zenoh.Session, key: str, receive: 'Callback[zenoh.Sample]', qos: QoSProfile
+) -> zenoh.Subscriber[None] | ext.AdvancedSubscriber[None]:
+    if qos.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+        return session.declare_subscriber(key, receive)
+    recovery = None
+    if qos.reliability == ReliabilityPolicy.RELIABLE:
+        recovery = ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
+    return ext.declare_advanced_subscriber(
+        session,
+        key,
+        receive,
+        history=ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth),
+        recovery=recovery,
+    )

@@ -1,0 +1,63 @@
+"""What this room offers, on Zenoh."""
+
+from mechanism_sim.middleware.clock import Clock, Duration, Time
+from mechanism_sim.middleware.context import init, ok, shutdown, try_shutdown
+from mechanism_sim.middleware.errors import (
+    ExternalShutdownException,
+    InvalidParameterValueException,
+    ParameterAlreadyDeclaredException,
+    ParameterNotDeclaredException,
+)
+from mechanism_sim.middleware.executor import (
+    SingleThreadedExecutor,
+    spin,
+    spin_once,
+    spin_until_future_complete,
+)
+from mechanism_sim.middleware.future import Future
+from mechanism_sim.middleware.logger import LoggingSeverity
+from mechanism_sim.middleware.node import Node
+from mechanism_sim.middleware.parameters import Parameter
+from mechanism_sim.middleware.publisher import Publisher
+from mechanism_sim.middleware.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
+from mechanism_sim.middleware.services import Client, Service
+from mechanism_sim.middleware.subscription import Subscription
+from mechanism_sim.middleware.timer import Timer
+
+__all__ = [
+    'Client',
+    'Clock',
+    'DurabilityPolicy',
+    'Duration',
+    'ExternalShutdownException',
+    'Future',
+    'HistoryPolicy',
+    'InvalidParameterValueException',
+    'LoggingSeverity',
+    'Node',
+    'Parameter',
+    'ParameterAlreadyDeclaredException',
+    'ParameterNotDeclaredException',
+    'Publisher',
+    'QoSProfile',
+    'ReliabilityPolicy',
+    'Service',
+    'SingleThreadedExecutor',
+    'Subscription',
+    'Time',
+    'Timer',
+    'init',
+    'ok',
+    'qos_profile_sensor_data',
+    'shutdown',
+    'spin',
+    'spin_once',
+    'spin_until_future_complete',
+    'try_shutdown',
+]

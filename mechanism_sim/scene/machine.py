@@ -1,0 +1,307 @@
+"""A scene turned into a machine that can run: the level it needs, its equations, its start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.event_loop import EventLoop, State
+from mechanism_sim.hybrid.events import Impact, ModeChange
+from mechanism_sim.hybrid.physics import LoosePhysics, Physics
+from mechanism_sim.hybrid.system import System
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.linkages.bearing import BearingClearance, Closure
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
+from mechanism_sim.scene.schema import FourBarScene, Link
+
+CLOSING_JOINT = 'coupler_rocker'
+"""The joint where the loop of the four-bar is cut."""
+
+
+class Level(Enum):
+    """How much mechanics a scene needs; the value is what people read."""
+
+    KINEMATIC = 'kinematic'
+    INVERSE_DYNAMICS = 'inverse dynamics'
+    NONSMOOTH = 'nonsmooth dynamics'
+
+
+class Run(Protocol):
+    """A machine in motion: the event loop, or closed-form pieces."""
+
+    steps: int
+    events: int
+
+    @property
+    def time(self) -> float:
+        """Time [s] up to which the motion is known."""
+
+    def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
+        """Go on to `until` [s]."""
+
+    def change_law(self, law: DriveLaw) -> None:
+        """Announce another law of the drive."""
+
+    def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
+        """Motion and events since the last call."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """The four-bar of a scene.
+
+    Attributes
+    ----------
+    name : of the scene
+    scene : its content, in SI units
+    """
+
+    name: str
+    scene: FourBarScene
+
+    @property
+    def level(self) -> Level:
+        """The cheapest level that is exact for the scene."""
+        if self.scene.joints.coupler_rocker.clearance:
+            return Level.NONSMOOTH
+        known = all(link.mass for link in self.links.values())
+        wanted = self.scene.outputs.forces and known
+        return Level.INVERSE_DYNAMICS if wanted else Level.KINEMATIC
+
+    @property
+    def links(self) -> dict[str, Link]:
+        """The moving links."""
+        links = self.scene.links
+        return {'crank': links.crank, 'coupler': links.coupler, 'rocker': links.rocker}
+
+    @cached_property
+    def linkage(self) -> FourBar:
+        """Lengths and branch."""
+        links = self.scene.links
+        return FourBar(
+            links.ground.length,
+            links.crank.length,
+            links.coupler.length,
+            links.rocker.length,
+            self.scene.branch,
+        )
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """Bodies and joints; links without mass properties count as massless."""
+        links = self.scene.links
+        bodies = [
+            Body(name, link.mass or 0.0, link.inertia or 0.0, (link.cog or 0.0, 0.0))
+            for name, link in self.links.items()
+        ]
+        origin = (0.0, 0.0)
+        return Mechanism(
+            tuple(bodies),
+            (
+                Revolute('ground_crank', GROUND, 'crank', origin, origin),
+                Revolute(
+                    'crank_coupler', 'crank', 'coupler', (links.crank.length, 0.0), origin
+                ),
+                Revolute(
+                    CLOSING_JOINT,
+                    'coupler',
+                    'rocker',
+                    (links.coupler.length, 0.0),
+                    (links.rocker.length, 0.0),
+                ),
+                Revolute('rocker_ground', 'rocker', GROUND, origin, (links.ground.length, 0.0)),
+            ),
+            (CLOSING_JOINT,),
+            self.scene.gravity,
+        )
+
+    @cached_property
+    def law(self) -> DriveLaw:
+        """The law of the crank."""
+        start = self.scene.initial.position.crank
+        angle = self.scene.drive.start_angle if start is None else start
+        return DriveLaw('crank', (angle, self.scene.drive.speed))
+
+    @cached_property
+    def inverse_dynamics(self) -> InverseDynamics:
+        """Forces of the ideal mechanism."""
+        closure = Closure(CLOSING_JOINT, self.mechanism)
+        return InverseDynamics(self.mechanism, [closure], ['crank'])
+
+    @cached_property
+    def system(self) -> System:
+        """The compiled equations of the loose mechanism."""
+        clearance = self.scene.joints.coupler_rocker.clearance
+        assert clearance is not None
+        gap = BearingClearance(
+            CLOSING_JOINT, self.mechanism, clearance.radial, clearance.restitution
+        )
+        return System(self.mechanism, [gap], ['crank'], self.law.degree)
+
+    @cached_property
+    def physics(self) -> Physics:
+        """What follows from a motion of this machine."""
+        if self.level is Level.NONSMOOTH:
+            return LoosePhysics(self.system)
+        forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
+        return NominalPhysics(self.linkage, self.mechanism, forces)
+
+    @property
+    def period(self) -> float:
+        """Duration of a crank revolution [s]; infinite for a crank at rest."""
+        speed = abs(self.scene.drive.speed)
+        return 2.0 * np.pi / speed if speed else np.inf
+
+    @property
+    def allowed_penetration(self) -> float:
+        """Violation of a gap [m] that tolerance or rounding explain; beyond it a run fails."""
+        solver = self.scene.solver
+        return max(1e3 * solver.rtol * self.mechanism.size, solver.atol, 1e-12)
+
+    def start(self) -> Run:
+        """A new run of the machine."""
+        if self.level is not Level.NONSMOOTH:
+            return NominalRun(self.linkage, self.law)
+        return EventLoop(
+            self.system,
+            [self.law],
+            self.initial_state(),
+            self.scene.solver.rtol,
+            self.scene.solver.atol,
+            min(self.period / 8.0, 0.1),
+        )
+
+    def initial_state(self) -> State:
+        """Where a loose four-bar starts.
+
+        ``centred``: the nominal mechanism, pin at the centre, in flight. ``seated``: the pin rests
+        on the bushing in the direction of the nominal force of the coupler on the rocker; nominal
+        rates. Coordinates given in `initial` replace those.
+
+        Raises
+        ------
+        InputError
+            If given coordinates put the pin outside of its bushing.
+        """
+        clearance = self.scene.joints.coupler_rocker.clearance
+        assert clearance is not None
+        _, (angle, speed, *_) = self.law.about(Fraction(0))
+        crank = (np.array([angle]), np.array([speed]), np.zeros(1))
+        q, v, a = self.linkage.motion(*crank)
+        seated = self.scene.start == 'seated'
+        if seated:
+            force = self.inverse_dynamics(q, v, a).reaction[2, :, 0]
+            n = force / np.hypot(*force)
+            q[1:, 0] = self._displaced(angle, q[1:, 0], clearance.radial * n)
+        given = self.scene.initial
+        for i, name in enumerate(('coupler', 'rocker')):
+            position, rate = getattr(given.position, name), getattr(given.velocity, name)
+            if position is not None:
+                q[i + 1, 0] = position
+                seated = False
+            if rate is not None:
+                v[i + 1, 0] = rate
+                seated = False
+        self._check_inside(q, clearance.radial)
+        turns = (0, 0)
+        return State(Fraction(0), turns, tuple(q[1:, 0]), tuple(v[1:, 0]), (seated,))
+
+    def _displaced(self, crank: float, near: Sequence[float], Q: Sequence[float]) -> np.ndarray:
+        """Angles of coupler and rocker with the pin displaced by Q [m] from the bushing centre."""
+        l = self.linkage  # noqa: E741 - the lengths
+        angles = np.array(
+            l.close(l.ground - l.crank * np.cos(crank) + Q[0], -l.crank * np.sin(crank) + Q[1])
+        )
+        if np.isnan(angles).any():
+            raise InputError('the mechanism cannot be assembled with its pin seated')
+        return angles + 2.0 * np.pi * np.round((near - angles) / (2.0 * np.pi))
+
+    def _check_inside(self, q: np.ndarray, clearance: float) -> None:
+        value = self.system.gap_values(q)
+        gap = float(self.system.gaps[0].distance(value[0])[0])
+        if gap < -1e-6 * clearance:
+            raise InputError(
+                f'{self.name}: initial.position puts the pin of {CLOSING_JOINT} '
+                f'{clearance - gap:.6g} m from the centre of its bushing; the radial clearance is '
+                f'{clearance:g} m'
+            )
+
+
+def build(name: str, scene: FourBarScene) -> Machine:
+    """The machine of a scene.
+
+    Raises
+    ------
+    InputError
+        If the geometry is impossible, or forces are wanted without masses.
+    """
+    machine = Machine(name, scene)
+    linkage = machine.linkage
+    lengths = {n: getattr(linkage, n) for n in ('ground', 'crank', 'coupler', 'rocker')}
+    said = ', '.join(f'{n} {x:g} m' for n, x in lengths.items())
+    longest = max(lengths, key=lambda n: lengths[n])
+    others = sum(lengths.values()) - lengths[longest]
+    if lengths[longest] >= others:
+        raise InputError(
+            f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is as '
+            f'long as the three other links together ({others:g} m)'
+        )
+    if not linkage.assembles_everywhere():
+        raise InputError(
+            f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
+            'crank in line must leave a triangle with coupler and rocker; shorten the crank'
+        )
+    _check_joints(name, scene, lengths)
+    _check_masses(name, machine)
+    for sensor, placed in scene.sensors.items():
+        if not sensor.isidentifier():
+            raise InputError(f"{name}: the sensor name '{sensor}' must be letters, digits and _")
+        if abs(placed.at) > 10.0 * lengths[placed.link]:
+            raise InputError(
+                f'{name}: sensors.{sensor}.at = {placed.at:g} m lies far off the {placed.link} '
+                f'({lengths[placed.link]:g} m long)'
+            )
+    return machine
+
+
+def _check_joints(name: str, scene: FourBarScene, lengths: dict[str, float]) -> None:
+    for joint in type(scene.joints).model_fields:
+        clearance = getattr(scene.joints, joint).clearance
+        if clearance is None:
+            continue
+        if joint != CLOSING_JOINT:
+            raise InputError(
+                f'{name}: joints.{joint}.clearance: only {CLOSING_JOINT} can have clearance yet'
+            )
+        shortest = min(lengths.values())
+        if clearance.radial >= shortest:
+            raise InputError(
+                f'{name}: joints.{joint}.clearance.radial = {clearance.radial:g} m is larger than '
+                f'the shortest link ({shortest:g} m)'
+            )
+
+
+def _check_masses(name: str, machine: Machine) -> None:
+    """Mass properties are given for every moving link, or, without dynamics, for none."""
+    given = [
+        (f'links.{key}.{part}', getattr(link, part))
+        for key, link in machine.links.items()
+        for part in ('mass', 'inertia', 'cog')
+    ]
+    missing = [key for key, value in given if value is None]
+    if missing and (len(missing) < len(given) or machine.level is Level.NONSMOOTH):
+        raise InputError(
+            f"{name}: '{missing[0]}' is missing: forces and clearances need the mass, inertia and "
+            'cog of every moving link'
+        )

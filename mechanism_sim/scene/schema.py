@@ -1,0 +1,172 @@
+"""What a scene file may say: every key, its unit, its bounds and its default.
+
+Values arrive as people write them (``64 mm``) and are kept in SI units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from mechanism_sim.units import to_si
+
+
+def _quantity(unit: str) -> Callable[[Any], float]:
+    return lambda value: to_si(value, unit)
+
+
+def _positive(unit: str) -> Any:
+    return Annotated[float, BeforeValidator(_quantity(unit)), Field(gt=0.0, allow_inf_nan=False)]
+
+
+def _plain(unit: str) -> Any:
+    return Annotated[float, BeforeValidator(_quantity(unit)), Field(allow_inf_nan=False)]
+
+
+def _at_least_zero(unit: str) -> Any:
+    return Annotated[float, BeforeValidator(_quantity(unit)), Field(ge=0.0, allow_inf_nan=False)]
+
+
+Length = _positive('m')
+Position = _plain('m')
+Mass = _positive('kg')
+Inertia = _positive('kg m^2')
+Angle = _plain('rad')
+Speed = _plain('rad/s')
+Acceleration = _plain('m/s^2')
+Rate = _positive('Hz')
+Number = _plain('')
+Tolerance = Annotated[float, BeforeValidator(_quantity('')), Field(gt=0.0, le=1e-2)]
+Fraction = Annotated[float, BeforeValidator(_quantity('')), Field(ge=0.0, le=1.0)]
+
+
+class Part(BaseModel):
+    """Base of all parts of a scene: unknown keys are refused."""
+
+    model_config = ConfigDict(extra='forbid', frozen=True)
+
+
+class Link(Part):
+    """A link between two joints; mass properties only where forces are wanted."""
+
+    length: Length
+    mass: Mass | None = None
+    inertia: Inertia | None = None  #: about the centre of gravity
+    cog: Position | None = None  #: from the proximal joint, along the link
+
+
+class Ground(Part):
+    """The frame: the distance of its two joints."""
+
+    length: Length
+
+
+class FourBarLinks(Part):
+    """The links of a four-bar."""
+
+    ground: Ground
+    crank: Link
+    coupler: Link
+    rocker: Link
+
+
+class Clearance(Part):
+    """A pin loose in its bushing."""
+
+    radial: Length
+    restitution: Fraction
+
+
+class Joint(Part):
+    """What distinguishes a joint from an ideal one."""
+
+    clearance: Clearance | None = None
+
+
+class FourBarJoints(Part):
+    """The joints of a four-bar."""
+
+    ground_crank: Joint = Joint()
+    crank_coupler: Joint = Joint()
+    coupler_rocker: Joint = Joint()
+    rocker_ground: Joint = Joint()
+
+
+class Drive(Part):
+    """What moves the crank."""
+
+    coordinate: Literal['crank'] = 'crank'
+    speed: Speed
+    start_angle: Angle = 0.0
+
+
+class FourBarAngles(Part):
+    """Angles set outright."""
+
+    crank: Angle | None = None
+    coupler: Angle | None = None
+    rocker: Angle | None = None
+
+
+class FourBarSpeeds(Part):
+    """Angular velocities set outright; the crank has that of its drive."""
+
+    coupler: Speed | None = None
+    rocker: Speed | None = None
+
+
+class Initial(Part):
+    """Coordinates that do not start where `start` would put them."""
+
+    position: FourBarAngles = FourBarAngles()
+    velocity: FourBarSpeeds = FourBarSpeeds()
+
+
+class Accelerometer(Part):
+    """An ideal accelerometer on a link."""
+
+    kind: Literal['accelerometer'] = 'accelerometer'
+    link: Literal['crank', 'coupler', 'rocker']
+    at: Position  #: from the proximal joint, along the link
+    axis: Literal['along', 'across'] = 'across'
+    sample_rate: Rate = 10000.0
+
+
+class Outputs(Part):
+    """What is published, and how often in simulated time."""
+
+    forces: bool = True  #: reactions, torques and energies
+    joint_states: Rate = 100.0
+    linkage_state: Rate = 100.0
+    joint_reactions: Rate = 100.0
+    transforms: Rate = 50.0
+
+
+class Solver(Part):
+    """How exact the solution is to be."""
+
+    rtol: Tolerance = 1e-12  #: error of a step relative to the largest state variable
+    atol: _at_least_zero('m') = 0.0  # type: ignore[valid-type]  #: see `ChatterRule`
+
+
+class FourBarScene(Part):
+    """A scene from the four-bar template."""
+
+    title: str
+    description: str = ''
+    mechanism: Literal['four_bar']
+    branch: Literal['open', 'crossed'] = 'open'
+    links: FourBarLinks
+    joints: FourBarJoints = FourBarJoints()
+    gravity: tuple[Acceleration, Acceleration] = (0.0, 0.0)
+    drive: Drive
+    start: Literal['seated', 'centred'] = 'seated'
+    initial: Initial = Initial()
+    sensors: dict[str, Accelerometer] = {}
+    outputs: Outputs = Outputs()
+    solver: Solver = Solver()
+
+
+MECHANISMS: dict[str, type[FourBarScene]] = {'four_bar': FourBarScene}

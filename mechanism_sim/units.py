@@ -1,0 +1,71 @@
+"""Quantities in and out: text with units becomes SI once, at the door."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+from functools import cache
+from typing import Any
+
+_NUMBER = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)\s*')
+
+EXAMPLES = {
+    'm': '64 mm',
+    'kg': '0.61 kg',
+    'kg m^2': '2645 kg mm^2',
+    'rad': '30 deg',
+    'rad/s': '350 rpm',
+    'rad/s^2': '20 rad/s^2',
+    'm/s^2': '9.81 m/s^2',
+    'Hz': '500 Hz',
+    's': '20 ms',
+    '': '0.5',
+}
+
+
+@cache
+def _registry() -> Any:
+    import pint  # noqa: PLC0415 - costs a third of a second, and not every command needs it
+
+    # Decimal keeps 0.254 mm the float nearest to 0.000254 m.
+    return pint.UnitRegistry(non_int_type=Decimal, cache_folder=None)
+
+
+def to_si(value: object, unit: str) -> float:
+    """A quantity in SI units.
+
+    Parameters
+    ----------
+    value : text such as ``'64 mm'``, or a number, which is taken to be in `unit`
+    unit : the SI unit wanted, one of the keys of `EXAMPLES`
+
+    Raises
+    ------
+    ValueError
+        One clause that says what is wrong and what would do.
+    """
+    hint = f"write for example '{EXAMPLES[unit]}'"
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f'is not a quantity: {hint}')
+    if isinstance(value, int | float):
+        return float(value)
+    match = _NUMBER.fullmatch(value)
+    if not match:
+        raise ValueError(f'is not a number with a unit: {hint}')
+    number, given = match.groups()
+    if not given:
+        return float(number)
+    if not unit:
+        raise ValueError(f"has the unit '{given}' where a plain number belongs: {hint}")
+    ureg = _registry()
+    try:
+        quantity = ureg.Quantity(Decimal(number), given)
+    except Exception as error:  # pint raises many kinds: unknown units, syntax, tokens
+        raise ValueError(f"has the unknown unit '{given}': {hint}") from error
+    wanted = ureg.Unit('1/s' if unit == 'Hz' else unit)
+    # A frequency is not an angular velocity, although both are 1/s.
+    angular = any(word in str(quantity.units) for word in ('rad', 'deg', 'rev', 'turn'))
+    mixed = angular if unit == 'Hz' else 'rad' in unit and 'hertz' in str(quantity.units)
+    if not quantity.is_compatible_with(wanted) or mixed:
+        raise ValueError(f"has the unit '{given}', which is not a unit of '{unit}': {hint}")
+    return float(quantity.to(wanted).magnitude)
