@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Impact, StopReason
@@ -20,7 +19,6 @@ from mechanism_sim.numerics.polynomials import gauss_nodes
 
 _NODES, _WEIGHTS = gauss_nodes(12)
 _DENSE = np.linspace(0.0, 1.0, 33)
-_VERY_DENSE = np.linspace(0.0, 1.0, 4097)
 
 
 @dataclass(frozen=True)
@@ -74,14 +72,15 @@ class Audit:
         """
         work = np.zeros(len(motion))
         if len(motion):
-            segments, dt = _grid(motion, np.arange(len(motion)), _NODES)
+            segments = np.arange(len(motion))
+            dt = motion.curve.duration[:, None] * _NODES
             closure = self._physics.closure_error(motion, segments, dt)
             self.max_closure_error = max(self.max_closure_error, closure)
             if self._physics.has_forces:
                 observed = self._physics.observe(motion, segments, dt)
                 power = observed.drive_power.reshape(-1, len(_NODES))
                 work = motion.curve.duration * (power @ _WEIGHTS)
-                force = observed.normal_force[motion.closed[segments].T]
+                force = observed.normal_force[motion.closed_at(segments, dt)]
                 lowest = float(force.min(initial=np.inf))
                 self.min_normal_force = min(self.min_normal_force, lowest)
                 self._balance(motion)
@@ -114,35 +113,29 @@ class Audit:
         self._final = float(total[1])
 
     def _check_open(self, motion: Motion) -> None:
-        """Sample every open gap densely, and very densely where it may have been violated."""
+        """Sample every open gap, and again more densely where a parabola foresees a violation."""
         flying = np.flatnonzero(~motion.closed.all(axis=1))
         if not flying.size:
             return
-        foreseen = _lowest(self._sampled_gaps(motion, flying, _DENSE)).min(axis=0)
-        low = foreseen.min()
-        doubtful = flying[foreseen < 0.0]
+        length = motion.curve.duration[flying, None]
+        gaps = self._physics.open_gaps(motion, flying, length * _DENSE)
+        low = float(gaps.min())
+        foreseen = _vertices(gaps.reshape(len(gaps), len(flying), -1)).min(axis=0)
+        where = foreseen.argmin(axis=1)
+        doubtful = np.flatnonzero(foreseen.min(axis=1) < min(low, 0.0))
         if doubtful.size:
-            low = self._sampled_gaps(motion, doubtful, _VERY_DENSE).min()
-        self.max_penetration = max(self.max_penetration, float(-low))
-
-    def _sampled_gaps(self, motion: Motion, chosen: NDArray[np.intp], nodes: Array) -> Array:
-        gaps = self._physics.open_gaps(motion, *_grid(motion, chosen, nodes))
-        return gaps.reshape(len(gaps), len(chosen), len(nodes))
+            begin, step = _DENSE[where[doubtful], None], _DENSE[2] - _DENSE[0]
+            dt = length[doubtful] * (begin + step * _DENSE)
+            low = min(low, float(self._physics.open_gaps(motion, flying[doubtful], dt).min()))
+        self.max_penetration = max(self.max_penetration, -low)
 
 
-def _grid(
-    motion: Motion, chosen: NDArray[np.intp], nodes: Array
-) -> tuple[NDArray[np.intp], Array]:
-    """Segment indices and times at `nodes` (on [0, 1]) of every chosen segment."""
-    return np.repeat(chosen, len(nodes)), (motion.curve.duration[chosen, None] * nodes).ravel()
-
-
-def _lowest(samples: Array) -> Array:
-    """Minimum over the last axis of equidistant samples, foreseen by parabolas."""
+def _vertices(samples: Array) -> Array:
+    """Lowest values of the parabolas through three neighbouring samples of the last axis."""
     left, middle, right = samples[..., :-2], samples[..., 1:-1], samples[..., 2:]
     with np.errstate(invalid='ignore'):  # a closed gap counts as infinite
         bend = left - 2.0 * middle + right
         slope = 0.5 * (right - left)
         inside = (bend > 0.0) & (np.abs(slope) <= bend)
         vertex = middle - 0.5 * slope**2 / np.where(inside, bend, 1.0)
-    return np.asarray(np.minimum(np.where(inside, vertex, middle).min(-1), samples.min(-1)))
+    return np.where(inside, vertex, middle)

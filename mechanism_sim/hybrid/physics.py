@@ -32,7 +32,10 @@ class Physics(Protocol):
         """Whether forces and energies are known, or only motion."""
 
     def observe(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Observation:
-        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
+        """The machine at times `dt` after the start of `segments`.
+
+        `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) they are K in each.
+        """
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
@@ -59,17 +62,17 @@ class LoosePhysics:
             curve.at(segments, dt).T,
             curve.at(segments, dt, 1).T,
             curve.at(segments, dt, 2).T[self.system.prescribed_index],
-            motion.closed[segments].T.astype(float),
+            motion.closed_at(segments, dt).astype(float),
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         """The gaps (m, N) [m] then, infinite where closed."""
         gaps = self._gaps(motion, segments, dt)
-        return np.where(motion.closed[segments].T, np.inf, gaps)
+        return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
     def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:
         """Largest distance of a closed gap from zero [m]."""
-        closed = self._gaps(motion, segments, dt)[motion.closed[segments].T]
+        closed = self._gaps(motion, segments, dt)[motion.closed_at(segments, dt)]
         return float(np.abs(closed).max(initial=0.0))
 
     def _gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:

@@ -64,8 +64,7 @@ def _work_since_start(
     physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array
 ) -> Array:
     """Work of the drives from the start of segment k to `dt` later (N,) [J], by quadrature."""
-    inner = (dt[:, None] * _NODES).ravel()
-    power = physics.observe(motion, np.repeat(k, len(_NODES)), inner).drive_power
+    power = physics.observe(motion, k, dt[:, None] * _NODES).drive_power
     return np.asarray(dt * (power.reshape(-1, len(_NODES)) @ _WEIGHTS))
 
 

@@ -22,6 +22,11 @@ class Motion:
     def __len__(self) -> int:
         return len(self.curve)
 
+    def closed_at(self, segments: NDArray[np.intp], dt: Array) -> NDArray[np.bool_]:
+        """Flags (gaps, N) at times `dt`, (N,) or (segments, K) with N = segments K."""
+        flags = self.closed[segments]
+        return flags.T if dt.ndim == 1 else np.repeat(flags, dt.shape[1], axis=0).T
+
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
         """One motion from consecutive parts."""

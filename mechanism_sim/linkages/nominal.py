@@ -88,7 +88,7 @@ class NominalRun:
         self._previous = joined[:, -1]
         coefficients = np.zeros((3, len(_NODES)))
         coefficients[0, : len(local)] = local
-        coefficients[1:] = fit_powers(_NODES, joined, h)
+        coefficients[1:] = fit_powers(joined, h)
         self._pieces.append((self.time, h, turns, coefficients))
         self.steps += 1
         self.time = end
@@ -131,12 +131,12 @@ class NominalPhysics:
         q[1:] += TWO_PI * np.round((fitted[1:] - q[1:]) / TWO_PI)
         if self._forces is not None:
             return self._forces(q, v, a)
-        none, zero = np.zeros((0, len(dt))), np.zeros(len(dt))
-        return Observation(q, v, a, none, none, np.zeros((0, 2, len(dt))), none, zero, zero, zero)
+        none, zero = np.zeros((0, dt.size)), np.zeros(dt.size)
+        return Observation(q, v, a, none, none, np.zeros((0, 2, dt.size)), none, zero, zero, zero)
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         """There are none: (0, N)."""
-        return np.zeros((0, len(dt)))
+        return np.zeros((0, dt.size))
 
     def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:
         """How far the interpolated motion leaves the loop open [m]."""

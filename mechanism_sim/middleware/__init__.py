@@ -12,7 +12,37 @@ from mechanism_sim.messages.origin import ros_installed
 from mechanism_sim.middleware.errors import MiddlewareError
 
 if TYPE_CHECKING:
-    from mechanism_sim.middleware.zenoh_backend import *
+    from mechanism_sim.middleware.zenoh_backend import (
+        Client,
+        Clock,
+        DurabilityPolicy,
+        Duration,
+        ExternalShutdownException,
+        Future,
+        HistoryPolicy,
+        InvalidParameterValueException,
+        LoggingSeverity,
+        Node,
+        Parameter,
+        ParameterAlreadyDeclaredException,
+        ParameterNotDeclaredException,
+        Publisher,
+        QoSProfile,
+        ReliabilityPolicy,
+        Service,
+        SingleThreadedExecutor,
+        Subscription,
+        Time,
+        Timer,
+        init,
+        ok,
+        qos_profile_sensor_data,
+        shutdown,
+        spin,
+        spin_once,
+        spin_until_future_complete,
+        try_shutdown,
+    )
 
 __all__ = [
     'Client',

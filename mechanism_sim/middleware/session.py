@@ -112,12 +112,15 @@ class Context:
         for inbox in list(self.inboxes):
             inbox.close()
         try:
-            return self.flush(timeout)
+            flushed = self.flush(timeout)
         finally:
             self.is_open = False
-            _close(self.session)
+            ended = _close(self.session)
             if self.router is not None:
                 _close(self.router)
+        if not ended:
+            raise MiddlewareError('A process that stands still did not let the session end')
+        return flushed
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
@@ -127,8 +130,13 @@ class Context:
             self.graph.remove(key)
 
 
-def _close(session: Any) -> None:
-    session.close()
+def _close(session: Any) -> bool:
+    """Close a session; False if a peer that does not read held it up for 10 s."""
+    try:
+        session.close()
+    except zenoh.ZError:
+        return False
+    return True
 
 
 def _answer(query: zenoh.Query) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,22 +60,25 @@ class PiecewisePolynomial:
         Parameters
         ----------
         segment : (N,) indices
-        dt : (N,) [s]
+        dt : (N,) [s], or (N, K) for K times in each of these segments
         derivative : order, 0 for the value itself
 
         Returns
         -------
-        (N, n) array
+        (N, n), or (N K, n) array
         """
         n, d = self.coefficients.shape[1], self.coefficients.shape[2] - 1
         chosen = np.ascontiguousarray(self.coefficients[segment].transpose(2, 1, 0))
-        out = np.zeros((n, len(dt)))
+        turns = self.turns[segment].T
+        if dt.ndim == 2:
+            chosen, turns = chosen[..., None], turns[..., None]
+        out = np.zeros((n, *dt.shape))
         for j in range(d, derivative - 1, -1):
             out *= dt
             out += math.perm(j, derivative) * chosen[j]
-        if derivative == 0 and self.turns.any():
-            out += TWO_PI * self.turns[segment].T
-        return out.T
+        if derivative == 0 and turns.any():
+            out += TWO_PI * turns
+        return out.reshape(n, -1).T
 
     def __call__(self, t: Array, derivative: int = 0) -> Array:
         """Value of a derivative at times `t` (N,) [s]: (N, n)."""
@@ -95,28 +99,32 @@ def gauss_nodes(count: int) -> tuple[Array, Array]:
     return 0.5 * (x + 1.0), 0.5 * w
 
 
-def fit_powers(nodes: Array, values: Array, width: float) -> Array:
+@lru_cache
+def power_basis(count: int) -> Array:
+    """Matrix (d + 1, d + 1) from values at the Chebyshev nodes of [0, 1] to powers there."""
+    chebyshev = np.polynomial.chebyshev
+    values = chebyshev.chebvander(2.0 * chebyshev_nodes(count) - 1.0, count - 1)
+    powers = np.zeros((count, count))
+    for k in range(count):
+        on_unit = chebyshev.Chebyshev.basis(k, domain=[0.0, 1.0])
+        powers[: k + 1, k] = on_unit.convert(kind=np.polynomial.Polynomial, domain=[-1, 1]).coef
+    return np.asarray(powers @ np.linalg.inv(values))
+
+
+def fit_powers(values: Array, width: float) -> Array:
     """Interpolating polynomials in powers of ``t`` on [0, width].
 
     Parameters
     ----------
-    nodes : (d + 1,) points on [0, 1], best those of `chebyshev_nodes`
-    values : (..., d + 1) values at ``width * nodes``
+    values : (..., d + 1) values at ``width * chebyshev_nodes(d + 1)``
     width : [s]
 
     Returns
     -------
     (..., d + 1) coefficients of rising powers
     """
-    basis = np.polynomial.chebyshev.chebvander(2.0 * nodes - 1.0, len(nodes) - 1)
-    in_chebyshev = np.linalg.solve(basis, np.moveaxis(values, -1, 0).reshape(len(nodes), -1))
-    powers = np.zeros_like(in_chebyshev)
-    shift = np.polynomial.Polynomial([-1.0, 2.0])
-    for k in range(len(nodes)):
-        term = np.polynomial.Chebyshev.basis(k).convert(kind=np.polynomial.Polynomial)(shift)
-        powers[: k + 1] += np.outer(term.coef, in_chebyshev[k])
-    powers /= width ** np.arange(len(nodes))[:, None]
-    return np.moveaxis(powers.reshape((len(nodes), *values.shape[:-1])), 0, -1)
+    count = values.shape[-1]
+    return np.asarray(values @ power_basis(count).T / width ** np.arange(count))
 
 
 def shift_powers(coefficients: Array, by: Array) -> Array:
