@@ -10,43 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.messages.segments import Segments, unpack
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Segments:
-    """The m segments of one Motion message, in shape."""
-
-    coordinates: tuple[str, ...]  #: n names
-    joints: tuple[str, ...]  #: r names
-    start: Array  #: (m,) [s]
-    start_low: Array  #: (m,) [s]
-    duration: Array  #: (m,) [s]
-    turns: NDArray[np.int64]  #: (m, n)
-    coefficients: Array  #: (m, n, d + 1) [rad/s^j]
-    modes: NDArray[np.uint8]  #: (m, r)
-
-
-def unpack(message: Any) -> Segments:
-    """Return the segments of a Motion message. InputError: its arrays do not fit its counts."""
-    m, n, r = int(message.segments), len(message.coordinates), len(message.joints)
-    try:
-        return Segments(
-            coordinates=tuple(message.coordinates),
-            joints=tuple(message.joints),
-            start=np.asarray(message.start, np.float64).reshape(m),
-            start_low=np.asarray(message.start_low, np.float64).reshape(m),
-            duration=np.asarray(message.duration, np.float64).reshape(m),
-            turns=np.asarray(message.turns, np.int64).reshape(m, n),
-            coefficients=np.asarray(message.coefficients, np.float64).reshape(
-                m, n, int(message.degree) + 1
-            ),
-            modes=np.asarray(message.modes, np.uint8).reshape(m, r),
-        )
-    except ValueError as error:
-        raise InputError(f'a Motion message contradicts its own counts: {error}.') from error
 
 
 @dataclass(frozen=True)

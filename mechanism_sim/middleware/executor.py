@@ -5,9 +5,7 @@ in the queues.
 """
 
 import time
-from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Any
 
 from mechanism_sim.middleware import context as contexts
 from mechanism_sim.middleware.errors import ExternalShutdownException
@@ -124,28 +122,28 @@ def get_global_executor() -> SingleThreadedExecutor:
     return _executor
 
 
-def _with(node: Node, run: Callable[[SingleThreadedExecutor], Any]) -> None:
-    executor = node.executor or get_global_executor()
-    added = executor.add_node(node)
-    try:
-        run(executor)
-    finally:
-        if added:
-            executor.remove_node(node)
+def _alone(node: Node) -> SingleThreadedExecutor:
+    """The global executor with this node only; it stays there until another is spun."""
+    executor = get_global_executor()
+    for other in executor.get_nodes():
+        if other is not node:
+            executor.remove_node(other)
+    executor.add_node(node)
+    return executor
 
 
 def spin(node: Node) -> None:
     """Run the callbacks of a node until ``shutdown``."""
-    _with(node, lambda executor: executor.spin())
+    _alone(node).spin()
 
 
 def spin_once(node: Node, *, timeout_sec: float | None = None) -> None:
     """Run one callback of a node."""
-    _with(node, lambda executor: executor.spin_once(timeout_sec))
+    _alone(node).spin_once(timeout_sec)
 
 
 def spin_until_future_complete(
     node: Node, future: Future, timeout_sec: float | None = None
 ) -> None:
     """Run the callbacks of a node until a future is done or ``timeout_sec`` [s] have passed."""
-    _with(node, lambda executor: executor.spin_until_future_complete(future, timeout_sec))
+    _alone(node).spin_until_future_complete(future, timeout_sec)

@@ -93,9 +93,11 @@ class Subscription:
         attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
         if attachment is None or sample.kind != zenoh.SampleKind.PUT:
             return
-        if attachment.sequence <= self._latest.get(attachment.gid, 0):
-            return
-        self._latest[attachment.gid] = attachment.sequence
+        # An advanced subscriber sees to this itself, and may bring in what came before.
+        if self.qos_profile.durability == DurabilityPolicy.VOLATILE:
+            if attachment.sequence <= self._latest.get(attachment.gid, 0):
+                return
+            self._latest[attachment.gid] = attachment.sequence
         item = (sample.payload.to_bytes(), attachment, time.time_ns())
         self.inbox.put(item, local=attachment.gid in self._context.gids)
 

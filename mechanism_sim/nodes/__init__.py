@@ -1,1 +1,1 @@
-""""""
+"""The simulation service: one file per node, thin; nodes know topics, not middleware."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -101,6 +103,17 @@ class Mechanism:
         if offset != (0.0, 0.0):
             result[link] = offset
         return result
+
+    def locate(
+        self, link: str, angles: Mapping[str, float], at: Vector2 = (0.0, 0.0)
+    ) -> Vector2:
+        """World coordinates [m] of a point of a link; the default is its proximal joint."""
+        x = y = 0.0
+        for frame, (dx, dy) in self.point(link, at).items():
+            angle = 0.0 if frame == GROUND else angles[frame]
+            x += math.cos(angle) * dx - math.sin(angle) * dy
+            y += math.sin(angle) * dx + math.cos(angle) * dy
+        return x, y
 
     def separation(self, joint: str) -> Point:
         """Point of the first link minus point of the second link at a cut joint."""

@@ -169,13 +169,14 @@ class Machine:
         solver = self.scene.solver
         return max(1e3 * solver.rtol * self.mechanism.size, solver.atol, 1e-12)
 
-    def start(self) -> Run:
-        """A new run of the machine."""
+    def start(self, law: DriveLaw | None = None) -> Run:
+        """A new run of the machine, under the scene's law or another of the same crank."""
+        law = law or self.law
         if self.level is not Level.NONSMOOTH:
-            return NominalRun(self.linkage, self.law)
+            return NominalRun(self.linkage, law)
         return EventLoop(
             self.system,
-            [self.law],
+            [law],
             self.initial_state(),
             self.scene.solver.rtol,
             self.scene.solver.atol,

@@ -1,1 +1,1 @@
-""""""
+"""Instruments: what a sensor on a machine reads."""

@@ -137,9 +137,10 @@ def first_fall(guard, dense, a, b, values):
     left = a
     for i, (t, value) in enumerate(zip(times, values, strict=True)):
         if value <= 0:
+            tries = 0
             while guard(left, dense(left)) <= 0:  # still at the root it started from
-                left += (t - left) / 16
-                if t - left < 1e-14 * (b - a):
+                left, tries = left + (t - left) / 8, tries + 1
+                if tries == 40:
                     return t
             return brentq(lambda x: guard(x, dense(x)), left, t, xtol=1e-17, rtol=1e-15)
         bottom = 0 < i < len(times) - 1 and values[i - 1] >= value < values[i + 1]
@@ -163,8 +164,11 @@ def exact(fun, dense, t):
 def land(fun, guard, dense, t):
     """Time and state of the event which the dense output puts at t."""
     y, rate = exact(fun, dense, t)
-    before = t - 1e-3 * (t - dense.t_old)
-    slope = (guard(t, dense(t)) - guard(before, dense(before))) / (t - before)
+    if guard is gap:
+        slope = -bearing(t, *y.tolist()).approach
+    else:
+        before = t - 0.01 * (dense.t - dense.t_old)
+        slope = (guard(t, dense(t)) - guard(before, dense(before))) / (t - before)
     shift = -guard(t, y) / slope
     return t + shift, y + shift * rate
 

@@ -495,7 +495,7 @@ def reference(name):
             'order': 64,
             'precision_bits': 256,
             'step_error': '1e-55',
-            'chatter_followed_to_rebound': '1e-30 m/s',
+            'chatter': 'followed to a rebound below 1e-30 m/s; that last impact is plastic',
             'largest_difference_to_run_with_order_48_and_224_bits_and_cut_1e-33': {
                 'states': f'{states:.1e}',
                 'impact_times_above_1e-12_m_per_s': f'{impacts:.1e}',

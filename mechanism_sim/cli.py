@@ -1,0 +1,226 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mechanism_sim.errors import InputError, RunError
+
+if TYPE_CHECKING:
+    from mechanism_sim.hybrid.solution import Solution
+
+NODE_NAMES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run a command; exit code 0 done, 1 failed run, 2 bad input."""
+    parser = _parser()
+    options, rest = parser.parse_known_args(args)
+    if rest and options.command != 'node':
+        options.parser.error(f'unrecognized arguments: {" ".join(rest)}')
+    if options.command is None:
+        parser.print_help()
+        sys.exit(0)
+    options.rest = rest
+    try:
+        sys.exit(options.run(options))
+    except InputError as error:
+        sys.exit(_tell(error, 2))
+    except RunError as error:
+        sys.exit(_tell(error, 1))
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        # Whoever read our output has had enough; Python must not complain while closing it.
+        sys.stdout = None
+        sys.exit(0)
+
+
+def _tell(error: Exception, code: int) -> int:
+    print(f'mechanism-sim: {error}', file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='mechanism-sim',
+        description='Simulator of real (loose, rattling, vibrating) planar machines.',
+        epilog='Try: mechanism-sim run four_bar_clearance --revolutions 10 --record run.mcap',
+    )
+    commands = parser.add_subparsers(dest='command', metavar='COMMAND')
+
+    def command(name: str, run: Any, text: str) -> argparse.ArgumentParser:
+        sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+        sub.set_defaults(run=run, parser=sub)
+        if name != 'node':
+            sub.add_argument('--json', action='store_true', help='JSON to standard output')
+        return sub
+
+    command('scenes', _scenes, 'list the scenes of the package')
+    sub = command('check', _check, 'say what a scene comes down to, without running it')
+    _scene_options(sub)
+    sub = command('solve', _solve, 'run a scene in this process, without middleware')
+    _scene_options(sub)
+    _length_options(sub)
+    sub.add_argument('--sample-rate', type=float, metavar='HZ', help='sample the solution at')
+    sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
+    sub = command('run', _run, 'run a scene as nodes that publish and record')
+    _scene_options(sub)
+    _length_options(sub)
+    sub.add_argument('--record', metavar='FILE', help='MCAP file to write')
+    sub.add_argument('--overwrite', action='store_true', help='replace an existing bag')
+    sub.add_argument('--realtime-factor', type=float, default=0.0, metavar='F', help='0: no limit')
+    sub.add_argument('--processes', action='store_true', help='each node in its own process')
+    sub = command('node', _node, 'run one node by itself')
+    sub.add_argument('name', metavar='NAME', help=', '.join(NODE_NAMES))
+    sub = command('info', _info, 'say what a bag holds')
+    sub.add_argument('bag', metavar='BAG')
+    sub = command('analyze', _analyze, 'say what happened in a recorded run')
+    sub.add_argument('bag', metavar='BAG')
+    sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+    return parser
+
+
+def _scene_options(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument('scene', metavar='SCENE', help='a scene of the package, or a YAML file')
+    sub.add_argument(
+        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
+        help="override a value, for example 'drive.speed=300 rpm'",
+    )  # fmt: skip
+    sub.add_argument('--rtol', metavar='R', help='relative tolerance')
+    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m]')
+
+
+def _length_options(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument('--duration', type=float, metavar='S', help='length in seconds')
+    sub.add_argument('--revolutions', type=float, metavar='N', help='length in crank revolutions')
+
+
+def _overrides(options: argparse.Namespace) -> list[str]:
+    tolerances = [
+        f'solver.{name}={value}'
+        for name, value in (('rtol', options.rtol), ('atol', options.atol))
+        if value is not None
+    ]
+    return [*options.overrides, *tolerances]
+
+
+def _print_json(data: object) -> None:
+    print(json.dumps(data, indent=2, allow_nan=False))
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    from mechanism_sim.scene import load_scene, scene_names  # noqa: PLC0415
+
+    machines = [load_scene(name) for name in scene_names()]
+    rows = [{'name': m.name, 'title': m.scene.title, 'level': m.level.value} for m in machines]
+    if options.json:
+        _print_json(rows)
+    else:
+        width = max(len(row['name']) for row in rows)
+        for row in rows:
+            print(f'{row["name"]:{width}}  {row["title"]} ({row["level"]})')
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.scene.check import check, render  # noqa: PLC0415
+
+    report = check(load_scene(options.scene, _overrides(options)))
+    if options.json:
+        _print_json(report.to_json())
+    else:
+        print(render(report))
+    return 0
+
+
+def _solve(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress, summary, tables  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+
+    if options.output:
+        tables.check_output(options.output, options.sample_rate)
+    machine = load_scene(options.scene, _overrides(options))
+    end = span(machine, options.revolutions, options.duration)
+    with progress.bar('solve', end, quiet=options.json) as show:
+        solution = simulate(machine, duration=end, progress=show)
+    if options.output:
+        tables.write(solution, options.output, options.sample_rate)
+    if options.json:
+        _print_json(summary.to_json(solution))
+    else:
+        print(summary.render(solution))
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from mechanism_sim.nodes.run import Plan, run  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, span  # noqa: PLC0415
+
+    overrides = _overrides(options)
+    machine = load_scene(options.scene, overrides)
+    end = span(machine, options.revolutions, options.duration)
+    if options.realtime_factor < 0.0:
+        raise InputError('--realtime-factor must be 0 (no limit) or positive')
+    if options.record and Path(options.record).exists() and not options.overwrite:
+        raise InputError(
+            f"the bag '{options.record}' exists already; choose another name or give --overwrite"
+        )
+    plan = Plan(
+        machine, options.scene, overrides, end, options.record, options.overwrite,
+        options.realtime_factor,
+    )  # fmt: skip
+    with progress.bar('run', end, quiet=options.json) as show:
+        outcome = run(plan, options.processes, show)
+    if options.json:
+        _print_json(outcome.to_json())
+    elif outcome.code == 0:
+        print(progress.render(outcome))
+    return outcome.code
+
+
+def _node(options: argparse.Namespace) -> int:
+    from importlib import import_module  # noqa: PLC0415
+
+    if options.name not in NODE_NAMES:
+        from mechanism_sim.scene.files import nearest  # noqa: PLC0415
+
+        raise InputError(
+            f"there is no node '{options.name}'{nearest(options.name, NODE_NAMES)}; known are: "
+            f'{", ".join(NODE_NAMES)}'
+        )
+    import_module(f'mechanism_sim.nodes.{options.name}').main(options.rest)
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
+    from mechanism_sim.recording import info, render_info  # noqa: PLC0415
+
+    found = info(options.bag)
+    if options.json:
+        _print_json(found.to_json())
+    else:
+        print(render_info(found))
+    return 0
+
+
+def _analyze(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis import analyze, render  # noqa: PLC0415
+
+    found = analyze(options.bag, namespace=options.namespace)
+    if options.json:
+        _print_json(found.to_json())
+    else:
+        print(render(found))
+    return 0
+
+
+signal.signal(signal.SIGPIPE, signal.SIG_DFL) if hasattr(signal, 'SIGPIPE') else None

@@ -1,0 +1,90 @@
+"""Motion messages and the piecewise polynomials they carry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.messages.classes import (
+    float64_array,
+    int64_array,
+    message_class,
+    uint8_array,
+)
+from mechanism_sim.messages.stamps import stamp
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Segments:
+    """The m segments of one Motion message, in shape."""
+
+    coordinates: tuple[str, ...]  #: n names
+    joints: tuple[str, ...]  #: r names
+    start: Array  #: (m,) [s]
+    start_low: Array  #: (m,) [s]
+    duration: Array  #: (m,) [s]
+    turns: NDArray[np.int64]  #: (m, n)
+    coefficients: Array  #: (m, n, d + 1) [rad/s^j]
+    modes: NDArray[np.uint8]  #: (m, r)
+
+
+def unpack(message: Any) -> Segments:
+    """Return the segments of a Motion message. InputError: its arrays do not fit its counts."""
+    m, n, r = int(message.segments), len(message.coordinates), len(message.joints)
+    try:
+        return Segments(
+            coordinates=tuple(message.coordinates),
+            joints=tuple(message.joints),
+            start=np.asarray(message.start, np.float64).reshape(m),
+            start_low=np.asarray(message.start_low, np.float64).reshape(m),
+            duration=np.asarray(message.duration, np.float64).reshape(m),
+            turns=np.asarray(message.turns, np.int64).reshape(m, n),
+            coefficients=np.asarray(message.coefficients, np.float64).reshape(
+                m, n, int(message.degree) + 1
+            ),
+            modes=np.asarray(message.modes, np.uint8).reshape(m, r),
+        )
+    except ValueError as error:
+        raise InputError(f'a Motion message contradicts its own counts: {error}.') from error
+
+
+def curve_of(segments: Segments) -> PiecewisePolynomial:
+    """The polynomials of a message."""
+    return PiecewisePolynomial(
+        segments.start,
+        segments.start_low,
+        segments.duration,
+        segments.turns,
+        segments.coefficients,
+    )
+
+
+def pack(
+    curve: PiecewisePolynomial,
+    modes: NDArray[np.uint8],
+    coordinates: Sequence[str],
+    joints: Sequence[str],
+) -> Any:
+    """A Motion message of m segments; `modes` (m, r) are those of ModeChange."""
+    message = message_class('mechanism_sim/msg/Motion')(
+        coordinates=list(coordinates),
+        segments=len(curve),
+        degree=curve.coefficients.shape[2] - 1,
+        start=float64_array(curve.start),
+        start_low=float64_array(curve.start_low),
+        duration=float64_array(curve.duration),
+        turns=int64_array(curve.turns.ravel()),
+        coefficients=float64_array(curve.coefficients.ravel()),
+        joints=list(joints),
+        modes=uint8_array(modes.ravel()),
+    )
+    message.header.stamp = stamp(float(curve.start[0]))
+    return message

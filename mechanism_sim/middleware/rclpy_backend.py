@@ -1,0 +1,74 @@
+"""What this room offers, from rclpy: the same names, nothing added.
+
+Not run where this package is developed, which has no ROS. What to know:
+
+- ``shutdown`` does not wait for subscribers in other processes; what ``rmw`` promises, holds.
+- A response of ``call`` needs an executor that spins the node in another thread.
+"""
+
+from rclpy import (
+    init,
+    ok,
+    shutdown,
+    spin,
+    spin_once,
+    spin_until_future_complete,
+    try_shutdown,
+)
+from rclpy.client import Client
+from rclpy.clock import Clock
+from rclpy.duration import Duration
+from rclpy.exceptions import (
+    InvalidParameterValueException,
+    ParameterAlreadyDeclaredException,
+    ParameterNotDeclaredException,
+)
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import LoggingSeverity
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.task import Future
+from rclpy.time import Time
+from rclpy.timer import Timer
+
+__all__ = [
+    'Client',
+    'Clock',
+    'DurabilityPolicy',
+    'Duration',
+    'ExternalShutdownException',
+    'Future',
+    'HistoryPolicy',
+    'InvalidParameterValueException',
+    'LoggingSeverity',
+    'Node',
+    'Parameter',
+    'ParameterAlreadyDeclaredException',
+    'ParameterNotDeclaredException',
+    'Publisher',
+    'QoSProfile',
+    'ReliabilityPolicy',
+    'Service',
+    'SingleThreadedExecutor',
+    'Subscription',
+    'Time',
+    'Timer',
+    'init',
+    'ok',
+    'qos_profile_sensor_data',
+    'shutdown',
+    'spin',
+    'spin_once',
+    'spin_until_future_complete',
+    'try_shutdown',
+]

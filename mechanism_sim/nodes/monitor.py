@@ -1,0 +1,55 @@
+"""Watches a run from outside, by its progress alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.simulation_node import SimulationNode
+
+Show = Callable[[float, float, int], None]
+"""Called with simulated time [s], real-time factor and number of impacts so far."""
+
+
+class Monitor(SimulationNode):
+    """Follows the progress of all partners; nobody waits for it.
+
+    Attributes
+    ----------
+    time : [s] up to which every partner has come
+    impacts : published so far
+    realtime_factor : simulated seconds per second since the first progress
+    """
+
+    def __init__(self, parameters: Sequence[Parameter] = (), show: Show | None = None) -> None:
+        super().__init__('monitor', parameters)
+        self.time = 0.0
+        self.impacts = 0
+        self.realtime_factor = 0.0
+        self._show = show
+        self._began: float | None = None
+        self._shown = 0.0
+        self._heard = time.monotonic()
+        self.join()
+
+    def on_progress(self, message: Any) -> None:
+        """Somebody has moved on."""
+        self._heard = now = time.monotonic()
+        if self._began is None:
+            self._began = now
+        self.time = min(self.partners_time(), self.duration)
+        if now > self._began:
+            self.realtime_factor = self.time / (now - self._began)
+        counts = dict(zip(message.topics, message.counts, strict=True))
+        impacts = self.resolve_topic_name('impacts')
+        self.impacts = int(counts.get(impacts, self.impacts))
+        self.done = self.partners_finished()
+        if self._show and (self.done or now - self._shown > 0.1):
+            self._shown = now
+            self._show(self.time, self.realtime_factor, self.impacts)
+
+    def idle(self) -> bool:
+        """Whether nothing more is to be expected: all reports are in, or none came for 1 s."""
+        return self.done or time.monotonic() - self._heard > 1.0

@@ -1,0 +1,121 @@
+"""Running nodes in this process, until they are done or something ends them."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.middleware import (
+    MiddlewareError,
+    Parameter,
+    SingleThreadedExecutor,
+    backend,
+    init,
+    ok,
+    try_shutdown,
+)
+
+if TYPE_CHECKING:
+    from mechanism_sim.nodes.simulation_node import SimulationNode
+
+INTERRUPTED = 130
+"""Exit code after SIGINT, as shells have it."""
+
+
+def run_nodes(
+    make: Callable[[], Sequence[SimulationNode]], running: Callable[[], bool] | None = None
+) -> int:
+    """Make nodes, run them until all are done, and take them down in good order.
+
+    Parameters
+    ----------
+    make : makes the nodes, once the network is joined
+    running : instead of the nodes says whether to go on; asked ten times a second
+
+    Returns
+    -------
+    Exit code: 0 done, 1 failed, 2 bad input, 130 interrupted. Errors are told in one sentence.
+    """
+    nodes: list[SimulationNode] = []
+    signal.signal(signal.SIGTERM, _interrupt)
+    code = 0
+    try:
+        init()
+        executor = SingleThreadedExecutor()
+        nodes += make()
+        for node in nodes:
+            executor.add_node(node)
+        while ok() and (running() if running else not all(node.done for node in nodes)):
+            executor.spin_once(timeout_sec=0.1)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except InputError as error:
+        code = tell(error, 2)
+    except (RunError, MiddlewareError) as error:
+        code = tell(error, 1)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        for node in nodes:
+            node.destroy_node()
+        try:
+            try_shutdown()
+        except MiddlewareError as error:
+            code = code or tell(error, 1)
+    return code
+
+
+def tell(error: Exception, code: int) -> int:
+    """Say what went wrong on standard error; gives the exit code back."""
+    print(f'mechanism-sim: {error}', file=sys.stderr, flush=True)  # noqa: T201
+    return code
+
+
+def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None = None) -> None:
+    """The main function of a node's executable: options become parameters of the node.
+
+    Where ROS is installed its own arguments (``--ros-args -p scene:=NAME``) set parameters too.
+    """
+    parser = argparse.ArgumentParser(
+        description=(node.__doc__ or '').strip().splitlines()[0], allow_abbrev=False
+    )
+    add_node_options(parser)
+    options, rest = parser.parse_known_args(args)
+    if rest and backend() != 'rclpy':
+        parser.error(f'unrecognized arguments: {" ".join(rest)}')
+    sys.exit(run_nodes(lambda: [node(parameters_of(options))]))
+
+
+def add_node_options(parser: argparse.ArgumentParser) -> None:
+    """Options that every node has."""
+    parser.add_argument('--scene', help='scene of the package, or path to a YAML file')
+    parser.add_argument(
+        '--set', action='append', metavar='PATH=VALUE', dest='overrides', help='override a value'
+    )
+    parser.add_argument('--duration', type=float, help='length of the run [s]')
+    parser.add_argument('--partners', help='the other nodes of the run, separated by commas')
+    parser.add_argument('--partner-timeout', type=float, help='how long to wait for them [s]')
+    parser.add_argument('--lead', type=float, help='crank_drive: credit ahead of the slowest [s]')
+    parser.add_argument(
+        '--realtime-factor', type=float, help='crank_drive: simulated seconds per second'
+    )
+    parser.add_argument('--file', help='recorder: the bag to write')
+    parser.add_argument('--overwrite', action='store_true', help='recorder: replace the bag')
+
+
+def parameters_of(options: argparse.Namespace) -> list[Parameter]:
+    """Parameters for what was given on the command line."""
+    given = {
+        key: value for key, value in vars(options).items() if value not in (None, False)
+    }
+    if 'overrides' in given:
+        given['overrides'] = '\n'.join(given['overrides'])
+    return [Parameter(key, value=value) for key, value in given.items()]
+
+
+def _interrupt(_number: int, _frame: Any) -> None:
+    raise KeyboardInterrupt

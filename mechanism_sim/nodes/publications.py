@@ -1,0 +1,150 @@
+"""Messages from what the engine knows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.events import Impact as ImpactEvent
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.sampling import Samples
+from mechanism_sim.messages import (
+    Impact,
+    JointReactions,
+    JointState,
+    LinkageState,
+    ModeChange,
+    TFMessage,
+    TransformStamped,
+    float64_array,
+    stamp,
+    uint8_array,
+)
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.scene.machine import Machine
+
+Array = NDArray[np.float64]
+
+WORLD = 'world'
+
+
+def describe(machine: Machine) -> str:
+    """The scene as JSON, in SI units."""
+    return json.dumps({'name': machine.name, 'scene': machine.scene.model_dump()})
+
+
+def impact(event: ImpactEvent, index: int) -> Any:
+    """Impact message."""
+    message = Impact(
+        time=event.t,
+        index=index,
+        joint=event.joint,
+        normal_angle=event.normal_angle,
+        approach_speed=event.approach_speed,
+        rebound_speed=event.rebound_speed,
+        normal_impulse=event.normal_impulse,
+        tangential_impulse=event.tangential_impulse,
+        energy_loss=event.energy_loss,
+        drive_impulse=event.drive_impulse,
+        ends_chatter=event.ends_chatter,
+    )
+    message.header.stamp = stamp(event.t)
+    return message
+
+
+def mode_change(event: ModeChangeEvent) -> Any:
+    """ModeChange message."""
+    message = ModeChange(
+        time=event.t, joint=event.joint, mode=int(event.mode), previous_mode=int(event.previous)
+    )
+    message.header.stamp = stamp(event.t)
+    return message
+
+
+def joint_states(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
+    """JointState messages: absolute angles of the links; the effort is that of the drive."""
+    names = list(physics.coordinates)
+    effort = np.zeros_like(o.position)
+    effort[: len(o.drive_torque)] = o.drive_torque
+    rows = [np.ascontiguousarray(x.T) for x in (o.position, o.velocity, effort)]
+    for i, time in enumerate(t.tolist()):
+        q, v, torque = (row[i] for row in rows)
+        message = JointState(
+            name=names,
+            position=float64_array(q),
+            velocity=float64_array(v),
+            effort=float64_array(torque),
+        )
+        message.header.stamp = stamp(time)
+        yield message
+
+
+def linkage_states(physics: Physics, s: Samples) -> Iterator[Any]:
+    """LinkageState messages."""
+    o = s.observed
+    torque = o.drive_torque.sum(axis=0)
+    modes = np.where(s.closed, Mode.FOLLOWING, Mode.FREE_FLIGHT).astype(np.uint8)
+    for i, time in enumerate(s.t.tolist()):
+        message = LinkageState(
+            time=time,
+            coordinates=list(physics.coordinates),
+            position=_column(o.position, i),
+            velocity=_column(o.velocity, i),
+            acceleration=_column(o.acceleration, i),
+            joints=list(physics.clearances),
+            modes=uint8_array(np.ascontiguousarray(modes[:, i])),
+            gaps=_column(o.gap, i),
+            normal_forces=_column(o.normal_force, i),
+            drive_torque=float(torque[i]),
+            kinetic_energy=float(o.kinetic_energy[i]),
+            potential_energy=float(o.potential_energy[i]),
+            drive_work=float(s.drive_work[i]),
+            dissipated=float(s.dissipated[i]),
+        )
+        message.header.stamp = stamp(time)
+        yield message
+
+
+def reactions(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
+    """JointReactions messages."""
+    torque = o.drive_torque.sum(axis=0)
+    for i, time in enumerate(t.tolist()):
+        message = JointReactions(
+            time=time,
+            joints=list(physics.joints),
+            force_x=_column(o.reaction[:, 0], i),
+            force_y=_column(o.reaction[:, 1], i),
+            drive_torque=float(torque[i]),
+        )
+        message.header.stamp = stamp(time)
+        message.header.frame_id = WORLD
+        yield message
+
+
+def transforms(mechanism: Mechanism, t: Array, angles: Array) -> Iterator[Any]:
+    """TFMessages with the frame of every link in the world; `angles` are (N, n)."""
+    for time, row in zip(t.tolist(), angles.tolist(), strict=True):
+        frames = []
+        known = dict(zip(mechanism.coordinates, row, strict=True))
+        for link in mechanism.coordinates:
+            x, y = mechanism.locate(link, known)
+            frame = TransformStamped(child_frame_id=link)
+            frame.header.stamp = stamp(time)
+            frame.header.frame_id = WORLD
+            frame.transform.translation.x = x
+            frame.transform.translation.y = y
+            frame.transform.rotation.z = float(np.sin(0.5 * known[link]))
+            frame.transform.rotation.w = float(np.cos(0.5 * known[link]))
+            frames.append(frame)
+        yield TFMessage(transforms=frames)
+
+
+def _column(rows: Array, i: int) -> Any:
+    return float64_array(np.ascontiguousarray(rows[:, i]))

@@ -1,0 +1,195 @@
+"""A whole run: which nodes a scene needs, all in this process or each in its own."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.accelerometer import Accelerometer
+from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.linkage import Linkage
+from mechanism_sim.nodes.monitor import Monitor, Show
+from mechanism_sim.nodes.process import run_nodes
+from mechanism_sim.nodes.recorder import Recorder
+from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.scene import Machine
+
+NODES: dict[str, type[SimulationNode]] = {
+    'crank_drive': CrankDrive,
+    'linkage': Linkage,
+    'accelerometer': Accelerometer,
+    'recorder': Recorder,
+}
+
+END_PATIENCE = 5.0
+"""[s] other processes get to end by themselves once one has failed or the run is interrupted."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run to be made.
+
+    Attributes
+    ----------
+    scene : name or path, as given
+    overrides : ``PATH=VALUE`` each
+    duration : [s]
+    record : bag to write, if any
+    """
+
+    machine: Machine
+    scene: str
+    overrides: Sequence[str]
+    duration: float
+    record: str | None = None
+    overwrite: bool = False
+    realtime_factor: float = 0.0
+
+    @property
+    def nodes(self) -> list[str]:
+        """Names of the nodes the scene needs."""
+        names = ['crank_drive', 'linkage']
+        names += ['accelerometer'] if self.machine.scene.sensors else []
+        return [*names, 'recorder'] if self.record else names
+
+    def options(self, node: str) -> dict[str, str | float | bool]:
+        """Parameters of a node of this run."""
+        options: dict[str, str | float | bool] = {
+            'scene': self.scene,
+            'duration': self.duration,
+            'partners': ','.join(n for n in self.nodes if n != node),
+        }
+        if self.overrides:
+            options['overrides'] = '\n'.join(self.overrides)
+        if node == 'crank_drive':
+            options['realtime_factor'] = self.realtime_factor
+        if node == 'recorder' and self.record:
+            options['file'] = self.record
+            options['overwrite'] = self.overwrite
+        return options
+
+    def parameters(self, node: str) -> list[Parameter]:
+        """The same as parameters of the middleware."""
+        return [Parameter(key, value=value) for key, value in self.options(node).items()]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended."""
+
+    code: int
+    scene: str
+    level: str
+    duration: float  #: [s] simulated
+    wall_time: float  #: [s] from the start of the first process to the end of the last
+    realtime_factor: float  #: while the run was going on
+    impacts: int
+    sent: dict[str, int]  #: messages by topic, as the nodes counted them
+    bag: str | None
+
+    def to_json(self) -> dict[str, object]:
+        """As a plain dictionary."""
+        return asdict(self)
+
+
+def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
+    """Make a run; `processes` gives each node a process of its own."""
+    began = time.monotonic()
+    monitors: list[Monitor] = []
+
+    def watch() -> Monitor:
+        monitors.append(Monitor(plan.parameters('monitor'), show))
+        return monitors[0]
+
+    if processes:
+        code = _in_processes(plan, watch)
+    else:
+        code = run_nodes(
+            lambda: [watch(), *(NODES[name](plan.parameters(name)) for name in plan.nodes)]
+        )
+    monitor = monitors[0] if monitors else None
+    sent: dict[str, int] = {}
+    for message in monitor.progress_of.values() if monitor else ():
+        for topic, count in zip(message.topics, message.counts, strict=True):
+            sent[topic] = sent.get(topic, 0) + int(count)
+    return Outcome(
+        code,
+        plan.machine.name,
+        plan.machine.level.value,
+        monitor.time if monitor else 0.0,
+        time.monotonic() - began,
+        monitor.realtime_factor if monitor else 0.0,
+        monitor.impacts if monitor else 0,
+        sent,
+        plan.record,
+    )
+
+
+class _Children:
+    """The processes of the nodes."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.code = 0
+        self._processes = {name: _spawn(plan, name) for name in plan.nodes}
+        self._deadline: float | None = None
+
+    def running(self) -> bool:
+        """Whether any still runs; one that fails makes all others end."""
+        codes = {name: process.poll() for name, process in self._processes.items()}
+        failed = [code for code in codes.values() if code]
+        if failed and not self.code:
+            self.code = failed[0] if failed[0] > 0 else 1
+            self.interrupt()
+        if self._deadline is not None and time.monotonic() > self._deadline:
+            for process in self._processes.values():
+                process.kill()
+        return None in codes.values()
+
+    def interrupt(self) -> None:
+        """Ask all to end."""
+        self._deadline = self._deadline or time.monotonic() + END_PATIENCE
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+
+    def wait(self) -> None:
+        """Wait until all have ended."""
+        while self.running():
+            time.sleep(0.02)
+
+
+def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, '-m', 'mechanism_sim', 'node', node]
+    for key, value in plan.options(node).items():
+        option = f'--{key.replace("_", "-")}'
+        if key == 'overrides':
+            command += [part for text in plan.overrides for part in ('--set', text)]
+        elif value is True:
+            command.append(option)
+        elif value is not False:
+            command += [option, str(value)]
+    return subprocess.Popen(command)  # noqa: S603 - our own executable
+
+
+def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
+    monitors: list[Monitor] = []
+    children: list[_Children] = []
+
+    def make() -> list[Monitor]:
+        # First the network, with its router, then those who join it.
+        monitors.append(watch())
+        children.append(_Children(plan))
+        return monitors
+
+    code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle())
+    if children:
+        if code:
+            children[0].interrupt()
+        children[0].wait()
+        code = code or children[0].code
+    return code

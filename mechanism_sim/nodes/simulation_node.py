@@ -1,0 +1,154 @@
+"""What all nodes of a simulation share: the scene, their partners, their books."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.messages import Progress, stamp, uint64_array
+from mechanism_sim.middleware import Node, Parameter
+from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.scene import Machine, load_scene, span
+
+LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
+GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
+
+
+class SimulationNode(Node):
+    """A node with a scene that works together with partners.
+
+    Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line),
+    ``duration`` [s] (0: one revolution), ``partners`` (names of the other nodes of the run,
+    separated by commas), ``partner_timeout`` [s].
+
+    Subclasses make their endpoints in their constructor, the results first, and end it with
+    `join`; they work in `on_ready` and after. A node is `done` when it has nothing left to do.
+
+    Raises
+    ------
+    InputError
+        If the scene is not good.
+    RunError
+        From callbacks: a partner never came, or left before it was finished.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
+        super().__init__(name, parameter_overrides=list(parameters))
+        self.done = False
+        self.ready = False
+        self.progress_of: dict[str, Any] = {}
+        self.counts: Counter[str] = Counter()
+        for key, default in (
+            ('scene', 'four_bar_clearance'),
+            ('overrides', ''),
+            ('duration', 0.0),
+            ('partners', ''),
+            ('partner_timeout', 20.0),
+        ):
+            self.declare_parameter(key, default)
+        listed = self.value('partners').split(',')
+        self.partners = [p.strip() for p in listed if p.strip() and p.strip() != name]
+        self._deadline = time.monotonic() + self.value('partner_timeout')
+        self._missing_since: dict[str, float] = {}
+
+    def value(self, parameter: str) -> Any:
+        """Value of a parameter."""
+        return self.get_parameter(parameter).value
+
+    @cached_property
+    def machine(self) -> Machine:
+        """The machine of the scene."""
+        overrides = [line for line in self.value('overrides').splitlines() if line.strip()]
+        return load_scene(self.value('scene'), overrides)
+
+    @cached_property
+    def duration(self) -> float:
+        """Length of the run [s]."""
+        return span(self.machine, None, self.value('duration') or None)
+
+    # --- partners -----------------------------------------------------------------------------
+
+    def join(self) -> None:
+        """Announce this node: its other endpoints are there, its partners may start."""
+        self.create_subscription(Progress, 'progress', self._on_progress, RESULTS)
+        # The last endpoint to be declared: who sees it in the graph can rely on all others.
+        self._progress = self.create_publisher(Progress, 'progress', RESULTS)
+        self._watch = self.create_timer(LOOK_PERIOD, self._look)
+
+    def on_ready(self) -> None:
+        """All partners are there."""
+
+    def on_progress(self, message: Any) -> None:
+        """A partner reports how far it has come."""
+
+    def _look(self) -> None:
+        present = [p.node_name for p in self.get_publishers_info_by_topic('progress')]
+        if present.count(self.get_name()) > 1:
+            raise RunError(
+                f"another '{self.get_name()}' is running in this domain: end it, or give this run "
+                'a domain of its own (ROS_DOMAIN_ID=1)'
+            )
+        missing = [partner for partner in self.partners if partner not in present]
+        if not self.ready:
+            if not missing:
+                self.ready = True
+                self.destroy_timer(self._watch)
+                self._watch = self.create_timer(0.5, self._look)
+                self.on_ready()
+            elif time.monotonic() > self._deadline:
+                waited = self.value('partner_timeout')
+                raise RunError(
+                    f"{self.get_name()}: waited {waited:g} s for '{missing[0]}', which never came;"
+                    f" start it ('mechanism-sim node {missing[0]} --scene {self.value('scene')}')"
+                    ' or take it off the partners'
+                )
+            return
+        now = time.monotonic()
+        for partner in self.partners:
+            known = self.progress_of.get(partner)
+            if partner not in missing or (known and known.finished) or self.done:
+                self._missing_since.pop(partner, None)
+            elif now - self._missing_since.setdefault(partner, now) > GONE_AFTER:
+                raise RunError(
+                    f"{self.get_name()}: '{partner}' left before the run was finished; what came "
+                    'until then is kept'
+                )
+
+    def _on_progress(self, message: Any) -> None:
+        if message.node != self.get_name():
+            self.progress_of[message.node] = message
+            self.on_progress(message)
+
+    def partners_time(self) -> float:
+        """Time [s] up to which every partner has come; infinite without partners."""
+        reports = [self.progress_of.get(partner) for partner in self.partners]
+        return min((r.time if r else 0.0 for r in reports), default=float('inf'))
+
+    def partners_finished(self) -> bool:
+        """Whether every partner has published its last."""
+        reports = [self.progress_of.get(partner) for partner in self.partners]
+        return all(r is not None and r.finished for r in reports)
+
+    # --- books --------------------------------------------------------------------------------
+
+    def send(self, publisher: Any, message: Any) -> None:
+        """Publish, and enter it in the books."""
+        publisher.publish(message)
+        self.counts[publisher.topic_name] += 1
+
+    def report(self, t: float, finished: bool = False) -> None:
+        """Publish how far this node has come, and what it has published, this included."""
+        self.counts[self._progress.topic_name] += 1
+        message = Progress(
+            node=self.get_name(),
+            time=float(t),
+            finished=finished,
+            topics=list(self.counts),
+            counts=uint64_array(list(self.counts.values())),
+        )
+        message.header.stamp = stamp(t)
+        self._progress.publish(message)

@@ -1,0 +1,240 @@
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap_ros2._dynamic import generate_dynamic
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from mechanism_sim import messages
+from mechanism_sim.messages import (
+    DiagnosticStatus,
+    Impact,
+    JointState,
+    LinkageState,
+    MessageError,
+    ModeChange,
+    Motion,
+    Quaternion,
+    TFMessage,
+    Trigger,
+    checks,
+    classes,
+    define,
+    define_service,
+    definition,
+    deserialize,
+    float64_array,
+    message_class,
+    message_folder,
+    own_messages,
+    seconds,
+    serialize,
+    service_type_hash,
+    stamp,
+    type_hash,
+    type_name,
+)
+
+# Published by others: rosidl's JSON files as quoted in public repositories that talk to
+# rmw_zenoh_cpp (message hashes), and their tables of the hashes of Jazzy's services.
+PUBLIC_HASHES = {
+    'std_msgs/msg/String': 'df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18',
+    'rosgraph_msgs/msg/Clock': '692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564',
+    'geometry_msgs/msg/Twist': '9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a',
+    'geometry_msgs/msg/PoseStamped': (
+        '10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8'
+    ),
+    'sensor_msgs/msg/Range': 'b42b62562e93cbfe9d42b82fe5994dfa3d63d7d5c90a317981703f7388adff3a',
+    'rcl_interfaces/msg/Log': 'e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac',
+    'rcl_interfaces/msg/ParameterEvent': (
+        '043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204'
+    ),
+    'example_interfaces/srv/AddTwoInts': (
+        'e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a'
+    ),
+    'std_srvs/srv/Trigger': 'eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f',
+    'rcl_interfaces/srv/GetParameters': (
+        'bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc'
+    ),
+    'rcl_interfaces/srv/GetParameterTypes': (
+        'da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca'
+    ),
+    'rcl_interfaces/srv/SetParameters': (
+        '56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0'
+    ),
+    'rcl_interfaces/srv/SetParametersAtomically': (
+        '0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd'
+    ),
+    'rcl_interfaces/srv/ListParameters': (
+        '3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d'
+    ),
+    'rcl_interfaces/srv/DescribeParameters': (
+        '845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff'
+    ),
+}
+
+
+@pytest.mark.parametrize('name', PUBLIC_HASHES)
+def test_hashes_are_those_of_ros(name):
+    define_service('example_interfaces/srv/AddTwoInts', 'int64 a\nint64 b\n---\nint64 sum\n')
+    assert type_hash(name) == f'RIHS01_{PUBLIC_HASHES[name]}'
+    if '/srv/' in name:
+        assert service_type_hash(name) == type_hash(name)
+
+
+def test_a_message_is_made_by_keywords_with_the_defaults_and_constants_of_its_definition():
+    impact = Impact(time=0.1, joint='a')
+    assert (impact.time, impact.joint, impact.index, impact.ends_chatter) == (0.1, 'a', 0, False)
+    assert impact.header.stamp.sec == 0
+    assert ModeChange.FREE_FLIGHT == 1
+    assert ModeChange.UNKNOWN == ModeChange().mode == 0
+    assert Quaternion().w == 1.0
+    assert DiagnosticStatus(level=DiagnosticStatus.WARN).level == DiagnosticStatus.WARN
+    assert Impact() == Impact()
+    assert Impact() != Impact(index=1)
+    assert Motion(start=[1.0]) == Motion(start=np.array([1.0]))
+    first, second = JointState(), JointState()
+    first.name.append('a')
+    first.header.frame_id = 'world'
+    assert second.name == []
+    assert second.header.frame_id == ''
+
+
+def test_explicit_defaults_of_a_definition_hold():
+    define(
+        'test_messages/msg/Defaults',
+        'float64 a 2.5  # unit\nstring text "a # b"\nint32[3] v [1, 2, 3]\nbool flag true\n'
+        'string<=5 short hi\nuint8 K=3\nstring[] names\nfloat64[2] pair\nuint8 in 7\n',
+    )
+    message = message_class('test_messages/msg/Defaults')()
+    assert (message.a, message.text, message.flag, message.short) == (2.5, 'a # b', True, 'hi')
+    assert message.v.tolist() == [1, 2, 3]
+    assert message.v.dtype == np.int32
+    assert message.pair.tolist() == [0.0, 0.0]
+    assert (message.K, message.names, message.in_) == (3, [], 7)
+
+
+def test_a_misspelled_field_is_refused():
+    with pytest.raises(TypeError, match='tiem'):
+        Impact(tiem=1.0)
+    with pytest.raises(AttributeError, match='tiem'):
+        Impact().tiem = 1.0
+
+
+def test_array_fields_take_what_can_be_an_array():
+    for values in ([1, 2], (1.0, 2.0), np.array([1, 2]), np.array([[1.0], [2.0]]), range(1, 3)):
+        message = JointState(position=values)
+        assert message.position.tolist() == [1.0, 2.0]
+        assert deserialize(serialize(message), JointState) == message
+    kept = np.array([1.0, 2.0])
+    assert np.shares_memory(JointState(position=kept).position, kept)
+    strided = np.arange(6.0)[::2]
+    assert deserialize(serialize(JointState(effort=strided)), JointState).effort.tolist() == [
+        0,
+        2,
+        4,
+    ]
+    assert float64_array([1, 2]).tolist() == [1.0, 2.0]
+    with pytest.raises(TypeError, match='uint8'):
+        LinkageState(modes=[0.5])
+
+
+def test_cdr_is_what_an_independent_reader_reads():
+    message = Impact(time=0.25, index=7, joint='crank_coupler', energy_loss=1e-3)
+    message.header.stamp = stamp(0.25)
+    data = serialize(message)
+    assert data[:4] == bytes((0, 1, 0, 0))
+    readers = generate_dynamic(type_name(Impact), definition(type_name(Impact)))
+    found = readers[type_name(Impact)](data)
+    assert (found.time, found.index, found.joint) == (0.25, 7, 'crank_coupler')
+    assert found.header.stamp.nanosec == 250_000_000
+    assert deserialize(data, Impact) == deserialize(data, 'mechanism_sim/msg/Impact') == message
+
+
+@pytest.mark.parametrize('name', own_messages())
+def test_every_own_message_survives_the_trip_and_its_schema_is_complete(name):
+    full = f'mechanism_sim/msg/{name}'
+    cls = message_class(full)
+    assert type_name(cls) == full
+    assert getattr(messages, name) is cls
+    assert deserialize(serialize(cls()), cls) == cls()
+    text = definition(full)
+    assert text.startswith((message_folder() / f'{name}.msg').read_text())
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(text, full))
+    assert store.hash_rihs01(full) == type_hash(full)
+
+
+def test_nested_definitions_come_once_each_under_their_ruler():
+    text = definition('tf2_msgs/msg/TFMessage')
+    headers = [line for line in text.splitlines() if line.startswith('MSG: ')]
+    assert len(headers) == len(set(headers)) == 6
+    assert text.count('=' * 80 + '\nMSG: geometry_msgs/Quaternion\n') == 1
+    assert TFMessage().transforms == []
+
+
+def test_services_have_requests_and_responses():
+    assert type_name(Trigger) == 'std_srvs/srv/Trigger'
+    response = Trigger.Response(success=True, message='done')
+    assert deserialize(serialize(response), Trigger.Response) == response
+    assert serialize(Trigger.Request()) == bytes((0, 1, 0, 0, 0))
+
+
+def test_what_is_no_message_is_named():
+    with pytest.raises(MessageError, match='no_such'):
+        message_class('no_such/msg/Thing')
+    with pytest.raises(MessageError, match=r'Impact.*time is str'):
+        serialize(Impact(time='soon'))
+    with pytest.raises(MessageError, match='3 bytes'):
+        deserialize(b'abc', Impact)
+    with pytest.raises(MessageError, match='Impact'):
+        deserialize(serialize(Impact())[:-8], Impact)
+    with pytest.raises(AttributeError, match='Impakt'):
+        messages.Impakt  # noqa: B018
+    with pytest.raises(MessageError, match='int'):
+        type_name(int)
+
+
+def test_what_ros_would_refuse_is_found(monkeypatch):
+    message = Impact(time=1, index=-1, joint=3)
+    message.header = None
+    found = list(checks.refusals(message))
+    assert [text.split()[0] for text in found] == ['header', 'time', 'index', 'joint']
+    assert not list(checks.refusals(Impact(time=1.0)))
+    assert not list(checks.refusals(JointState(name=['a'], position=[1])))
+    monkeypatch.setattr(classes, '_CHECK_FIELDS', True)
+    with pytest.raises(MessageError, match='time is int 1, not float'):
+        serialize(Impact(time=1))
+
+
+@pytest.mark.parametrize('time', [0.0, 0.1, 1.9999999999, 123456.789, 1e9])
+def test_stamps_round_to_nanoseconds(time):
+    assert abs(seconds(stamp(time)) - time) <= 0.5e-9 + 1e-16 * time
+    assert 0 <= stamp(time).nanosec < 1_000_000_000
+
+
+def test_definitions_are_found_where_pip_puts_them(tmp_path):
+    site = tmp_path / 'lib' / 'python3' / 'site-packages'
+    package = site / 'mechanism_sim'
+    package.mkdir(parents=True)
+    (package / '__init__.py').touch()
+    shutil.copytree(Path(messages.__file__).parent, package / 'messages')
+    shared = tmp_path / 'share' / 'mechanism_sim' / 'msg'
+    shared.mkdir(parents=True)
+    (shared / 'Only.msg').write_text('float64 time\n')
+    script = 'from mechanism_sim.messages import own_messages, message_folder as f; '
+    script += 'print(own_messages(), f())'
+    environment = {**os.environ, 'PYTHONPATH': str(site)}
+    done = subprocess.run(
+        [sys.executable, '-c', script],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["('Only',)", str(shared)]
