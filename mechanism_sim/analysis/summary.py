@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.analysis.crank import Crank, MotionSummary
-from mechanism_sim.analysis.digest import MotionDigest
+from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.ledger import Ledger, LedgerCollector
 from mechanism_sim.analysis.loads import (

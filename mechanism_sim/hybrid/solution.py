@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechanism_sim.hybrid.audit import Energy
-from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Books, Samples, sample, table
 from mechanism_sim.hybrid.system import Array
@@ -77,3 +78,23 @@ class Solution:
             For a time outside of the solution.
         """
         return table(self.physics, self.samples(t))
+
+    def digest(self) -> str:
+        """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
+        digest = MotionDigest()
+        c = self.motion.curve
+        modes = np.where(self.motion.closed, Mode.FOLLOWING, Mode.FREE_FLIGHT)
+        digest.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, modes)
+        for i in self.impacts:
+            digest.add_impact(
+                i.t,
+                i.joint,
+                i.normal_angle,
+                i.approach_speed,
+                i.rebound_speed,
+                i.normal_impulse,
+                i.tangential_impulse,
+                i.energy_loss,
+                i.drive_impulse,
+            )
+        return digest.hexdigest()

@@ -144,6 +144,9 @@ def _answer(query: zenoh.Query) -> None:
         query.reply(query.key_expr, b'')
 
 
+_abandoned: list[zenoh.Session] = []
+
+
 def _join() -> tuple[zenoh.Session | None, zenoh.Session]:
     """Own router, if one had to be opened, and session."""
     if config.connects_elsewhere():
@@ -159,7 +162,8 @@ def _join() -> tuple[zenoh.Session | None, zenoh.Session]:
     end = time.monotonic() + ROUTER_PATIENCE
     while not session.info.routers_zid():
         if time.monotonic() > end:
-            _close(session)
+            # Not closed, which would take another 10 s: Zenoh still waits for an answer.
+            _abandoned.append(session)
             raise MiddlewareError(
                 f'{endpoint} is in use by something that is not a Zenoh router: stop it, or set'
                 ' MECHANISM_SIM_ROUTER to another port, such as tcp/127.0.0.1:7448'

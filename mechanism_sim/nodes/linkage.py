@@ -62,6 +62,7 @@ class Linkage(SimulationNode):
         self._impact_count = 0
         self._physics = self.machine.physics
         self._audit = Audit(self._physics)
+        self.machine.prepare()
         self.create_subscription(DriveLaw, 'drive', self._on_drive, RESULTS)
         self.join()
 

@@ -22,7 +22,7 @@ from mechanism_sim.messages import (
     Progress,
     String,
     TFMessage,
-    deserialize,
+    serialize,
     type_name,
 )
 from mechanism_sim.middleware import Parameter, QoSProfile
@@ -107,7 +107,9 @@ class Recorder(SimulationNode):
         return write
 
     def on_progress(self, message: Any) -> None:
-        """Pass on how far the slowest has come; end when all have ended."""
+        """Record it, pass on how far the slowest has come, end when all have ended."""
+        self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
         self.report(self.partners_time())
         if self.partners_finished():
             self._expected = Counter()

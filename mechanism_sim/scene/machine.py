@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop, State
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import LoosePhysics, Physics
@@ -182,6 +183,13 @@ class Machine:
             self.scene.solver.atol,
             min(self.period / 8.0, 0.1),
         )
+
+    def prepare(self) -> None:
+        """Compile all that a run will need, so that it does not wait later."""
+        run = self.start()
+        run.advance(1e-6 * min(self.period, 1.0), final=True, most=1)
+        motion, *_ = run.drain()
+        Audit(self.physics).add(motion, [])
 
     def initial_state(self) -> State:
         """Where a loose four-bar starts.
