@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mechanism_sim.errors import InputError, RunError
 
 if TYPE_CHECKING:
-    from mechanism_sim.hybrid.solution import Solution
+    pass
 
 NODE_NAMES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
 

@@ -55,8 +55,10 @@ class Process:
             try:
                 line = self._queue.get(timeout=max(0.0, end - time.monotonic()))
             except queue.Empty:
-                raise AssertionError(f'No {start!r} in time; so far: {self.lines}') from None
-            assert line is not None, f'No {start!r} before the end: {self.lines}'
+                raise AssertionError(f'No {start!r} in time; so far: {self.lines[-20:]}') from None
+            if line is None:
+                code = self.process.wait(PATIENCE)
+                raise AssertionError(f'No {start!r}, ended with {code}: {self.lines[-20:]}')
             if line.startswith(start):
                 return line.removeprefix(start).strip()
 
@@ -74,7 +76,7 @@ class Process:
         """Wait for its end, which has to be a good one."""
         code = self.process.wait(PATIENCE)
         self._reader.join(PATIENCE)
-        assert code == 0, f'ended with {code}: {self.lines}'
+        assert code == 0, f'ended with {code}: {self.lines[-20:]}'
 
     def kill(self) -> None:
         """End it if it has not ended."""

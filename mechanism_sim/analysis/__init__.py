@@ -1,10 +1,10 @@
 """From bags to numbers: what a recorded run did, and whether all of it was recorded."""
 
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.analysis.motion import RecordedMotion, collect_motion
 from mechanism_sim.analysis.render import render
 from mechanism_sim.analysis.summary import Summary, analyze
 from mechanism_sim.analysis.topics import find_topics
+from mechanism_sim.hybrid.digest import MotionDigest
 
 __all__ = [
     'MotionDigest',

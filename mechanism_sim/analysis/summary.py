@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.analysis.crank import Crank, MotionSummary
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.ledger import Ledger, LedgerCollector
 from mechanism_sim.analysis.loads import (
@@ -21,9 +20,11 @@ from mechanism_sim.analysis.loads import (
     LoadSummary,
 )
 from mechanism_sim.analysis.modes import JointModes, ModeCollector
-from mechanism_sim.analysis.motion import MotionCollector, unpack
+from mechanism_sim.analysis.motion import MotionCollector
 from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.messages.segments import unpack
 from mechanism_sim.recording import Bag, read_bag, scene_name
 
 

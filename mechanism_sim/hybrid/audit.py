@@ -1,4 +1,4 @@
-"""The books of a run: are gaps kept, and where did the energy go?
+"""The books of a run: whether gaps are kept, and where the energy went.
 
 Both are read from the finished polynomials, independently of the event loop that made them.
 """

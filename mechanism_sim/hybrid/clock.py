@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
+from math import fsum
 
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 
@@ -28,15 +30,19 @@ class Base:
     turns: Mapping[str, int]
     laws: tuple[tuple[float, ...], ...]
 
-    @property
+    @cached_property
     def high(self) -> float:
         """The time rounded to a float [s]."""
         return float(self.time)
 
-    @property
+    @cached_property
     def low(self) -> float:
         """What `high` rounds away [s]."""
         return float(self.time - Fraction(self.high))
+
+    def at(self, tau: float) -> float:
+        """Time [s] at local time tau, correctly rounded: the same by whatever base it is told."""
+        return fsum((self.high, self.low, tau))
 
     def local(self, t: float) -> float:
         """Time since the base [s] of a time since the start of the run."""

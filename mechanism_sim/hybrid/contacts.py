@@ -40,13 +40,14 @@ class Contacts:
         self._projection = system.projection
         self._rule = rule
         self._restitution = [gap.restitution for gap in system.gaps]
+        self._names = [gap.name for gap in system.gaps]
         self._rounding = 2.0 * float(np.spacing(system.mechanism.size))
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
 
     @property
     def time(self) -> float:
         """Present time [s]."""
-        return self.base.high + (self.base.low + float(self._ta.time))
+        return self.base.at(float(self._ta.time))
 
     def start(self, closed: Sequence[bool]) -> None:
         """Begin a run: some gaps are closed by decree, those that touch are resolved."""
@@ -60,12 +61,21 @@ class Contacts:
         """Resolve the gaps that touch without an event having said so."""
         for i in range(len(self.closed)):
             terms = self._terms()
-            touches = abs(terms.value[i]) <= self._touching and terms.rate[i] <= 0.0
+            touches = terms.value[i] <= self._touching and terms.rate[i] <= 0.0
             if self.closed[i] or touches:
                 self._collide(i)
 
     def handle(self, gap: int) -> None:
         """A guard fell through zero: an open gap touches, or a closed one lets go."""
+        self._respond(gap)
+        if len(self.closed) > 1:
+            for _ in self.closed:
+                other = self.fallen()
+                if other is None:
+                    break
+                self._respond(other)
+
+    def _respond(self, gap: int) -> None:
         if self.closed[gap]:
             before = self.closed
             self.close(tuple(c and i != gap for i, c in enumerate(before)))
@@ -73,6 +83,19 @@ class Contacts:
             self._record_modes(before)
         else:
             self._collide(gap)
+
+    def fallen(self) -> int | None:
+        """An open gap which is past zero and closing: no guard would ever see it.
+
+        That happens where a step ends within its error of an impact.
+        """
+        if all(self.closed):
+            return None
+        terms = self._terms()
+        for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=True)):
+            if not self.closed[i] and value <= 0.0 and rate < 0.0:
+                return i
+        return None
 
     def close(self, closed: tuple[bool, ...]) -> None:
         """Set which gaps carry force from now on."""
@@ -91,11 +114,14 @@ class Contacts:
             for i, value in enumerate(terms.value)
             if i == gap or self.closed[i] or abs(value) <= self._touching
         ]
+        if len(touching) == 1 and not self.closed[gap]:
+            self._bounce(terms, gap)
+            return
         rate = [min(terms.rate[i], 0.0) for i in touching]
         A = [[terms.compliance[i][k] for k in touching] for i in touching]
         e = [0.0 if self.closed[i] else self._restitution[i] for i in touching]
         ended = [
-            self._rule.ends(-e_i * r, terms.free_acceleration[i], e_i)
+            self._rule.ends(-e_i * r, terms.free_acceleration[i], e_i, -terms.value[i])
             for i, e_i, r in zip(touching, e, rate, strict=True)
         ]
         e = [0.0 if stop else e_i for e_i, stop in zip(e, ended, strict=True)]
@@ -108,23 +134,35 @@ class Contacts:
         for i, p, r, r_after, stop in zip(touching, impulses, rate, after, ended, strict=True):
             if p > 0.0:
                 self._push(terms, i, p)
-                if not self.closed[i]:
+                if i != gap or not self.closed[i]:
                     self._record_impact(terms, i, p, r, r_after, stop)
-            if r_after <= -1e-9 * r:
+            # neither does one rest less that would rise no farther than rounding reaches
+            low = self._rule.ends(r_after, terms.free_acceleration[i], 1.0, -terms.value[i])
+            if low or r_after <= -1e-9 * r:
                 resting.append(i)
-        if resting:
+        if resting or any(self.closed[i] for i in touching):
             self._rest(resting, touching)
+
+    def _bounce(self, terms: ContactTerms, gap: int) -> None:
+        """Impact in one gap alone, the common case: `_collide` without its bookkeeping."""
+        rate, e = min(terms.rate[gap], 0.0), self._restitution[gap]
+        stop = self._rule.ends(-e * rate, terms.free_acceleration[gap], e, -terms.value[gap])
+        after = 0.0 if stop else -e * rate
+        impulse = (after - rate) / terms.compliance[gap][gap]
+        if impulse > 0.0:
+            self._push(terms, gap, impulse)
+            self._record_impact(terms, gap, impulse, rate, after, stop)
+        if after <= -1e-9 * rate:
+            self._rest([gap], [gap])
 
     def _rest(self, resting: list[int], touching: list[int]) -> None:
         """Of the contacts without normal speed, those that are pressed together stay closed."""
         before = self.closed
         terms = self._terms()
         A = [[terms.compliance[i][k] for k in resting] for i in resting]
-        forces = solve_lcp(A, [terms.free_acceleration[i] for i in resting])
+        forces = solve_lcp(A, [terms.free_acceleration[i] for i in resting]) if resting else []
         pressed = {i for i, force in zip(resting, forces, strict=True) if force > 0.0}
-        self.close(
-            tuple(i in pressed if i in touching else c for i, c in enumerate(before))
-        )
+        self.close(tuple(i in pressed if i in touching else c for i, c in enumerate(before)))
         self._state[:] = self._projection(self._state, pars=self._pars, time=self._ta.time)
         for i in resting:
             if i not in pressed:
@@ -157,30 +195,30 @@ class Contacts:
         self, terms: ContactTerms, i: int, p: float, rate: float, after: float, stop: bool
     ) -> None:
         tau = self._ta.time
-        angular = [r * p for r in terms.drive_response[i]]
-        rates = [rate_of(law, tau) for law in self.base.laws]
+        angular = work = 0.0
+        for response, law in zip(terms.drive_response[i], self.base.laws, strict=True):
+            angular += response * p
+            work += response * p * rate_of(law, tau)
         self.impacts.append(
             Impact(
-                t=self.time,
-                joint=self._system.gaps[i].name,
-                normal_angle=terms.normal_angle[i],
-                approach_speed=-rate,
-                rebound_speed=max(after, 0.0),
-                normal_impulse=p,
-                tangential_impulse=0.0,
-                energy_loss=-0.5 * (rate + after) * p,
-                drive_impulse=sum(angular),
-                drive_work=sum([a * w for a, w in zip(angular, rates, strict=True)]),
-                ends_chatter=stop,
+                self.time,
+                self._names[i],
+                terms.normal_angle[i],
+                -rate,
+                after if after > 0.0 else 0.0,
+                p,
+                0.0,
+                -0.5 * (rate + after) * p,
+                angular,
+                work,
+                stop,
             )
         )
 
     def _record_modes(self, before: tuple[bool, ...]) -> None:
         for gap, old, new in zip(self._system.gaps, before, self.closed, strict=True):
             if old != new:
-                self.mode_changes.append(
-                    ModeChange(self.time, gap.name, _MODES[new], _MODES[old])
-                )
+                self.mode_changes.append(ModeChange(self.time, gap.name, _MODES[new], _MODES[old]))
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

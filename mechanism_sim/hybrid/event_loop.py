@@ -6,6 +6,7 @@ and when, therefore cannot change the motion.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -74,12 +75,16 @@ class EventLoop:
         self._coming: deque[DriveLaw] = deque()
         self._max_step = max_step
         self._ta = system.integrator(rtol, compact)
-        self._state, self._pars = self._ta.state, self._ta.pars
+        self._state, self._pars, self._coefficients = self._ta.state, self._ta.pars, self._ta.tc
+        self._step = self._ta.step
+        self._stabilisation = system.stabilisation_index
         self._state[:] = [*state.q, *state.v]
         turns = dict(zip(system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
         self._tape = Tape(system, self._ta.tc)
-        self._contacts = Contacts(system, self._ta, ChatterRule(rtol, atol, system.mechanism.size), self._base)
+        self._contacts = Contacts(
+            system, self._ta, ChatterRule(rtol, atol, system.mechanism.size), self._base
+        )
         self._start_base()
         self._pending: tuple[float, float, int | None] | None = None
         self._last_event = float('-inf')
@@ -90,11 +95,28 @@ class EventLoop:
     def time(self) -> float:
         """Time [s] up to which the solution is known."""
         tau = self._pending[0] if self._pending else self._ta.time
-        return self._base.high + (self._base.low + tau)
+        return self._base.at(tau)
 
     def change_law(self, law: DriveLaw) -> None:
-        """Let a law replace the present one of its coordinate from ``law.valid_from`` on."""
-        self._coming.append(law)
+        """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
+
+        Raises
+        ------
+        ValueError
+            If the motion is already known beyond that time, or the system is not compiled for
+            the degree of the law.
+        """
+        if law.valid_from < self.time:
+            raise ValueError(
+                f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
+                f'up to {self.time:.9g} s'
+            )
+        if law.degree > self._system.degree:
+            raise ValueError(
+                f'a law of degree {law.degree} needs equations compiled for it; these are for '
+                f'degree {self._system.degree}'
+            )
+        self._coming = deque(sorted((*self._coming, law), key=lambda x: x.valid_from))
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every step to the solution that ends not later than `until` [s].
@@ -107,59 +129,65 @@ class EventLoop:
         RunError
             If the state becomes infinite or events repeat without progress in time.
         """
-        contacts, tape, ta = self._contacts, self._tape, self._ta
+        contacts, tape = self._contacts, self._tape
         limit = self._base.local(until)
-        added = 0
-        while most is None or added < most:
+        last = len(tape) + most if most is not None else math.inf
+        while len(tape) < last:
             if self._pending is None:
                 self._pending = self._take_step()
             tau, h, gap = self._pending
+            end = tau + h
             if self._coming:
                 change = self._base.local(self._coming[0].valid_from)
-                if change <= limit and change < tau + h:
+                if change <= limit and change < end:
                     self._cut(change)
                     self._switch_law(self._coming.popleft())
                     limit = self._base.local(until)
                     continue
-            if tau + h > limit:
+            if end > limit:
                 if final:
                     self._cut(limit)
                 return
             self._pending = None
             self.steps += 1
-            added += 1
             tape.enter(tau, h, contacts.closed)
+            if gap is None and False in contacts.closed:
+                gap = contacts.fallen()
             if gap is not None:
                 self._count_event()
                 contacts.handle(gap)
-                ta.reset_cooldowns()
-            if tau > self._next_base:
+                self._ta.reset_cooldowns()
+            if end > self._next_base:
                 self._rebase()
                 limit = self._base.local(until)
 
     def _take_step(self) -> tuple[float, float, int | None]:
         """One Taylor step from the present state: start, length, and whose guard ended it."""
-        ta = self._ta
-        tau = ta.time
-        outcome, h = ta.step(max_delta_t=self._max_step, write_tc=True)
-        self._tape.slot()[:] = ta.tc
-        if outcome == _SUCCESS or outcome == _TIME_LIMIT:
-            self._pars[self._system.stabilisation_index] = 1.0 / h
+        tau = self._ta.time
+        outcome, h = self._step(self._max_step, True)
+        self._tape.buffer[len(self._tape)] = self._coefficients
+        self._pars[self._stabilisation] = 1.0 / h
+        if outcome == _SUCCESS:
             return tau, h, None
+        return tau, h, self._ended_by(outcome, tau)
+
+    def _ended_by(self, outcome: hy.taylor_outcome, tau: float) -> int | None:
+        """The gap whose guard ended a step; ``None`` if it was the longest step."""
+        if outcome == _TIME_LIMIT:
+            return None
         gap = -int(outcome) - 1
         if not 0 <= gap < len(self._system.gaps):
             raise RunError(
                 f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
                 'became infinite; the mechanism may be at a singular position'
             )
-        return tau, h, gap
+        return gap
 
     def _cut(self, at: float) -> None:
         """End the pending step early, at local time `at`, on its own polynomials."""
-        assert self._pending is not None
-        tau = self._pending[0]
+        tau = self._pending[0] if self._pending else at
         self._pending = None
-        x = np.polynomial.polynomial.polyval(at - tau, self._tape.slot().T)
+        x = np.polynomial.polynomial.polyval(at - tau, self._tape.buffer[len(self._tape)].T)
         if at > tau:
             self.steps += 1
             self._tape.enter(tau, at - tau, self._contacts.closed)

@@ -60,9 +60,7 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
     return Samples(t, motion.closed[k].T, observed, work, lost)
 
 
-def _work_since_start(
-    physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array
-) -> Array:
+def _work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Array:
     """Work of the drives from the start of segment k to `dt` later (N,) [J], by quadrature."""
     power = physics.observe(motion, k, dt[:, None] * _NODES).drive_power
     return np.asarray(dt * (power.reshape(-1, len(_NODES)) @ _WEIGHTS))

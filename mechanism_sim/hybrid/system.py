@@ -159,7 +159,9 @@ class System:
         a = [dense(x) for x in self._stabilised_a_f]
         guards = [
             (1.0 - s) * dense(jet.value) + s * (FORCE_SCALE * dense(n)) + TINY
-            for s, jet, n in zip(self._flags, self.equations.gap_jets, self._stabilised_N, strict=True)
+            for s, jet, n in zip(
+                self._flags, self.equations.gap_jets, self._stabilised_N, strict=True
+            )
         ]
         driven = self._driven([*a, *guards])
         a, guards = driven[: len(a)], driven[len(a) :]
@@ -190,7 +192,7 @@ class System:
                     for k in range(d, self.degree + 1)
                 ]
                 replace[symbol[name]] = dense(add(*terms))
-        return hy.subs(list(expressions), replace)
+        return list(hy.subs(list(expressions), replace))
 
     def _on_free_state(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
         """Compiled function of the integrator's state, parameters and time."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.system import Array, System
-from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum, shift_powers
 
 
 @dataclass(frozen=True)
@@ -46,34 +46,27 @@ class Motion:
 class Tape:
     """Taylor coefficients of the steps since the last `drain`.
 
-    A step is first written to `slot`, then entered by `enter`.
+    A step is first written to its slot ``buffer[len(tape)]``, then entered by `enter`.
+
+    Attributes
+    ----------
+    buffer : (capacity, 2 f, order + 1), always with room for one more step
     """
 
     def __init__(self, system: System, coefficients: Array) -> None:
+        self.buffer = np.empty((256, *coefficients.shape))
         self._system = system
-        self._buffer = np.empty((256, *coefficients.shape))
-        self._tau: list[float] = []
-        self._h: list[float] = []
-        self._closed: list[tuple[bool, ...]] = []
+        self._entries: list[tuple[float, float, tuple[bool, ...], int]] = []
         self._bases: list[Base] = []
-        self._base_of: list[int] = []
 
     def __len__(self) -> int:
-        return len(self._tau)
-
-    def slot(self) -> Array:
-        """Room (2 f, order + 1) for the coefficients of the next step."""
-        k = len(self._tau)
-        if k == len(self._buffer):
-            self._buffer = np.concatenate([self._buffer, np.empty_like(self._buffer)])
-        return self._buffer[k]
+        return len(self._entries)
 
     def enter(self, tau: float, h: float, closed: tuple[bool, ...]) -> None:
-        """Accept the step in `slot`: its start since the base, its length [s], its gaps."""
-        self._tau.append(tau)
-        self._h.append(h)
-        self._closed.append(closed)
-        self._base_of.append(len(self._bases) - 1)
+        """Accept the step in its slot: its start since the base, its length [s], its gaps."""
+        self._entries.append((tau, h, closed, len(self._bases) - 1))
+        if len(self._entries) == len(self.buffer):
+            self.buffer = np.concatenate([self.buffer, np.empty_like(self.buffer)])
 
     def rebase(self, base: Base) -> None:
         """Steps entered from now on count from `base`."""
@@ -85,33 +78,39 @@ class Tape:
         A rate's Taylor polynomial, integrated, gives its angle one order higher than the
         integrator's own.
         """
-        system, count = self._system, len(self._tau)
-        f, order = len(system.free), self._buffer.shape[2]
+        system, count = self._system, len(self._entries)
+        taus, hs, closed, bases = zip(*self._entries, strict=True) if count else ((),) * 4
+        f, order = len(system.free), self.buffer.shape[2]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         free = [system.coordinates.index(c) for c in system.free]
-        raw = self._buffer[:count]
+        raw = self.buffer[:count]
         coefficients[:, free, 0] = raw[:, :f, 0]
         coefficients[:, free, 1:] = raw[:, f:, :] / np.arange(1.0, order + 1.0)
-        tau, of = np.array(self._tau), np.array(self._base_of, dtype=np.intp)
+        tau, of = np.array(taus), np.array(bases, dtype=np.intp)
         for p, name in enumerate(system.prescribed):
-            law = np.array([base.laws[p] for base in self._bases])[of]
-            coefficients[:, system.coordinates.index(name), : law.shape[1]] = shift_powers(law, tau)
+            law = np.zeros((len(self._bases), system.degree + 1))
+            for row, base in zip(law, self._bases, strict=True):
+                row[: len(base.laws[p])] = base.laws[p]
+            law = law[of]
+            coefficients[:, system.coordinates.index(name), : law.shape[1]] = shift_powers(
+                law, tau
+            )
         high = np.array([base.high for base in self._bases])[of]
         low = np.array([base.low for base in self._bases])[of]
         turns = [[base.turns[c] for c in system.coordinates] for base in self._bases]
-        start = high + tau
+        start, start_low = exact_sum(high, low, tau)
         motion = Motion(
             PiecewisePolynomial(
                 start,
-                (tau - (start - high)) + low,
-                np.array(self._h),
+                start_low,
+                np.array(hs),
                 np.array(turns, dtype=np.int64)[of],
                 coefficients,
             ),
-            np.array(self._closed, dtype=bool).reshape(count, len(system.gaps)),
+            np.array(closed, dtype=bool).reshape(count, len(system.gaps)),
         )
         # The next step may be in its slot already: it becomes the first.
-        self._buffer[0] = self.slot()
-        self._tau, self._h, self._closed, self._base_of = [], [], [], []
+        self.buffer[0] = self.buffer[count]
+        self._entries = []
         self._bases = self._bases[-1:]
         return motion

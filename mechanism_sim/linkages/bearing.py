@@ -46,7 +46,8 @@ class BearingClearance:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""
         x, y = _pin_in_bushing(self.mechanism, self.name, frames)
         c = self._clearance(frames)
-        return -((x.square() + y.square()) - c * c) / (2.0 * c)
+        gap: Jet = -((x.square() + y.square()) - c * c) / (2.0 * c)
+        return gap
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """``Q/c``: the direction from bushing centre to pin centre."""

@@ -27,10 +27,15 @@ class FourBar:
     branch: Branch = 'open'
 
     def assembles_everywhere(self) -> bool:
-        """Whether the crank can make a full turn: both diagonals extremes can be closed."""
+        """Whether the crank can make a full turn: both extreme diagonals leave a triangle.
+
+        A triangle that degenerates is a change point, from where the linkage may go on in either
+        branch and where no finite force holds it: this does not count.
+        """
         shortest, longest = abs(self.ground - self.crank), self.ground + self.crank
         reach, least = self.coupler + self.rocker, abs(self.coupler - self.rocker)
-        return least <= shortest and longest <= reach
+        margin = 1e-12 * (longest + reach)
+        return shortest - least > margin and reach - longest > margin
 
     def grashof(self) -> float:
         """Sum of the two middle lengths less that of the shortest and longest [m].
@@ -48,9 +53,7 @@ class FourBar:
         coupler-rocker pin lies ([V] 2.3.1). Where the triangle cannot be closed the angles are
         NaN.
         """
-        return self.close(
-            self.ground - self.crank * np.cos(th2), -self.crank * np.sin(th2)
-        )
+        return self.close(self.ground - self.crank * np.cos(th2), -self.crank * np.sin(th2))
 
     def close(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Angles th3, th4 for which ``l3 u(th3) - l4 u(th4)`` is the vector (x, y) [m]."""

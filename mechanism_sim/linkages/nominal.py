@@ -50,8 +50,19 @@ class NominalRun:
         self._previous: Array | None = None
 
     def change_law(self, law: DriveLaw) -> None:
-        """Let a law replace the present one from ``law.valid_from`` on."""
-        self._coming.append(law)
+        """Let a law replace the present one from ``law.valid_from`` on.
+
+        Raises
+        ------
+        ValueError
+            If the motion is already known beyond that time.
+        """
+        if law.valid_from < self.time:
+            raise ValueError(
+                f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
+                f'up to {self.time:.9g} s'
+            )
+        self._coming = deque(sorted((*self._coming, law), key=lambda x: x.valid_from))
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Add every piece that ends not later than `until` [s]; with `final` up to `until`."""
@@ -110,7 +121,7 @@ class NominalRun:
 
 
 class NominalPhysics:
-    """An ideal four-bar: exact kinematics, and forces by inverse dynamics where masses are known."""
+    """An ideal four-bar: exact kinematics, and forces where masses are known."""
 
     clearances: tuple[str, ...] = ()
 
@@ -136,6 +147,7 @@ class NominalPhysics:
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         """There are none: (0, N)."""
+        del motion, segments
         return np.zeros((0, dt.size))
 
     def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:

@@ -55,6 +55,11 @@ _SESSION: dict[str, Any] = {
         'period_increase_factor': 2,
     },
 }
+_PROBE: dict[str, Any] = {
+    'mode': 'client',
+    'connect/timeout_ms': 0,
+    'scouting/multicast/enabled': False,
+}
 _ROUTER: dict[str, Any] = {
     'mode': 'router',
     'connect/endpoints': [],
@@ -108,6 +113,13 @@ def router_config() -> zenoh.Config:
     return _configuration('ZENOH_ROUTER_CONFIG_URI', _COMMON | _ROUTER | endpoint)
 
 
+def probe_config(timeout: float) -> zenoh.Config:
+    """Configuration of a session that asks within ``timeout`` [s] whether a router is there."""
+    config = _configuration('', _PROBE | {'connect/endpoints': [router_endpoint()]})
+    config.insert_json5('transport/unicast/open_timeout', str(round(timeout * 1000)))
+    return config
+
+
 def is_loopback(endpoint: str) -> bool:
     """Whether an endpoint is on this machine, out of reach of others."""
     host, _ = _host_and_port(endpoint)
@@ -134,7 +146,7 @@ def _host_and_port(endpoint: str) -> tuple[str, int]:
 
 
 def _configuration(variable: str, defaults: dict[str, Any]) -> zenoh.Config:
-    path = os.environ.get(variable)
+    path = os.environ.get(variable) if variable else None
     if path:
         try:
             return zenoh.Config.from_file(path)

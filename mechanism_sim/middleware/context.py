@@ -4,9 +4,10 @@ import atexit
 import signal
 from threading import current_thread, main_thread
 from types import FrameType
-from typing import Protocol
+from typing import Any, Protocol
 from weakref import WeakSet
 
+from mechanism_sim.middleware.callbacks import interrupt
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.session import FLUSH_PATIENCE, Context
 
@@ -33,9 +34,9 @@ def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None
         raise MiddlewareError('init() was called twice without shutdown() between')
     _context = Context(domain_id)
     _signalled = False
-    in_main = current_thread() is main_thread()
-    if in_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, _end)
+    for number, (usual, ours) in _HANDLERS.items():
+        if current_thread() is main_thread() and signal.getsignal(number) is usual:
+            signal.signal(number, ours)
 
 
 def shutdown(timeout_sec: float = FLUSH_PATIENCE) -> None:
@@ -48,6 +49,9 @@ def shutdown(timeout_sec: float = FLUSH_PATIENCE) -> None:
     if ending is None:
         raise MiddlewareError('shutdown() was called without init()')
     _wake()
+    for number, (usual, ours) in _HANDLERS.items():
+        if current_thread() is main_thread() and signal.getsignal(number) is ours:
+            signal.signal(number, usual)
     if not ending.close(timeout_sec):
         raise MiddlewareError(
             f'After {timeout_sec} s other processes had not taken in what was published here:'
@@ -94,4 +98,8 @@ def _end(_number: int, _frame: FrameType | None) -> None:
     _wake()
 
 
+_HANDLERS: dict[signal.Signals, tuple[Any, Any]] = {
+    signal.SIGINT: (signal.default_int_handler, interrupt),
+    signal.SIGTERM: (signal.SIG_DFL, _end),
+}
 atexit.register(try_shutdown)

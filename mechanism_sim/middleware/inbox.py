@@ -21,7 +21,8 @@ from typing import Any, Protocol
 
 from mechanism_sim.middleware.session import Context
 
-LIMIT = 1000  # samples that a KEEP_ALL subscription holds before its publishers wait
+LIMIT = 1000  # samples that a KEEP_ALL subscription holds before its publishers wait,
+LIMIT_BYTES = 32_000_000  # or bytes
 RECHECK = 0.05  # [s]
 
 
@@ -57,28 +58,29 @@ class Inbox:
         self._owner = owner
         self._limit = limit
         self._overflow = overflow
-        self._items: deque[Any] = deque()
+        self._items: deque[tuple[Any, int]] = deque()
+        self._bytes = 0
         self._changed = Condition()
         self._ready: Ready | None = None
+        self._waiting = 0
         self._open = True
         context.inboxes.add(self)
 
     def __len__(self) -> int:
         return len(self._items)
 
-    def put(self, item: Any, *, local: bool = False) -> None:
-        """Add an item; called by Zenoh's threads. ``local``: it comes from this process."""
+    def put(self, item: Any, size: int = 0, *, local: bool = False) -> None:
+        """Add an item of a size in bytes; ``local``: it comes from this process."""
         with self._changed:
-            if len(self._items) >= self._limit:
-                if self._overflow is Overflow.DROP_OLDEST:
-                    self._items.popleft()
-                    self._items.append(item)
-                    return
-                if self._overflow is Overflow.WAIT and not local:
-                    self._wait_for_room()
+            if self._overflow is Overflow.WAIT and not local and self._fills(1.0):
+                self._wait_for_room()
             if not self._open:
                 return
-            self._items.append(item)
+            self._items.append((item, size))
+            self._bytes += size
+            if self._overflow is Overflow.DROP_OLDEST and len(self._items) > self._limit:
+                self._bytes -= self._items.popleft()[1]
+                return
             if self._ready is not None:
                 self._ready.put(self._owner)
 
@@ -87,8 +89,9 @@ class Inbox:
         with self._changed:
             if not self._items:
                 return None
-            item = self._items.popleft()
-            if len(self._items) == self._limit // 2:
+            item, size = self._items.popleft()
+            self._bytes -= size
+            if self._waiting and not self._fills(0.5):
                 self._changed.notify_all()
             return item
 
@@ -109,7 +112,10 @@ class Inbox:
 
     def _wait_for_room(self) -> None:
         # Half empty, so that both sides work in long strokes instead of waking each other up.
-        while (
-            self._open and len(self._items) > self._limit // 2 and not self._context.waits.long()
-        ):
+        self._waiting += 1
+        while self._open and self._fills(0.5) and not self._context.waits.long():
             self._changed.wait(RECHECK)
+        self._waiting -= 1
+
+    def _fills(self, part: float) -> bool:
+        return len(self._items) >= part * self._limit or self._bytes >= part * LIMIT_BYTES

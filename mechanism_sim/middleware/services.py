@@ -6,10 +6,10 @@ from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import zenoh
-from zenoh.handlers import Callback
 
 from mechanism_sim.messages import MessageError, deserialize, serialize, type_name
 from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.future import Future
 from mechanism_sim.middleware.inbox import Inbox
@@ -38,7 +38,7 @@ class Service:
         self._key = context.key(name, type_name(kind))
         self.inbox = Inbox(context, self)
         self._queryable = context.session.declare_queryable(
-            self._key, Callback(self.inbox.put, indirect=False), complete=True
+            self._key, direct(self.inbox.put), complete=True
         )
         self._token = context.announce(node.token(wire.SERVICE, name, type_name(kind), qos))
 
@@ -138,7 +138,7 @@ class Client:
         """Send a request; ``answered`` gets every reply, and None when no more will come."""
         data = serialize(request)
         attachment = wire.pack_attachment(next(self._sequence), time.time_ns(), self._gid)
-        callback = Callback(answered, lambda: answered(None), indirect=False)
+        callback = direct(answered, lambda: answered(None))
         with self._context.waits:
             self._querier.get(callback, payload=data, attachment=attachment)
 

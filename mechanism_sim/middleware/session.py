@@ -16,10 +16,10 @@ from itertools import count
 from typing import Any, Protocol
 
 import zenoh
-from zenoh.handlers import Callback
 
 from mechanism_sim.messages import type_hash
 from mechanism_sim.middleware import config, wire
+from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.graph import Graph
 from mechanism_sim.middleware.waits import Waits
@@ -52,11 +52,11 @@ class Context:
         self._ids = count()
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
         self._farewell = self.session.declare_queryable(
-            f'{FAREWELL}/{self.domain}/{self.zid}', Callback(_answer, indirect=False)
+            f'{FAREWELL}/{self.domain}/{self.zid}', direct(_answer)
         )
         self._watch = self.session.liveliness().declare_subscriber(
             f'{wire.TOKENS}/{self.domain}/**',
-            Callback(self._on_token, indirect=False),
+            direct(self._on_token),
             history=True,
         )
 
@@ -144,38 +144,27 @@ def _answer(query: zenoh.Query) -> None:
         query.reply(query.key_expr, b'')
 
 
-_abandoned: list[zenoh.Session] = []
-
-
 def _join() -> tuple[zenoh.Session | None, zenoh.Session]:
     """Own router, if one had to be opened, and session."""
-    if config.connects_elsewhere():
-        return None, zenoh.open(config.session_config())
-    endpoint = config.router_endpoint()
     attempts = config.router_attempts()
-    router = None
-    if attempts is None or attempts >= 0:
-        router = _find_or_open_router(endpoint, attempts)
-    session = zenoh.open(config.session_config())
-    if attempts is not None and attempts < 0:
-        return None, session
-    end = time.monotonic() + ROUTER_PATIENCE
-    while not session.info.routers_zid():
-        if time.monotonic() > end:
-            # Not closed, which would take another 10 s: Zenoh still waits for an answer.
-            _abandoned.append(session)
-            raise MiddlewareError(
-                f'{endpoint} is in use by something that is not a Zenoh router: stop it, or set'
-                ' MECHANISM_SIM_ROUTER to another port, such as tcp/127.0.0.1:7448'
-            )
-        time.sleep(0.001)
-    return router, session
+    if config.connects_elsewhere() or (attempts is not None and attempts < 0):
+        return None, zenoh.open(config.session_config())
+    for _ in range(3):
+        router = _find_or_open_router(config.router_endpoint(), attempts)
+        session = zenoh.open(config.session_config())
+        end = time.monotonic() + ROUTER_PATIENCE
+        while time.monotonic() < end:
+            if session.info.routers_zid():
+                return router, session
+            time.sleep(0.001)
+        _close(session)
+    raise MiddlewareError(f'The router at {config.router_endpoint()} comes and goes')
 
 
 def _find_or_open_router(endpoint: str, attempts: int | None) -> zenoh.Session | None:
-    """Router opened here, None if one was there; waits as ``attempts`` says."""
+    """Router opened here, None if one was there; waits for one as ``attempts`` says."""
     looked = 0
-    while not config.answers(endpoint):
+    while not _is_router(endpoint):
         looked += 1
         if attempts == 0 or (attempts is not None and looked < attempts):
             time.sleep(1.0)
@@ -192,3 +181,19 @@ def _find_or_open_router(endpoint: str, attempts: int | None) -> zenoh.Session |
             if not config.answers(endpoint):
                 raise MiddlewareError(f'No router can be opened at {endpoint}: {error}') from error
     return None
+
+
+def _is_router(endpoint: str) -> bool:
+    """Whether a router answers; MiddlewareError if something else does."""
+    if not config.answers(endpoint):
+        return False
+    try:
+        _close(zenoh.open(config.probe_config(ROUTER_PATIENCE)))
+    except zenoh.ZError:
+        if not config.answers(endpoint):
+            return False
+        raise MiddlewareError(
+            f'{endpoint} is in use by something that is not a Zenoh router: stop it, or set'
+            ' MECHANISM_SIM_ROUTER to another port, such as tcp/127.0.0.1:7448'
+        ) from None
+    return True

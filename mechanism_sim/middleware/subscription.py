@@ -11,6 +11,7 @@ from zenoh.handlers import Callback
 
 from mechanism_sim.messages import deserialize, type_name
 from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.inbox import LIMIT, Inbox, Overflow
 from mechanism_sim.middleware.qos import (
     DurabilityPolicy,
@@ -52,7 +53,7 @@ class Subscription:
         self._received = 0
         self.inbox = Inbox(context, self, *_queue(qos))
         name = type_name(kind)
-        receive = Callback(self._receive, indirect=False)
+        receive = direct(self._receive)
         self._subscriber = _declare(context.session, context.key(topic, name), receive, qos)
         self._token = context.announce(node.token(wire.SUBSCRIPTION, topic, name, qos))
 
@@ -98,8 +99,9 @@ class Subscription:
             if attachment.sequence <= self._latest.get(attachment.gid, 0):
                 return
             self._latest[attachment.gid] = attachment.sequence
-        item = (sample.payload.to_bytes(), attachment, time.time_ns())
-        self.inbox.put(item, local=attachment.gid in self._context.gids)
+        data = sample.payload.to_bytes()
+        item = (data, attachment, time.time_ns())
+        self.inbox.put(item, len(data), local=attachment.gid in self._context.gids)
 
 
 def _takes_info(callback: Callable[..., Any]) -> bool:

@@ -41,6 +41,8 @@ def run_nodes(
     Exit code: 0 done, 1 failed, 2 bad input, 130 interrupted. Errors are told in one sentence.
     """
     nodes: list[SimulationNode] = []
+    # Also where a shell started us in the background and had SIGINT ignored.
+    signal.signal(signal.SIGINT, _interrupt)
     signal.signal(signal.SIGTERM, _interrupt)
     code = 0
     try:
@@ -71,7 +73,7 @@ def run_nodes(
 
 def tell(error: Exception, code: int) -> int:
     """Say what went wrong on standard error; gives the exit code back."""
-    print(f'mechanism-sim: {error}', file=sys.stderr, flush=True)  # noqa: T201
+    print(f'mechanism-sim: {error}', file=sys.stderr, flush=True)
     return code
 
 
@@ -109,9 +111,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
 
 def parameters_of(options: argparse.Namespace) -> list[Parameter]:
     """Parameters for what was given on the command line."""
-    given = {
-        key: value for key, value in vars(options).items() if value not in (None, False)
-    }
+    given = {key: value for key, value in vars(options).items() if value not in (None, False)}
     if 'overrides' in given:
         given['overrides'] = '\n'.join(given['overrides'])
     return [Parameter(key, value=value) for key, value in given.items()]

@@ -82,9 +82,13 @@ class Recorder(SimulationNode):
         self.join()
 
     def _add_topic(self, topic: str, kind: Any, qos: QoSProfile) -> None:
-        words = (qos.reliability.name, qos.durability.name, qos.history.name)
-        policies = [word.lower() for word in words]
-        self.writer.add_topic(topic, type_name(kind), Qos(*policies, qos.depth))
+        policies = Qos(
+            qos.reliability.name.lower(),
+            qos.durability.name.lower(),
+            qos.history.name.lower(),
+            qos.depth,
+        )
+        self.writer.add_topic(topic, type_name(kind), policies)
 
     def _record(self, topic: str, kind: Any, qos: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)
@@ -106,10 +110,10 @@ class Recorder(SimulationNode):
 
         return write
 
-    def on_progress(self, message: Any) -> None:
+    def on_progress(self, _message: Any) -> None:
         """Record it, pass on how far the slowest has come, end when all have ended."""
-        self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
+        self._now = _message.header.stamp.sec * 1_000_000_000 + _message.header.stamp.nanosec
+        self.writer.write(self.resolve_topic_name('progress'), serialize(_message), self._now)
         self.report(self.partners_time())
         if self.partners_finished():
             self._expected = Counter()

@@ -9,17 +9,18 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
-from mechanism_sim.nodes.process import run_nodes
+from mechanism_sim.nodes.process import run_nodes, tell
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene import Machine
 
-NODES: dict[str, type[SimulationNode]] = {
+NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'crank_drive': CrankDrive,
     'linkage': Linkage,
     'accelerometer': Accelerometer,
@@ -141,9 +142,14 @@ class _Children:
     def running(self) -> bool:
         """Whether any still runs; one that fails makes all others end."""
         codes = {name: process.poll() for name, process in self._processes.items()}
-        failed = [code for code in codes.values() if code]
+        failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:
-            self.code = failed[0] if failed[0] > 0 else 1
+            name, code = next(iter(failed.items()))
+            if code < 0:
+                # It could not say so itself.
+                message = f"'{name}' was killed by signal {-code}; the run ends"
+                code = tell(RunError(message), 1)
+            self.code = code
             self.interrupt()
         if self._deadline is not None and time.monotonic() > self._deadline:
             for process in self._processes.values():

@@ -82,7 +82,7 @@ class SimulationNode(Node):
     def on_ready(self) -> None:
         """All partners are there."""
 
-    def on_progress(self, message: Any) -> None:
+    def on_progress(self, _message: Any) -> None:
         """A partner reports how far it has come."""
 
     def _look(self) -> None:

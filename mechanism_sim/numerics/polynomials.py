@@ -90,25 +90,37 @@ class PiecewisePolynomial:
 def chebyshev_nodes(count: int) -> Array:
     """Chebyshev points of the first kind on [0, 1], ascending: (count,)."""
     k = np.arange(count)
-    return 0.5 * (1.0 - np.cos(np.pi * (k + 0.5) / count))
+    return np.asarray(0.5 * (1.0 - np.cos(np.pi * (k + 0.5) / count)))
 
 
 def gauss_nodes(count: int) -> tuple[Array, Array]:
     """Gauss-Legendre nodes and weights on [0, 1], each (count,)."""
     x, w = np.polynomial.legendre.leggauss(count)
-    return 0.5 * (x + 1.0), 0.5 * w
+    return np.asarray(0.5 * (x + 1.0)), np.asarray(0.5 * w)
 
 
 @lru_cache
-def power_basis(count: int) -> Array:
-    """Matrix (d + 1, d + 1) from values at the Chebyshev nodes of [0, 1] to powers there."""
-    chebyshev = np.polynomial.chebyshev
-    values = chebyshev.chebvander(2.0 * chebyshev_nodes(count) - 1.0, count - 1)
-    powers = np.zeros((count, count))
-    for k in range(count):
-        on_unit = chebyshev.Chebyshev.basis(k, domain=[0.0, 1.0])
-        powers[: k + 1, k] = on_unit.convert(kind=np.polynomial.Polynomial, domain=[-1, 1]).coef
-    return np.asarray(powers @ np.linalg.inv(values))
+def _chebyshev_matrices(count: int) -> tuple[Array, Array]:
+    """From values at the nodes of [0, 1] to Chebyshev coefficients, and from these to powers.
+
+    The second matrix consists of integers up to ``2^(2 d - 1)``. They meet coefficients that decay
+    for a smooth function, so nothing is lost; their product, applied to the values, would amplify
+    rounding by all of that.
+    """
+    k, j = np.arange(count)[:, None], np.arange(count)
+    # T_k at node j; whole turns are taken off in integers
+    at_nodes = (-1.0) ** k * np.cos(np.pi * (k * (2 * j + 1) % (4 * count)) / (2 * count))
+    to_chebyshev = at_nodes * (2.0 / count)
+    to_chebyshev[0] *= 0.5
+    rows = [[1], [-1, 2]]  # T_0 and T_1 of 2 t - 1 in powers of t
+    for _ in range(count - 2):
+        last, before = [*rows[-1], 0], [*rows[-2], 0, 0]
+        shifted = [0, *rows[-1]]
+        rows.append([4 * s - 2 * a - b for s, a, b in zip(shifted, last, before, strict=True)])
+    to_powers = np.zeros((count, count))
+    for k, row in enumerate(rows[:count]):
+        to_powers[: k + 1, k] = row
+    return to_chebyshev, to_powers
 
 
 def fit_powers(values: Array, width: float) -> Array:
@@ -124,7 +136,11 @@ def fit_powers(values: Array, width: float) -> Array:
     (..., d + 1) coefficients of rising powers
     """
     count = values.shape[-1]
-    return np.asarray(values @ power_basis(count).T / width ** np.arange(count))
+    to_chebyshev, to_powers = _chebyshev_matrices(count)
+    middle = values[..., count // 2]  # without it there is less to round
+    powers = ((values - middle[..., None]) @ to_chebyshev.T) @ to_powers.T
+    powers[..., 0] += middle
+    return np.asarray(powers / width ** np.arange(count))
 
 
 def shift_powers(coefficients: Array, by: Array) -> Array:
@@ -135,3 +151,12 @@ def shift_powers(coefficients: Array, by: Array) -> Array:
         for j in range(d - 1, i - 1, -1):
             rows[:, j] += by * rows[:, j + 1]
     return rows
+
+
+def exact_sum(high: Array, low: Array, x: Array) -> tuple[Array, Array]:
+    """``high + low + x`` rounded to a float, and what that rounds away; `low` is below an ulp."""
+    total = high + x
+    part = total - high
+    rest = ((high - (total - part)) + (x - part)) + low
+    rounded = total + rest
+    return rounded, rest - (rounded - total)

@@ -6,12 +6,15 @@ Structural zeros are ``None``, so that what a scene does not have is not compile
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import heyoka as hy
 
-Term = hy.expression | None
-Vector = list[Term]
-Matrix = list[list[Term]]
+Term: TypeAlias = Any
+"""A heyoka expression, or None for a structural zero; heyoka itself is not typed."""
+
+Vector: TypeAlias = list[Term]
+Matrix: TypeAlias = list[list[Term]]
 
 
 def add(*terms: Term) -> Term:

@@ -76,9 +76,7 @@ class Frames:
                 continue
             v = self.v[frame]
             for component, value, slope in ((x, wx, neg(wy)), (y, wy, wx)):
-                component.append(
-                    Jet(value, {frame: slope}, mul(slope, v), neg(mul(value, v * v)))
-                )
+                component.append(Jet(value, {frame: slope}, mul(slope, v), neg(mul(value, v * v))))
         zero = Jet(None, {}, None, None)
         return sum(x, zero), sum(y, zero)
 

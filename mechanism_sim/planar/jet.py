@@ -64,9 +64,7 @@ class Jet:
         return Jet(
             mul(self.value, o.value),
             {
-                n: add(
-                    mul(self.gradient.get(n), o.value), mul(self.value, o.gradient.get(n))
-                )
+                n: add(mul(self.gradient.get(n), o.value), mul(self.value, o.gradient.get(n)))
                 for n in self._names(o)
             },
             add(mul(self.rate, o.value), mul(self.value, o.rate)),

@@ -65,7 +65,7 @@ class Mechanism:
             ends.setdefault(j.first, []).append(j.on_first)
             ends.setdefault(j.second, []).append(j.on_second)
         return max(
-            ((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) ** 0.5
+            math.hypot(a[0] - b[0], a[1] - b[1])
             for points in ends.values()
             for a in points
             for b in points
@@ -79,10 +79,10 @@ class Mechanism:
             for j in self.joints:
                 known = (j.first, j.second)
                 other = known[1] if known[0] == body.name else known[0]
-                if body.name in known and j.name not in self.cut:
-                    if other == GROUND or other in carried:
-                        carried[body.name] = j
-                        break
+                reached = other == GROUND or other in carried
+                if body.name in known and j.name not in self.cut and reached:
+                    carried[body.name] = j
+                    break
             else:
                 raise ValueError(f'link {body.name} is not joined to the ground by uncut joints')
         return carried
@@ -104,9 +104,7 @@ class Mechanism:
             result[link] = offset
         return result
 
-    def locate(
-        self, link: str, angles: Mapping[str, float], at: Vector2 = (0.0, 0.0)
-    ) -> Vector2:
+    def locate(self, link: str, angles: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
         """World coordinates [m] of a point of a link; the default is its proximal joint."""
         x = y = 0.0
         for frame, (dx, dy) in self.point(link, at).items():

@@ -41,9 +41,7 @@ def tree_reactions(
         for joint in mechanism.joints:
             if joint.name in forces and body.name in (joint.first, joint.second):
                 sign = neg if joint.second == body.name else _same
-                needed = [
-                    add(n, sign(f)) for n, f in zip(needed, forces[joint.name], strict=True)
-                ]
+                needed = [add(n, sign(f)) for n, f in zip(needed, forces[joint.name], strict=True)]
         if carrier.second != body.name:
             needed = [neg(n) for n in needed]
         forces[carrier.name] = (needed[0], needed[1])

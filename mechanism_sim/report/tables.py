@@ -21,13 +21,13 @@ def check_output(file: str, rate: float | None) -> None:
     """
     path = Path(file)
     if path.suffix not in SUFFIXES:
-        raise InputError(f"--output {file}: the ending must be one of {', '.join(SUFFIXES)}")
+        raise InputError(f'--output {file}: the ending must be one of {", ".join(SUFFIXES)}')
     if rate is None or rate <= 0.0:
         raise InputError('--output needs a positive --sample-rate in Hz')
     if not path.resolve().parent.is_dir():
         raise InputError(f"--output {file}: there is no directory '{path.parent}'")
     if path.exists():
-        raise InputError(f"--output {file}: exists already, not overwriting")
+        raise InputError(f'--output {file}: exists already, not overwriting')
 
 
 def write(solution: Solution, file: str, rate: float) -> None:
@@ -36,7 +36,7 @@ def write(solution: Solution, file: str, rate: float) -> None:
     columns = solution.sample(np.minimum(np.arange(count) / rate, solution.duration))
     suffix = Path(file).suffix
     if suffix == '.npz':
-        np.savez(file, **columns)
+        np.savez(file, **dict(columns))  # type: ignore[arg-type]
     elif suffix == '.csv':
         rows = np.column_stack(list(columns.values()))
         np.savetxt(file, rows, '%.17g', ',', header=','.join(columns), comments='')

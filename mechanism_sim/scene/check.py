@@ -7,12 +7,12 @@ from dataclasses import asdict, dataclass
 from mechanism_sim.scene.machine import CLOSING_JOINT, Level, Machine
 
 _WHY = {
-    Level.KINEMATIC: 'the crank is prescribed, every joint is ideal, and no forces are asked for '
-    'or no masses are given: closed-form loop closure',
+    Level.KINEMATIC: 'the crank is prescribed, every joint is ideal, and forces are not asked for '
+    'or masses not given: closed-form loop closure',
     Level.INVERSE_DYNAMICS: 'the crank is prescribed, every joint is ideal, and forces are asked '
     'for: closed-form loop closure and a linear solve for the forces',
-    Level.NONSMOOTH: f'{CLOSING_JOINT} has clearance: equations of motion with a gap, and an event '
-    'loop for free flight, impact and following',
+    Level.NONSMOOTH: f'{CLOSING_JOINT} has clearance: equations of motion with a gap, and an '
+    'event loop for free flight, impact and following',
 }
 
 

@@ -6,7 +6,7 @@ import difflib
 import sysconfig
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -37,8 +37,12 @@ def find_scene(name: str) -> Path:
         If there is no such file; names the nearest.
     """
     path = Path(name)
-    if path.suffix in ('.yaml', '.yml') or path.exists():
-        if not path.is_file():
+    try:
+        exists, is_file = path.exists(), path.is_file()
+    except (OSError, ValueError):  # longer than the file system allows, or with a null character
+        exists = is_file = False
+    if path.suffix in ('.yaml', '.yml') or exists:
+        if not is_file:
             raise InputError(f"there is no scene file '{name}'")
         return path
     known = scene_names()
@@ -81,7 +85,7 @@ def read_scene(
     for key, value in _pairs(overrides):
         _override(data, key, value, path.name)
     kind = data.get('mechanism')
-    if kind not in MECHANISMS:
+    if not isinstance(kind, str) or kind not in MECHANISMS:
         raise InputError(
             f"{path.name}: mechanism is '{kind}'{nearest(str(kind), MECHANISMS)}; known are: "
             f'{", ".join(MECHANISMS)}'
@@ -146,6 +150,19 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
     if kind == 'literal_error':
         hint = nearest(str(value), str(context['expected']).replace("'", '').split(' or '))
         return f'{where} = {value!r} is not possible{hint}; allowed: {context["expected"]}'
+    expected = {
+        'model_type': 'it must be a list of keys with values',
+        'dict_type': 'it must be a list of names with values',
+        'tuple_type': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
+        'too_long': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
+        'string_type': 'it must be text; put it in quotes',
+        'bool_parsing': 'it must be true or false',
+        'bool_type': 'it must be true or false',
+        'finite_number': 'it must be finite',
+        'invalid_key': 'keys must be text',
+    }
+    if kind in expected:
+        return f'{where} = {value!r}: {expected[kind]}'
     bounds = {
         'greater_than': ('gt', 'more than'),
         'greater_than_equal': ('ge', 'at least'),
@@ -164,6 +181,8 @@ def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
     for part in path:
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             kind = kind.model_fields[part].annotation
+            if get_origin(kind) is dict:
+                continue  # its keys are free, its values are the next part's model
         candidates = [kind, *get_args(kind)]
         kind = next(
             (c for c in reversed(candidates) if isinstance(c, type) and issubclass(c, BaseModel)),

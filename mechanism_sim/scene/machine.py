@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -16,7 +16,7 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop, State
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import LoosePhysics, Physics
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.bearing import BearingClearance, Closure
 from mechanism_sim.linkages.four_bar import FourBar
@@ -24,7 +24,7 @@ from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
-from mechanism_sim.scene.schema import FourBarScene, Link
+from mechanism_sim.scene.schema import Clearance, FourBarScene, Link
 
 CLOSING_JOINT = 'coupler_rocker'
 """The joint where the loop of the four-bar is cut."""
@@ -111,9 +111,7 @@ class Machine:
             tuple(bodies),
             (
                 Revolute('ground_crank', GROUND, 'crank', origin, origin),
-                Revolute(
-                    'crank_coupler', 'crank', 'coupler', (links.crank.length, 0.0), origin
-                ),
+                Revolute('crank_coupler', 'crank', 'coupler', (links.crank.length, 0.0), origin),
                 Revolute(
                     CLOSING_JOINT,
                     'coupler',
@@ -140,11 +138,17 @@ class Machine:
         closure = Closure(CLOSING_JOINT, self.mechanism)
         return InverseDynamics(self.mechanism, [closure], ['crank'])
 
+    @property
+    def _clearance(self) -> Clearance:
+        clearance = self.scene.joints.coupler_rocker.clearance
+        if clearance is None:
+            raise ValueError(f'{CLOSING_JOINT} of {self.name} has no clearance')
+        return clearance
+
     @cached_property
     def system(self) -> System:
         """The compiled equations of the loose mechanism."""
-        clearance = self.scene.joints.coupler_rocker.clearance
-        assert clearance is not None
+        clearance = self._clearance
         gap = BearingClearance(
             CLOSING_JOINT, self.mechanism, clearance.radial, clearance.restitution
         )
@@ -162,13 +166,15 @@ class Machine:
     def period(self) -> float:
         """Duration of a crank revolution [s]; infinite for a crank at rest."""
         speed = abs(self.scene.drive.speed)
-        return 2.0 * np.pi / speed if speed else np.inf
+        return 2.0 * math.pi / speed if speed else math.inf
 
     @property
     def allowed_penetration(self) -> float:
         """Violation of a gap [m] that tolerance or rounding explain; beyond it a run fails."""
         solver = self.scene.solver
-        return max(1e3 * solver.rtol * self.mechanism.size, solver.atol, 1e-12)
+        allowed = max(1e3 * solver.rtol * self.mechanism.size, solver.atol, 1e-12)
+        clearance = self.scene.joints.coupler_rocker.clearance
+        return min(allowed, 0.1 * clearance.radial) if clearance else allowed
 
     def start(self, law: DriveLaw | None = None) -> Run:
         """A new run of the machine, under the scene's law or another of the same crank."""
@@ -203,14 +209,18 @@ class Machine:
         InputError
             If given coordinates put the pin outside of its bushing.
         """
-        clearance = self.scene.joints.coupler_rocker.clearance
-        assert clearance is not None
+        clearance = self._clearance
         _, (angle, speed, *_) = self.law.about(Fraction(0))
         crank = (np.array([angle]), np.array([speed]), np.zeros(1))
         q, v, a = self.linkage.motion(*crank)
         seated = self.scene.start == 'seated'
         if seated:
             force = self.inverse_dynamics(q, v, a).reaction[2, :, 0]
+            if not force.any():
+                raise InputError(
+                    f'{self.name}: start = seated, but no force presses the pin of '
+                    f"{CLOSING_JOINT} on its bushing; write 'start: centred'"
+                )
             n = force / np.hypot(*force)
             q[1:, 0] = self._displaced(angle, q[1:, 0], clearance.radial * n)
         given = self.scene.initial
@@ -226,17 +236,20 @@ class Machine:
         turns = (0, 0)
         return State(Fraction(0), turns, tuple(q[1:, 0]), tuple(v[1:, 0]), (seated,))
 
-    def _displaced(self, crank: float, near: Sequence[float], Q: Sequence[float]) -> np.ndarray:
+    def _displaced(self, crank: float, near: Array, Q: Array) -> Array:
         """Angles of coupler and rocker with the pin displaced by Q [m] from the bushing centre."""
         l = self.linkage  # noqa: E741 - the lengths
         angles = np.array(
             l.close(l.ground - l.crank * np.cos(crank) + Q[0], -l.crank * np.sin(crank) + Q[1])
         )
         if np.isnan(angles).any():
-            raise InputError('the mechanism cannot be assembled with its pin seated')
+            raise InputError(
+                f'{self.name}: the mechanism cannot be assembled with the pin of {CLOSING_JOINT} '
+                'seated: its clearance is too large'
+            )
         return angles + 2.0 * np.pi * np.round((near - angles) / (2.0 * np.pi))
 
-    def _check_inside(self, q: np.ndarray, clearance: float) -> None:
+    def _check_inside(self, q: Array, clearance: float) -> None:
         value = self.system.gap_values(q)
         gap = float(self.system.gaps[0].distance(value[0])[0])
         if gap < -1e-6 * clearance:

@@ -5,41 +5,33 @@ Values arrive as people write them (``64 mm``) and are kept in SI units.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from mechanism_sim.units import to_si
 
 
-def _quantity(unit: str) -> Callable[[Any], float]:
-    return lambda value: to_si(value, unit)
+def _si(unit: str) -> BeforeValidator:
+    """Text with a unit, or a number, becomes a number in `unit`."""
+    return BeforeValidator(lambda value: to_si(value, unit))
 
 
-def _positive(unit: str) -> Any:
-    return Annotated[float, BeforeValidator(_quantity(unit)), Field(gt=0.0, allow_inf_nan=False)]
+_FINITE = Field(allow_inf_nan=False)
+_POSITIVE = Field(gt=0.0, allow_inf_nan=False)
+_NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
 
-
-def _plain(unit: str) -> Any:
-    return Annotated[float, BeforeValidator(_quantity(unit)), Field(allow_inf_nan=False)]
-
-
-def _at_least_zero(unit: str) -> Any:
-    return Annotated[float, BeforeValidator(_quantity(unit)), Field(ge=0.0, allow_inf_nan=False)]
-
-
-Length = _positive('m')
-Position = _plain('m')
-Mass = _positive('kg')
-Inertia = _positive('kg m^2')
-Angle = _plain('rad')
-Speed = _plain('rad/s')
-Acceleration = _plain('m/s^2')
-Rate = _positive('Hz')
-Number = _plain('')
-Tolerance = Annotated[float, BeforeValidator(_quantity('')), Field(gt=0.0, le=1e-2)]
-Fraction = Annotated[float, BeforeValidator(_quantity('')), Field(ge=0.0, le=1.0)]
+Length = Annotated[float, _si('m'), _POSITIVE]
+Position = Annotated[float, _si('m'), _FINITE]
+Mass = Annotated[float, _si('kg'), _POSITIVE]
+Inertia = Annotated[float, _si('kg m^2'), _POSITIVE]
+Angle = Annotated[float, _si('rad'), _FINITE]
+Speed = Annotated[float, _si('rad/s'), _FINITE]
+Acceleration = Annotated[float, _si('m/s^2'), _FINITE]
+Rate = Annotated[float, _si('Hz'), _POSITIVE]
+Tolerance = Annotated[float, _si(''), Field(gt=0.0, le=1e-2)]
+Displacement = Annotated[float, _si('m'), _NOT_NEGATIVE]
+Coefficient = Annotated[float, _si(''), Field(ge=0.0, le=1.0)]
 
 
 class Part(BaseModel):
@@ -76,7 +68,7 @@ class Clearance(Part):
     """A pin loose in its bushing."""
 
     radial: Length
-    restitution: Fraction
+    restitution: Coefficient
 
 
 class Joint(Part):
@@ -148,7 +140,7 @@ class Solver(Part):
     """How exact the solution is to be."""
 
     rtol: Tolerance = 1e-12  #: error of a step relative to the largest state variable
-    atol: _at_least_zero('m') = 0.0  # type: ignore[valid-type]  #: see `ChatterRule`
+    atol: Displacement = 0.0  #: left out when chatter is ended, see `ChatterRule`
 
 
 class FourBarScene(Part):

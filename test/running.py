@@ -1,0 +1,57 @@
+"""Running the command line as users do: in processes of its own, on a network of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+TIMEOUT = 120.0
+
+
+def environment() -> dict[str, str]:
+    """Environment with a router port and a domain that nobody else uses."""
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        port = probe.getsockname()[1]
+    return {
+        **os.environ,
+        'MECHANISM_SIM_ROUTER': f'tcp/127.0.0.1:{port}',
+        'ROS_DOMAIN_ID': str(port % 200),
+    }
+
+
+def command(*args: str) -> list[str]:
+    """The command line as a list of arguments."""
+    return [sys.executable, '-m', 'mechanism_sim', *args]
+
+
+def run(*args: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run(
+        command(*args), env=env or environment(), capture_output=True, text=True, timeout=TIMEOUT,
+        check=False,
+    )  # fmt: skip
+
+
+def run_json(*args: str, env: dict[str, str] | None = None) -> Any:
+    """Run a command with --json and give its result."""
+    done = run(*args, '--json', env=env)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def start(*args: str, env: dict[str, str]) -> subprocess.Popen[str]:
+    """Start a command in the background."""
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command(*args), env=env, stdout=pipe, stderr=pipe, text=True)
+
+
+def script(path: Path, text: str) -> Path:
+    """Write a program of another process."""
+    path.write_text(text, encoding='utf-8')
+    return path

@@ -1,0 +1,344 @@
+"""The nodes over the real middleware, in processes of their own, and the bags they leave."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+from running import environment, run, run_json, script, start
+
+import mechanism_sim as ms
+from mechanism_sim.analysis import analyze
+from mechanism_sim.recording import read_bag
+
+SCENE = 'four_bar_clearance'
+TURNS = '3'
+
+
+@pytest.fixture(scope='module')
+def solved() -> dict:
+    return run_json('solve', SCENE, '--revolutions', TURNS)
+
+
+@pytest.mark.parametrize(
+    ('processes', 'rate'), [(False, '50 Hz'), (False, '500 Hz'), (True, '50 Hz'), (True, '500 Hz')]
+)
+def test_motion_and_impacts_are_bit_identical_however_they_are_published(
+    tmp_path, solved, processes, rate
+):
+    bag = tmp_path / 'run.mcap'
+    settings = [f'outputs.{topic}={rate}' for topic in ('joint_states', 'linkage_state')]
+    args = [part for text in settings for part in ('--set', text)]
+    args += ['--processes'] if processes else []
+    outcome = run_json('run', SCENE, '--revolutions', TURNS, '--record', str(bag), *args)
+    assert outcome['code'] == 0
+    summary = analyze(bag)
+    assert summary.digest == solved['digest']
+    assert outcome['impacts'] == len(solved['impacts'])
+
+
+def test_the_digest_tells_different_runs_apart(solved):
+    other = run_json('solve', SCENE, '--revolutions', TURNS, '--rtol', '1e-11')
+    assert other['digest'] != solved['digest']
+
+
+@pytest.fixture(scope='module')
+def recorded(tmp_path_factory) -> tuple[Path, dict]:
+    bag = tmp_path_factory.mktemp('bags') / 'run.mcap'
+    outcome = run_json('run', SCENE, '--revolutions', TURNS, '--processes', '--record', str(bag))
+    return bag, outcome
+
+
+def test_foreign_readers_decode_every_message_and_count_what_was_sent(recorded):
+    bag, outcome = recorded
+    lossy = {'/clock'}
+    by_mcap: Counter[str] = Counter()
+    with bag.open('rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            assert message is not None
+            by_mcap[channel.topic] += 1
+    by_rosbags: Counter[str] = Counter()
+    typestore = get_typestore(Stores.ROS2_JAZZY)
+    with AnyReader([bag], default_typestore=typestore) as reader:
+        for connection, _, raw in reader.messages():
+            assert reader.deserialize(raw, connection.msgtype) is not None
+            by_rosbags[connection.topic] += 1
+    assert by_mcap == by_rosbags
+    sent = Counter(outcome['sent'])
+    for topic in set(sent) - lossy - {'/progress'}:
+        assert by_mcap[topic] == sent[topic], topic
+    assert {'/motion', '/impacts', '/joint_states', '/linkage_state', '/scene'} <= set(sent)
+
+
+def test_recorded_samples_are_those_of_the_solution(recorded):
+    bag, _ = recorded
+    solution = ms.simulate(ms.load_scene(SCENE), revolutions=float(TURNS))
+    states = [m for _, m, _ in read_bag(bag).messages(['/linkage_state'])]
+    columns = solution.sample(np.array([m.time for m in states]))
+    for i, link in enumerate(('crank', 'coupler', 'rocker')):
+        for name in ('position', 'velocity', 'acceleration'):
+            published = np.array([getattr(m, name)[i] for m in states])
+            expected = columns[f'{name}.{link}']
+            assert np.abs(published - expected).max() <= 1e-9 * np.abs(expected).max()
+    work = np.array([m.drive_work for m in states])
+    assert np.abs(work - columns['energy.drive_work']).max() < 1e-12
+    total = columns['energy.kinetic'] + columns['energy.potential']
+    books = total - total[0] - work + np.array([m.dissipated for m in states])
+    assert np.abs(books).max() < 1e-11
+
+
+def test_the_accelerometer_reads_what_differences_of_the_position_say(recorded):
+    bag, _ = recorded
+    blocks = [m for _, m, _ in read_bag(bag).messages(['/accelerometer/rocker_accelerometer'])]
+    reading = np.concatenate([np.asarray(b.acceleration) for b in blocks])
+    assert blocks[0].time == 0.0
+    solution = ms.simulate(ms.load_scene(SCENE), revolutions=float(TURNS))
+    n = len(reading)
+    assert n == int(np.ceil(solution.duration * 10_000.0))
+    # Before the first loss of contact the motion is smooth: differentiate the position twice.
+    k = np.arange(100, 1700, 37)
+    h = 2e-5
+    weights = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / (180.0 * h * h)
+    shifts = h * np.arange(-3, 4)
+
+    def tip(t: np.ndarray) -> np.ndarray:
+        angle = solution.sample(t)['position.rocker']
+        return 0.2 * np.array([np.cos(angle), np.sin(angle)])
+
+    a = sum(w * tip(k / 1e4 + s) for w, s in zip(weights, shifts, strict=True))
+    angle = solution.sample(k / 1e4)['position.rocker']
+    across = -np.sin(angle) * a[0] + np.cos(angle) * a[1]
+    assert np.abs(across - reading[k]).max() < 1e-4 * np.abs(reading).max()
+
+
+SLOW = """
+import sys, time
+from mechanism_sim.middleware import Node, init, shutdown, spin_once
+from mechanism_sim.messages import Impact, Progress
+from mechanism_sim.nodes.qos import RESULTS
+init()
+node = Node('slow_listener')
+got, finished = [], []
+def hear(message):
+    got.append(message.index)
+    time.sleep(0.01)
+node.create_subscription(Impact, 'impacts', hear, RESULTS)
+def done(message):
+    if message.node == 'linkage' and message.finished:
+        finished.append(dict(zip(message.topics, map(int, message.counts)))['/impacts'])
+node.create_subscription(Progress, 'progress', done, RESULTS)
+print('listening', flush=True)
+end = time.monotonic() + 60
+while time.monotonic() < end and not (finished and len(got) >= finished[0]):
+    spin_once(node, timeout_sec=0.1)
+print(finished[0], len(got), got == list(range(len(got))), flush=True)
+shutdown()
+"""
+
+
+def test_a_slow_subscriber_loses_nothing(tmp_path):
+    env = environment()
+    listener = subprocess.Popen(
+        [sys.executable, str(script(tmp_path / 'slow.py', SLOW))],
+        env=env, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert listener.stdout is not None
+    assert listener.stdout.readline() == 'listening\n'
+    done = run('run', SCENE, '--revolutions', TURNS, '--processes', env=env)
+    assert done.returncode == 0, done.stderr
+    assert listener.wait(60) == 0
+    sent, received, in_order = listener.stdout.read().split()
+    assert sent == received
+    assert int(sent) > 50
+    assert in_order == 'True'
+
+
+FOREIGN = """
+import struct, sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5('mode', '"client"')
+config.insert_json5('connect/endpoints', '["%s"]')
+session = zenoh.open(config)
+domain = %s
+tokens, joints = set(), []
+watch = session.liveliness().declare_subscriber(
+    f'@ros2_lv/{domain}/**', lambda s: tokens.add(str(s.key_expr)), history=True)
+def hear(sample):
+    data = bytes(sample.payload)
+    assert data[:4] == bytes([0, 1, 0, 0])
+    assert len(bytes(sample.attachment)) == 33
+    sec, nanosec, size = struct.unpack_from('<iII', data, 4)
+    at = 16 + size + (-size) %% 4
+    (names,) = struct.unpack_from('<I', data, at)
+    at += 4
+    words = []
+    for _ in range(names):
+        (length,) = struct.unpack_from('<I', data, at)
+        words.append(data[at + 4:at + 3 + length].decode())
+        at += 4 + length + (-length) %% 4
+    (count,) = struct.unpack_from('<I', data, at)
+    at += 4
+    at += (4 - at) %% 8
+    joints.append((sec + 1e-9 * nanosec, words, struct.unpack_from(f'<{count}d', data, at)))
+states = session.declare_subscriber(f'{domain}/joint_states/**', hear)
+print('listening', flush=True)
+end = time.monotonic() + 60
+while time.monotonic() < end and len(joints) < 20:
+    time.sleep(0.05)
+kinds = sorted({key.split('/')[5] for key in tokens})
+nodes = sorted({key.split('/')[8] for key in tokens if key.split('/')[5] == 'NN'})
+print(repr((kinds, nodes, joints[:20])), flush=True)
+session.close()
+"""
+
+
+def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_states(tmp_path):
+    env = environment()
+    text = FOREIGN % (env['MECHANISM_SIM_ROUTER'], env['ROS_DOMAIN_ID'])
+    # The foreign program is a client: the router has to be there before it.
+    running = start(
+        'run', SCENE, '--revolutions', '100000', '--processes', '--realtime-factor', '1', env=env
+    )
+    try:
+        deadline = time.monotonic() + 30
+        path = script(tmp_path / 'foreign.py', text)
+        foreign = None
+        while foreign is None and time.monotonic() < deadline:
+            attempt = subprocess.run(
+                [sys.executable, str(path)], env=env, capture_output=True, text=True, timeout=90,
+                check=False,
+            )  # fmt: skip
+            foreign = attempt.stdout if attempt.returncode == 0 else None
+        assert foreign, attempt.stderr
+    finally:
+        running.send_signal(signal.SIGINT)
+        running.wait(20)
+    kinds, nodes, joints = eval(foreign.splitlines()[-1])
+    assert {'NN', 'MP', 'MS', 'SS'} <= set(kinds)
+    assert {'crank_drive', 'linkage', 'accelerometer'} <= set(nodes)
+    for t, words, position in joints:
+        assert words == ['crank', 'coupler', 'rocker']
+        assert abs(position[0] - 36.6519 * t) < 1e-7
+
+
+def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
+    env, bag = environment(), tmp_path / 'killed.mcap'
+    running = start(
+        'run', SCENE, '--revolutions', '100000', '--processes', '--realtime-factor', '1',
+        '--record', str(bag), env=env,
+    )  # fmt: skip
+    pid = _wait_for_child(running.pid, 'recorder')
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline and not (bag.exists() and bag.stat().st_size > 20_000):
+        time.sleep(0.1)
+    time.sleep(3.0)
+    os.kill(pid, signal.SIGKILL)
+    assert running.wait(30) == 1
+    stderr = running.stderr.read() if running.stderr else ''
+    assert "'recorder' was killed by signal 9" in stderr
+    found = read_bag(bag)
+    assert not found.complete
+    times = [t for _, _, t in found.messages(['/motion'])]
+    last = max(m.time for _, m, _ in found.messages(['/progress']) if m.node == 'linkage')
+    assert len(times) > 2
+    assert last - max(times) / 1e9 < 1.0
+    assert last > 1.5  # three seconds at real time, less the last one
+
+
+def _wait_for_child(parent: int, node: str) -> int:
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline:
+        for entry in Path('/proc').glob('[0-9]*/cmdline'):
+            try:
+                words = entry.read_bytes().decode().split('\0')
+                stat = (entry.parent / 'stat').read_text().split()
+            except OSError:  # ended meanwhile
+                continue
+            if int(stat[3]) == parent and words[3:5] == ['node', node]:
+                return int(entry.parent.name)
+        time.sleep(0.05)
+    raise AssertionError(f'{node} never started')
+
+
+@pytest.mark.parametrize(('processes', 'number'), [(True, signal.SIGINT), (False, signal.SIGTERM)])
+def test_a_signal_ends_the_run_with_the_bag_finished(tmp_path, processes, number):
+    env, bag = environment(), tmp_path / 'run.mcap'
+    args = ['--processes'] if processes else []
+    running = start('run', SCENE, '--revolutions', '100000', '--record', str(bag), *args, env=env)
+    deadline = time.monotonic() + 40
+    while time.monotonic() < deadline and not (bag.exists() and bag.stat().st_size > 20_000):
+        time.sleep(0.05)
+    began = time.monotonic()
+    running.send_signal(number)
+    assert running.wait(30) == 130
+    # Two seconds on an idle machine; tests share theirs.
+    assert time.monotonic() - began < 10.0
+    found = read_bag(bag)
+    assert found.complete
+    assert found.topics['/motion'].count > 0
+
+
+def test_a_partner_that_never_comes_is_named():
+    done = run(
+        'node', 'linkage', '--scene', SCENE, '--partners', 'crank_drive', '--partner-timeout', '1'
+    )
+    assert done.returncode == 1
+    assert "waited 1 s for 'crank_drive'" in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def test_a_partner_that_leaves_is_named():
+    env = environment()
+    drive = start(
+        'node', 'crank_drive', '--scene', SCENE, '--partners', 'linkage', '--duration', '1e5',
+        '--realtime-factor', '1', env=env,
+    )  # fmt: skip
+    linkage = start(
+        'node', 'linkage', '--scene', SCENE, '--partners', 'crank_drive', '--duration', '1e5',
+        env=env,
+    )  # fmt: skip
+    time.sleep(4.0)
+    assert drive.poll() is None
+    drive.kill()
+    _, stderr = linkage.communicate(timeout=30)
+    assert linkage.returncode == 1
+    assert "'crank_drive' left before the run was finished" in stderr
+    drive.communicate()
+
+
+def test_two_runs_on_one_network_are_kept_apart():
+    env = environment()
+    first = start('run', SCENE, '--revolutions', '100000', '--realtime-factor', '1', env=env)
+    time.sleep(4.0)
+    try:
+        second = run('run', SCENE, env=env)
+    finally:
+        first.send_signal(signal.SIGINT)
+        first.wait(20)
+    assert second.returncode == 1
+    assert 'is running in this domain' in second.stderr
+
+
+def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
+    bag = tmp_path / 'nominal.mcap'
+    outcome = run_json('run', 'four_bar_nominal', '--processes', '--record', str(bag))
+    assert outcome['level'] == 'inverse dynamics'
+    solved = run_json('solve', 'four_bar_nominal')
+    assert analyze(bag).digest == solved['digest']
+
+
+def test_real_time_pace_is_kept():
+    outcome = run_json('run', SCENE, '--duration', '1', '--realtime-factor', '1')
+    assert 0.5 < outcome['realtime_factor'] < 1.3

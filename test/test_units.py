@@ -1,0 +1,101 @@
+"""Quantities at the door: exact where decimal arithmetic is exact, refused with a hint."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpmath import mp, mpf, pi
+
+from mechanism_sim.units import EXAMPLES, to_si
+
+EXACT = (
+    ('0.254 mm', 'm', '0.000254'),
+    ('0.1016 mm', 'm', '0.0001016'),
+    ('64 mm', 'm', '0.064'),
+    ('387mm', 'm', '0.387'),
+    ('1 inch', 'm', '0.0254'),
+    ('.5 um', 'm', '5e-7'),
+    ('2645 kg mm^2', 'kg m^2', '0.002645'),
+    ('2645 kg*mm**2', 'kg m^2', '0.002645'),
+    ('609.5 g', 'kg', '0.6095'),
+    ('9.8145 m/s^2', 'm/s^2', '9.8145'),
+    ('-981 cm/s^2', 'm/s^2', '-9.81'),
+    ('10 kHz', 'Hz', '10000'),
+    ('20 ms', 's', '0.02'),
+    ('3.5e-1 mm', 'm', '0.00035'),
+    (' +7 mm ', 'm', '0.007'),
+)
+
+
+@pytest.mark.parametrize(('text', 'unit', 'exact'), EXACT)
+def test_decimal_units_give_the_float_nearest_to_the_exact_value(text, unit, exact):
+    assert to_si(text, unit) == float(Fraction(exact))
+
+
+@given(st.decimals(min_value='0.0001', max_value=9999, places=7))
+def test_every_millimetre_text_is_the_nearest_float(number):
+    assert to_si(f'{number} mm', 'm') == float(Fraction(number) / 1000)
+
+
+@pytest.mark.parametrize(
+    ('text', 'unit', 'factor'),
+    [('350 rpm', 'rad/s', 350 * 2 / Fraction(60)), ('30 deg', 'rad', Fraction(30, 180)),
+     ('1.5 turn', 'rad', 3), ('2 turn/s', 'rad/s', 4), ('90 deg/s', 'rad/s', Fraction(1, 2))],
+)  # fmt: skip
+def test_angles_are_right_to_the_last_digit(text, unit, factor):
+    with mp.workdps(40):
+        exact = float(pi * mpf(factor.numerator) / mpf(factor.denominator))
+    assert to_si(text, unit) == pytest.approx(exact, rel=3e-16, abs=0.0)
+
+
+def test_a_plain_number_is_taken_to_be_in_si():
+    assert to_si(0.064, 'm') == 0.064
+    assert to_si('36.6519', 'rad/s') == 36.6519
+    assert to_si(3, '') == 3.0
+    assert to_si('1e-12', '') == 1e-12  # YAML 1.1 reads this as text
+
+
+@pytest.mark.parametrize('unit', EXAMPLES)
+def test_the_example_of_every_refusal_is_accepted(unit):
+    assert to_si(EXAMPLES[unit], unit) > 0.0
+
+
+@pytest.mark.parametrize(
+    ('value', 'unit', 'said'),
+    [
+        ('64 kg', 'm', "has the unit 'kg', which is not a unit of 'm': write for example '64 mm'"),
+        ('350 Hz', 'rad/s', "has the unit 'Hz', which is not a unit of 'rad/s'"),
+        ('350 rpm', 'Hz', "has the unit 'rpm', which is not a unit of 'Hz'"),
+        ('10 rad/s', 'Hz', "has the unit 'rad/s', which is not a unit of 'Hz'"),
+        ('2950 kg', 'kg m^2', "has the unit 'kg', which is not a unit of 'kg m^2'"),
+        ('5 mm', '', "has the unit 'mm' where a plain number belongs"),
+        ('5 furlnog', 'm', "has the unknown unit 'furlnog': write for example '64 mm'"),
+        ('5 mm)', 'm', "has the unknown unit 'mm)'"),
+        ('1,5 mm', 'm', "has the unknown unit ',5 mm'"),
+        ('fast', 'rad/s', "is not a number with a unit: write for example '350 rpm'"),
+        ('', 'm', 'is not a number with a unit'),
+        ('nan', 'm', 'is not a number with a unit'),
+        ('mm 64', 'm', 'is not a number with a unit'),
+        (True, 'm', "is not a quantity: write for example '64 mm'"),
+        (None, 'kg', "is not a quantity: write for example '0.61 kg'"),
+        ([64], 'm', 'is not a quantity'),
+    ],
+)
+def test_what_is_not_such_a_quantity_is_refused_with_an_example(value, unit, said):
+    with pytest.raises(ValueError, match='write for example') as caught:
+        to_si(value, unit)
+    assert said in str(caught.value)
+    assert str(caught.value).endswith(f"write for example '{EXAMPLES[unit]}'")
+
+
+@given(st.text(max_size=12), st.sampled_from(sorted(EXAMPLES)))
+def test_no_text_does_anything_but_become_a_number_or_a_refusal(text, unit):
+    try:
+        number = to_si(text, unit)
+    except ValueError as error:
+        assert 'write for example' in str(error)
+    else:
+        assert isinstance(number, float)
