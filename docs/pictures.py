@@ -18,8 +18,11 @@ import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.schema import FourBarLinks
 
 Array = NDArray[np.float64]
+Bar = tuple[Array, Array, float]
+"""Proximal joint, distal joint [m], angle [rad]."""
 
 FOLDER = Path(__file__).parent / 'pictures'
 SCENE = 'four_bar_clearance'
@@ -125,28 +128,22 @@ def _support(axes: Axes, at: Array) -> None:
         axes.plot([left, left - 0.006], [y - 0.024, y - 0.031], color='0.1', lw=0.6)
 
 
-def _link_names(axes: Axes, bars: dict[str, tuple[Array, Array, float]], links: object) -> None:
-    places = {'crank': (0.5, -0.0125), 'coupler': (0.47, 0.013), 'rocker': (0.30, 0.0135)}
-    for name, (start, end, angle) in bars.items():
-        along, aside = places[name]
-        at = start + along * (end - start) + aside * unit(angle + np.pi / 2)
-        turn = np.degrees(angle)
-        turn -= 180.0 if turn > 90.0 else 0.0
-        aside_of_text = 'center'
-        length = 1e3 * getattr(links, name).length
-        if name == 'crank':
-            axes.annotate(
-                f'crank {length:g} mm', start + 0.55 * (end - start), (-0.035, 0.045),
-                ha='right', va='center',
-                arrowprops={'arrowstyle': '-', 'lw': 0.7, 'shrinkA': 1, 'shrinkB': 4},
-            )  # fmt: skip
-            continue
-        if name == 'rocker':
-            at = start + along * (end - start) - aside * unit(angle + np.pi / 2)
-        axes.text(
-            *at, f'{name} {length:g} mm', rotation=turn, ha=aside_of_text, va='center', zorder=9
-        )
-    axes.text(0.245, 0.008, f'ground {1e3 * links.ground.length:g} mm', ha='center', va='bottom')  # type: ignore[attr-defined]
+def _link_names(axes: Axes, bars: dict[str, Bar], links: FourBarLinks) -> None:
+    """Names and lengths of the links, along them where there is room."""
+    start, end, _ = bars['crank']
+    axes.annotate(
+        f'crank {1e3 * links.crank.length:g} mm', start + 0.55 * (end - start), (-0.035, 0.045),
+        ha='right', va='center',
+        arrowprops={'arrowstyle': '-', 'lw': 0.7, 'shrinkA': 1, 'shrinkB': 4},
+    )  # fmt: skip
+    for name, along, aside in (('coupler', 0.47, 0.013), ('rocker', 0.30, -0.0135)):
+        start, end, angle = bars[name]
+        x, y = start + along * (end - start) + aside * unit(angle + np.pi / 2)
+        turn = np.degrees(angle) - (180.0 if angle > np.pi / 2 else 0.0)
+        text = f'{name} {1e3 * getattr(links, name).length:g} mm'
+        axes.text(x, y, text, rotation=turn, ha='center', va='center', zorder=9)
+    ground = f'ground {1e3 * links.ground.length:g} mm'
+    axes.text(0.245, 0.008, ground, ha='center', va='bottom')
 
 
 def _lens(axes: Axes, machine: Machine, released: Solution, bearing: Array) -> None:

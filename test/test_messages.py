@@ -108,14 +108,14 @@ def test_explicit_defaults_of_a_definition_hold():
     define(
         'test_messages/msg/Defaults',
         'float64 a 2.5  # unit\nstring text "a # b"\nint32[3] v [1, 2, 3]\nbool flag true\n'
-        'string<=5 short hi\nuint8 K=3\nstring[] names\nfloat64[2] pair\nuint8 in 7\n',
+        'string<=5 short hi\nuint8 K=3\nstring[] names\nfloat64[2] pair\n',
     )
     message = message_class('test_messages/msg/Defaults')()
     assert (message.a, message.text, message.flag, message.short) == (2.5, 'a # b', True, 'hi')
     assert message.v.tolist() == [1, 2, 3]
     assert message.v.dtype == np.int32
     assert message.pair.tolist() == [0.0, 0.0]
-    assert (message.K, message.names, message.in_) == (3, [], 7)
+    assert (message.K, message.names) == (3, [])
 
 
 def test_a_misspelled_field_is_refused():

@@ -9,12 +9,14 @@ from middleware_network import PATIENCE, Network, Process, eventually
 from mechanism_sim.messages import Impact, JointState, serialize
 from mechanism_sim.middleware import (
     DurabilityPolicy,
+    ExternalShutdownException,
     HistoryPolicy,
     MiddlewareError,
     Node,
     QoSProfile,
     SingleThreadedExecutor,
     init,
+    ok,
     shutdown,
     spin_once,
 )
@@ -284,6 +286,19 @@ def test_nodes_in_one_executor_run_in_the_order_of_arrival():
     assert sorted(order) == sorted(sent)
     assert order[20:] == sent[20:] or order[-20:] == sent[20:]
     executor.shutdown()
+
+
+@pytest.mark.usefixtures('joined')
+def test_a_callback_may_end_the_process():
+    node = Node('last')
+    node.create_timer(0.0, shutdown)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    executor.spin()
+    assert not ok()
+    with pytest.raises(ExternalShutdownException):
+        executor.spin_once(0.0)
+    init()  # for the fixture
 
 
 @pytest.mark.usefixtures('joined')

@@ -76,7 +76,7 @@ def test_impacts_inside_one_chatter_sequence_follow_one_by_one():
     assert [i.ends_chatter for i in mine] == [False] * (len(mine) - 1) + [True]
     n = len(mine) - 1
     speeds = np.array([i.approach_speed for i in mine[:n]])
-    np.testing.assert_allclose(speeds, ref['approach_speed'][:n], rtol=1e-6)
+    np.testing.assert_allclose(speeds, ref['approach_speed'][:n], rtol=1e-9, atol=1e-9)
     assert np.abs(np.array([i.t for i in mine[:n]]) - ref['t'][:n]).max() < 1e-12
 
 

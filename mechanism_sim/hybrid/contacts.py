@@ -34,8 +34,8 @@ class Contacts:
         self.base = base
         self._system = system
         self._ta = integrator
-        self._state, self._pars = integrator.state, integrator.pars
         self._f = len(system.free)
+        self._state, self._pars = integrator.state[: 2 * self._f], integrator.pars
         self._terms_function = system.contact_function
         self._projection = system.projection
         self._rule = rule

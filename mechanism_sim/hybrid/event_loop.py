@@ -28,6 +28,9 @@ _SUCCESS = hy.taylor_outcome.success
 _TIME_LIMIT = hy.taylor_outcome.time_limit
 _MAX_SIMULTANEOUS = 100
 
+STEP_SCALE = 0.1
+"""Rate relative to that of the fastest drive whose relative error is `rtol`."""
+
 
 @dataclass(frozen=True)
 class State:
@@ -55,7 +58,7 @@ class EventLoop:
 
     Attributes
     ----------
-    steps, events : counts since the start
+    events : number of events since the start
     """
 
     def __init__(
@@ -68,20 +71,22 @@ class EventLoop:
         max_step: float,
         compact: bool = False,
     ) -> None:
-        self.steps = 0
         self.events = 0
         self._system = system
         self._laws = list(laws)
         self._coming: deque[DriveLaw] = deque()
         self._max_step = max_step
-        self._ta = system.integrator(rtol, compact)
-        self._state, self._pars, self._coefficients = self._ta.state, self._ta.pars, self._ta.tc
+        fastest = max((abs(law.coefficients[1]) for law in laws if law.degree), default=1.0)
+        self._ta = system.integrator(rtol, STEP_SCALE * max(fastest, 1.0), compact)
+        f = len(system.free)
+        self._state, self._pars = self._ta.state[: 2 * f], self._ta.pars
+        self._coefficients = self._ta.tc[: 2 * f]
         self._step = self._ta.step
         self._stabilisation = system.stabilisation_index
         self._state[:] = [*state.q, *state.v]
         turns = dict(zip(system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
-        self._tape = Tape(system, self._ta.tc)
+        self._tape = Tape(system, self._coefficients)
         self._contacts = Contacts(
             system, self._ta, ChatterRule(rtol, atol, system.mechanism.size), self._base
         )
@@ -90,6 +95,11 @@ class EventLoop:
         self._last_event = float('-inf')
         self._simultaneous = 0
         self._contacts.start(state.closed)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps since the start."""
+        return self._tape.count
 
     @property
     def time(self) -> float:
@@ -129,47 +139,45 @@ class EventLoop:
         RunError
             If the state becomes infinite or events repeat without progress in time.
         """
-        contacts, tape = self._contacts, self._tape
+        contacts, tape, ta, step = self._contacts, self._tape, self._ta, self._step
+        coefficients, pars, stabilisation = self._coefficients, self._pars, self._stabilisation
+        entries, longest = tape.entries, self._max_step
         limit = self._base.local(until)
-        last = len(tape) + most if most is not None else math.inf
-        while len(tape) < last:
+        last = len(entries) + most if most is not None else math.inf
+        while len(entries) < last:
             if self._pending is None:
-                self._pending = self._take_step()
-            tau, h, gap = self._pending
+                tau = ta.time
+                outcome, h = step(longest, True)
+                tape.buffer[len(entries)] = coefficients
+                pars[stabilisation] = 1.0 / h
+                gap = None if outcome == _SUCCESS else self._ended_by(outcome, tau)
+            else:
+                tau, h, gap = self._pending
+                self._pending = None
             end = tau + h
-            if self._coming:
-                change = self._base.local(self._coming[0].valid_from)
+            if end > limit or self._coming:
+                self._pending = (tau, h, gap)
+                change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
                 if change <= limit and change < end:
                     self._cut(change)
                     self._switch_law(self._coming.popleft())
                     limit = self._base.local(until)
                     continue
-            if end > limit:
-                if final:
-                    self._cut(limit)
-                return
-            self._pending = None
-            self.steps += 1
-            tape.enter(tau, h, contacts.closed)
+                if end > limit:
+                    if final:
+                        self._cut(limit)
+                    return
+                self._pending = None
+            tape.enter((tau, h, contacts.closed, tape.base))
             if gap is None and False in contacts.closed:
                 gap = contacts.fallen()
             if gap is not None:
                 self._count_event()
                 contacts.handle(gap)
-                self._ta.reset_cooldowns()
+                ta.reset_cooldowns()
             if end > self._next_base:
                 self._rebase()
                 limit = self._base.local(until)
-
-    def _take_step(self) -> tuple[float, float, int | None]:
-        """One Taylor step from the present state: start, length, and whose guard ended it."""
-        tau = self._ta.time
-        outcome, h = self._step(self._max_step, True)
-        self._tape.buffer[len(self._tape)] = self._coefficients
-        self._pars[self._stabilisation] = 1.0 / h
-        if outcome == _SUCCESS:
-            return tau, h, None
-        return tau, h, self._ended_by(outcome, tau)
 
     def _ended_by(self, outcome: hy.taylor_outcome, tau: float) -> int | None:
         """The gap whose guard ended a step; ``None`` if it was the longest step."""
@@ -187,10 +195,9 @@ class EventLoop:
         """End the pending step early, at local time `at`, on its own polynomials."""
         tau = self._pending[0] if self._pending else at
         self._pending = None
-        x = np.polynomial.polynomial.polyval(at - tau, self._tape.buffer[len(self._tape)].T)
+        x = np.polynomial.polynomial.polyval(at - tau, self._tape.buffer[len(self._tape.entries)].T)
         if at > tau:
-            self.steps += 1
-            self._tape.enter(tau, at - tau, self._contacts.closed)
+            self._tape.enter((tau, at - tau, self._contacts.closed, self._tape.base))
         self._state[:] = x
         self._ta.time = at
         self._ta.reset_cooldowns()

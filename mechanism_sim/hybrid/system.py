@@ -150,11 +150,26 @@ class System:
         frames = self.equations.frames
         return [*frames.q.values(), *frames.v.values()]
 
-    def integrator(self, tolerance: float, compact: bool = False) -> hy.taylor_adaptive_dbl:
+    def integrator(
+        self, rtol: float, scale: float = 1.0, compact: bool = False
+    ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with one terminal guard per gap.
 
-        State: free coordinates, then their rates; time counts from the reference of the laws.
+        State: free coordinates, their rates, and a constant that only sets the step. heyoka ties
+        its order p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term
+        is about `tol` of the largest state variable. A quarter more than the order it would
+        take for `rtol` makes fewer and cheaper steps; the constant, as the largest state variable,
+        keeps the error where it should be.
+
+        Parameters
+        ----------
+        rtol : wanted error of a step relative to `scale`
+        scale : size of the largest rate [rad/s]
+        compact : compile slower but smaller code (for many coordinates)
         """
+        order = math.ceil(1.25 * (1.0 - 0.5 * math.log(rtol)))
+        tolerance = math.exp(-2.0 * (order - 1.5))
+        constant = hy.make_vars('step_constant')
         frames = self.equations.frames
         a = [dense(x) for x in self._stabilised_a_f]
         guards = [
@@ -171,8 +186,8 @@ class System:
             hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0) for g in guards
         ]
         return hy.taylor_adaptive(
-            sys,
-            [0.0] * len(sys),
+            [*sys, (constant, hy.expression(0.0))],
+            [0.0] * len(sys) + [scale * rtol / tolerance],
             pars=self.parameters,
             tol=tolerance,
             t_events=events,

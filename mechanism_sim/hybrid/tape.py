@@ -51,26 +51,33 @@ class Tape:
     Attributes
     ----------
     buffer : (capacity, 2 f, order + 1), always with room for one more step
+    entries : of every step its start since the base, its length [s], its gaps, its base
+    base : index of the present base
     """
 
     def __init__(self, system: System, coefficients: Array) -> None:
         self.buffer = np.empty((256, *coefficients.shape))
+        self.entries: list[tuple[float, float, tuple[bool, ...], int]] = []
+        self.base = -1
         self._system = system
-        self._entries: list[tuple[float, float, tuple[bool, ...], int]] = []
         self._bases: list[Base] = []
+        self._drained = 0
 
-    def __len__(self) -> int:
-        return len(self._entries)
+    @property
+    def count(self) -> int:
+        """Number of steps since the start."""
+        return self._drained + len(self.entries)
 
-    def enter(self, tau: float, h: float, closed: tuple[bool, ...]) -> None:
-        """Accept the step in its slot: its start since the base, its length [s], its gaps."""
-        self._entries.append((tau, h, closed, len(self._bases) - 1))
-        if len(self._entries) == len(self.buffer):
+    def enter(self, entry: tuple[float, float, tuple[bool, ...], int]) -> None:
+        """Accept the step in its slot ``buffer[len(entries)]``."""
+        self.entries.append(entry)
+        if len(self.entries) == len(self.buffer):
             self.buffer = np.concatenate([self.buffer, np.empty_like(self.buffer)])
 
     def rebase(self, base: Base) -> None:
         """Steps entered from now on count from `base`."""
         self._bases.append(base)
+        self.base = len(self._bases) - 1
 
     def drain(self) -> Motion:
         """The steps since the last call as motion.
@@ -78,8 +85,8 @@ class Tape:
         A rate's Taylor polynomial, integrated, gives its angle one order higher than the
         integrator's own.
         """
-        system, count = self._system, len(self._entries)
-        taus, hs, closed, bases = zip(*self._entries, strict=True) if count else ((),) * 4
+        system, count = self._system, len(self.entries)
+        taus, hs, closed, bases = zip(*self.entries, strict=True) if count else ((),) * 4
         f, order = len(system.free), self.buffer.shape[2]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         free = [system.coordinates.index(c) for c in system.free]
@@ -111,6 +118,8 @@ class Tape:
         )
         # The next step may be in its slot already: it becomes the first.
         self.buffer[0] = self.buffer[count]
-        self._entries = []
+        self._drained += count
+        self.entries.clear()
         self._bases = self._bases[-1:]
+        self.base = 0
         return motion

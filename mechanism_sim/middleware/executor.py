@@ -66,16 +66,24 @@ class SingleThreadedExecutor:
         return True
 
     def spin(self) -> None:
-        """Run callbacks until ``shutdown``; ExternalShutdownException if a signal ended it."""
+        """Run callbacks until ``shutdown``, of this or of the process.
+
+        Raises ExternalShutdownException if that came from outside, by a signal.
+        """
         while contexts.ok() and not self._is_shutdown:
             self.spin_once()
         if contexts.signalled():
             raise ExternalShutdownException('A signal asked the process to end')
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Run one callback; wait for one for at most ``timeout_sec`` [s], for ever if None."""
+        """Run one callback; wait for one for at most ``timeout_sec`` [s], for ever if None.
+
+        Raises ExternalShutdownException if the process is to end.
+        """
         end = None if timeout_sec is None or timeout_sec < 0 else time.monotonic() + timeout_sec
-        while contexts.ok() and not self._is_shutdown:
+        while not self._is_shutdown:
+            if not contexts.ok():
+                raise ExternalShutdownException('The process is not, or no longer, on the network')
             timers = [timer for node in self._nodes for timer in node.timers]
             due = [timer for timer in timers if timer.is_ready()]
             # After a timer it is the others' turn: one that is always due must not starve them.

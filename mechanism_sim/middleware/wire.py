@@ -84,16 +84,19 @@ def token_key(domain: int, token: Token) -> str:
 def parse_token(key: str) -> Token | None:
     """Token of a key, None if it is not one."""
     fields = key.split('/')
-    if len(fields) < 9 or fields[0] != TOKENS or not (fields[3] + fields[4]).isdecimal():
+    if len(fields) < 9 or fields[0] != TOKENS:
         return None
     _, _, session, node_id, entity_id, kind, _, namespace, node = fields[:9]
-    known = (session, int(node_id), int(entity_id), kind, _demangle(namespace) or '/', node)
-    if kind == NODE:
-        return Token(*known)
-    if len(fields) < 13 or kind not in {PUBLISHER, SUBSCRIPTION, SERVICE, CLIENT}:
+    try:
+        known = (session, int(node_id), int(entity_id), kind, _demangle(namespace) or '/', node)
+        if kind == NODE:
+            return Token(*known)
+        if len(fields) < 13 or kind not in {PUBLISHER, SUBSCRIPTION, SERVICE, CLIENT}:
+            return None
+        name, type_name, type_hash, qos = fields[9:13]
+        return Token(*known, _demangle(name), ros_type(type_name), type_hash, parse_qos(qos))
+    except ValueError:
         return None
-    name, type_name, type_hash, qos = fields[9:13]
-    return Token(*known, _demangle(name), ros_type(type_name), type_hash, parse_qos(qos))
 
 
 def gid(key: str) -> bytes:

@@ -211,8 +211,9 @@ class Machine:
         """
         clearance = self._clearance
         _, (angle, speed, *_) = self.law.about(Fraction(0))
-        crank = (np.array([angle]), np.array([speed]), np.zeros(1))
-        q, v, a = self.linkage.motion(*crank)
+        # In extended precision: after a few dozen impacts the last digit of the start counts.
+        crank = np.array([[angle], [speed], [0.0]], dtype=np.longdouble)
+        q, v, a = (x.astype(float) for x in self.linkage.motion(*crank))
         seated = self.scene.start == 'seated'
         if seated:
             force = self.inverse_dynamics(q, v, a).reaction[2, :, 0]

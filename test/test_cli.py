@@ -1,0 +1,148 @@
+"""The command line: the contract of its JSON, its exit codes, one sentence for bad input."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from running import run, run_json
+
+NOMINAL_AT = {
+    # crank angle [deg]: th3, th4, w3, w4, a3, a4, force on the rocker [N], crank torque [N m]
+    0: (
+        1.031746592, 2.125711822, -7.262295975, -7.262295975, -197.6936693, 190.7571146,
+        (0.236389605, -7.946370284), -0.725288922,
+    ),
+    90: (
+        0.729165459, 2.096503057, None, None, None, None,
+        (-3.368383662, -2.432377659), 0.661945992,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('degrees', [0, 90])
+def test_solve_gives_the_known_figures_of_the_nominal_mechanism(degrees):
+    th3, th4, w3, w4, a3, a4, force, torque = NOMINAL_AT[degrees]
+    # A whole turn from the start angle ends at the start angle.
+    result = run_json('solve', 'four_bar_nominal', '--set', f'drive.start_angle={degrees} deg')
+    final = result['final']
+    expected = {
+        ('position', 'coupler'): th3,
+        ('position', 'rocker'): th4,
+        ('velocity', 'coupler'): w3,
+        ('velocity', 'rocker'): w4,
+        ('acceleration', 'coupler'): a3,
+        ('acceleration', 'rocker'): a4,
+    }
+    for (kind, link), value in expected.items():
+        if value is not None:
+            assert final[kind][link] == pytest.approx(value, rel=1e-8)
+    assert final['reactions']['coupler_rocker'] == pytest.approx(force, rel=1e-8)
+    assert final['drive_torque'] == pytest.approx(torque, rel=1e-8)
+
+
+def test_solve_keeps_its_contract():
+    result = run_json('solve', 'four_bar_clearance', '--revolutions', '1.2')
+    assert set(result) >= {
+        'scene', 'level', 'duration', 'wall_time', 'cpu_time', 'steps', 'switches',
+        'compile_time', 'stop_reason', 'coordinates', 'final', 'impacts', 'modes',
+        'max_penetration', 'max_closure_error', 'energy',
+    }  # fmt: skip
+    assert result['coordinates'] == ['crank', 'coupler', 'rocker']
+    assert set(result['final']) == {
+        't', 'position', 'velocity', 'acceleration', 'reactions', 'drive_torque',
+    }  # fmt: skip
+    assert set(result['final']['reactions']) == {
+        'ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground',
+    }  # fmt: skip
+    assert set(result['impacts'][0]) >= {
+        't', 'joint', 'normal_impulse', 'tangential_impulse', 'approach_speed', 'normal_angle',
+        'energy_loss',
+    }  # fmt: skip
+    assert [m['mode'] for m in result['modes'][:3]] == ['following', 'free_flight', 'following']
+    assert set(result['energy']) == {
+        'initial', 'final', 'drive_work', 'dissipated', 'residual',
+    }  # fmt: skip
+    assert abs(result['energy']['residual']) < 1e-12
+
+
+def test_scenes_as_json():
+    scenes = run_json('scenes')
+    assert {s['name']: s['level'] for s in scenes} == {
+        'four_bar_clearance': 'nonsmooth dynamics',
+        'four_bar_crossed': 'kinematic',
+        'four_bar_nominal': 'inverse dynamics',
+    }
+
+
+@pytest.mark.parametrize(
+    ('args', 'words'),
+    [
+        (('solve', 'four_bar_clearence'), ['four_bar_clearence', "'four_bar_clearance'"]),
+        (('solve', 'four_bar_nominal', '--set', 'drive.sped=3'), ['drive.sped', "'speed'"]),
+        (('solve', 'four_bar_nominal', '--set', 'drive.speed=3 kg'), ['drive.speed', '350 rpm']),
+        (('solve', 'four_bar_nominal', '--revolutions', '-1'), ['positive', '-1']),
+        (
+            ('solve', 'four_bar_nominal', '--revolutions', '1', '--duration', '1'),
+            ['revolutions', 'duration', 'not both'],
+        ),
+        (('solve', 'four_bar_nominal', '--output', 'x.txt', '--sample-rate', '9'), ['.npz']),
+        (('check', 'no/such/file.yaml'), ['no/such/file.yaml']),
+        (('info', 'missing.mcap'), ['missing.mcap']),
+        (('analyze', 'missing.mcap'), ['missing.mcap']),
+        (('node', 'linkages'), ["'linkage'"]),
+        (('run', 'four_bar_nominal', '--realtime-factor', '-1'), ['--realtime-factor']),
+    ],
+)
+def test_bad_input_gets_one_sentence_and_code_2(args, words):
+    done = run(*args)
+    assert done.returncode == 2
+    assert done.stdout == ''
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def test_a_bag_is_never_overwritten_without_being_told(tmp_path):
+    bag = tmp_path / 'run.mcap'
+    bag.write_bytes(b'precious')
+    refused = run('run', 'four_bar_nominal', '--record', str(bag))
+    assert refused.returncode == 2
+    assert '--overwrite' in refused.stderr
+    assert bag.read_bytes() == b'precious'
+    done = run('run', 'four_bar_nominal', '--record', str(bag), '--overwrite')
+    assert done.returncode == 0, done.stderr
+    assert bag.stat().st_size > 1000
+
+
+@pytest.mark.parametrize('suffix', ['npz', 'csv', 'parquet'])
+def test_samples_as_files(tmp_path, suffix):
+    file = tmp_path / f'samples.{suffix}'
+    run_json('solve', 'four_bar_clearance', '--sample-rate', '1000', '--output', str(file))
+    if suffix == 'npz':
+        columns = dict(np.load(file))
+    elif suffix == 'csv':
+        names = file.read_text().splitlines()[0].split(',')
+        columns = dict(zip(names, np.loadtxt(file, delimiter=',', skiprows=1).T, strict=True))
+    else:
+        columns = {name: np.array(x) for name, x in pq.read_table(file).to_pydict().items()}
+    assert len(columns['t']) == 172
+    assert np.abs(columns['position.crank'] - 36.6519 * columns['t']).max() < 1e-12
+    assert (columns['gap.coupler_rocker'] > -1e-12).all()
+
+
+def test_info_and_analyze_as_json(tmp_path):
+    bag = tmp_path / 'run.mcap'
+    run_json('run', 'four_bar_clearance', '--revolutions', '2', '--record', str(bag))
+    found = json.loads(run('info', str(bag), '--json').stdout)
+    assert found['scene'] == 'four_bar_clearance'
+    assert found['complete'] is True
+    summary = json.loads(run('analyze', str(bag), '--json').stdout)
+    assert summary['impacts']['count'] == 72
+    assert summary['motion']['revolutions'] == pytest.approx(2.0, abs=1e-12)
+    text = run('analyze', str(bag)).stdout
+    for word in ('revolution', 'following', 'energy', 'impulse', 'digest'):
+        assert word in text
