@@ -231,6 +231,27 @@ def test_a_late_subscriber_of_the_same_process_gets_what_lasts():
 
 
 @pytest.mark.usefixtures('joined')
+def test_several_threads_may_publish_at_once():
+    node = Node('threads')
+    got = []
+    publisher = node.create_publisher(Impact, 'impacts', KEEP_ALL)
+    node.create_subscription(Impact, 'impacts', lambda m: got.append((m.joint, m.index)), KEEP_ALL)
+
+    def publish(name):
+        for index in range(500):
+            publisher.publish(Impact(index=index, joint=name))
+
+    threads = [threading.Thread(target=publish, args=name) for name in 'abcd']
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    spin_until(node, lambda: len(got) == 2000)
+    for name in 'abcd':
+        assert [index for joint, index in got if joint == name] == list(range(500))
+
+
+@pytest.mark.usefixtures('joined')
 def test_keep_last_keeps_the_last():
     node = Node('short')
     got = []

@@ -25,7 +25,7 @@ from mechanism_sim.middleware import (
 
 KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 
-TALK = """
+TALK = r"""
     import sys, time
     from mechanism_sim.messages import Impact
     from mechanism_sim.middleware import *
@@ -48,7 +48,7 @@ TALK = """
     try:
         spin(node)
     except (KeyboardInterrupt, ExternalShutdownException) as reason:
-        print('end', type(reason).__name__)
+        print('\nend', type(reason).__name__)  # it may have interrupted a print
     node.destroy_node()
     shutdown()
 """

@@ -83,7 +83,7 @@ class Audit:
                 force = observed.normal_force[motion.closed_at(segments, dt)]
                 lowest = float(force.min(initial=np.inf))
                 self.min_normal_force = min(self.min_normal_force, lowest)
-                self._balance(motion)
+                self._balance(motion, impacts)
             if self._physics.clearances:
                 self._check_open(motion)
         self._drive_work += float(work.sum()) + sum(i.drive_work for i in impacts)
@@ -103,13 +103,15 @@ class Audit:
                 f'{tolerance:.3g} m; try a smaller rtol, and report this scene'
             )
 
-    def _balance(self, motion: Motion) -> None:
+    def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
         ends = np.array([0, len(motion) - 1])
         times = np.array([0.0, motion.curve.duration[-1]])
         observed = self._physics.observe(motion, ends, times)
         total = observed.kinetic_energy + observed.potential_energy
         if self._initial is None:
-            self._initial = float(total[0])
+            # an impact at the very start comes before the first segment
+            first = [i for i in impacts if i.t <= motion.curve.start[0]]
+            self._initial = float(total[0]) + sum(i.energy_loss - i.drive_work for i in first)
         self._final = float(total[1])
 
     def _check_open(self, motion: Motion) -> None:

@@ -200,13 +200,10 @@ class System:
         replace: dict[str | hy.expression, hy.expression] = {}
         for name, c in self._laws.items():
             for symbol, d in ((frames.q, 0), (frames.v, 1), (frames.a, 2)):
-                terms = [
-                    math.perm(k, d) * c[k] * (hy.time ** (k - d) if k > d + 1 else hy.time)
-                    if k > d
-                    else math.factorial(d) * c[k]
-                    for k in range(d, self.degree + 1)
-                ]
-                replace[symbol[name]] = dense(add(*terms))
+                value: Term = None  # by Horner: a power of time has no Taylor series at zero
+                for k in range(self.degree, d - 1, -1):
+                    value = add(mul(value, hy.time), math.perm(k, d) * c[k])
+                replace[symbol[name]] = dense(value)
         return list(hy.subs(list(expressions), replace))
 
     def _on_free_state(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:

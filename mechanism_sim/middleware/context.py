@@ -25,7 +25,10 @@ _sleepers: WeakSet[Sleeper] = WeakSet()
 
 
 def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:  # noqa: ARG001
-    """Join the network. From here on SIGTERM makes ``spin`` raise ExternalShutdownException.
+    """Join the network.
+
+    Until ``shutdown`` is done, SIGTERM makes ``spin`` raise ExternalShutdownException, so that
+    what is published still gets out; a second SIGTERM ends the process at once.
 
     Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
     """
@@ -49,10 +52,13 @@ def shutdown(timeout_sec: float = FLUSH_PATIENCE) -> None:
     if ending is None:
         raise MiddlewareError('shutdown() was called without init()')
     _wake()
-    for number, (usual, ours) in _HANDLERS.items():
-        if current_thread() is main_thread() and signal.getsignal(number) is ours:
-            signal.signal(number, usual)
-    if not ending.close(timeout_sec):
+    try:
+        flushed = ending.close(timeout_sec)
+    finally:
+        for number, (usual, ours) in _HANDLERS.items():
+            if current_thread() is main_thread() and signal.getsignal(number) is ours:
+                signal.signal(number, usual)
+    if not flushed:
         raise MiddlewareError(
             f'After {timeout_sec} s other processes had not taken in what was published here:'
             ' part of it is lost'
@@ -92,8 +98,11 @@ def _wake() -> None:
         sleeper.wake()
 
 
-def _end(_number: int, _frame: FrameType | None) -> None:
+def _end(number: int, _frame: FrameType | None) -> None:
     global _signalled  # noqa: PLW0603
+    if _signalled:
+        signal.signal(number, signal.SIG_DFL)
+        signal.raise_signal(number)
     _signalled = True
     _wake()
 

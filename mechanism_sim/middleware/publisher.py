@@ -2,6 +2,7 @@
 
 import time
 from itertools import count
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import zenoh
@@ -34,6 +35,7 @@ class Publisher:
         self._context = context
         self._type = type_name(kind)
         self._sequence = count(1)
+        self._one_at_a_time = Lock()
         token = node.token(wire.PUBLISHER, topic, self._type, qos)
         self._gid = wire.gid(wire.token_key(context.domain, token))
         context.gids.add(self._gid)
@@ -43,9 +45,11 @@ class Publisher:
     def publish(self, message: Any) -> None:
         """Publish a message, or the bytes of one that is serialised already."""
         data = message if isinstance(message, bytes) else serialize(message)
-        attachment = wire.pack_attachment(next(self._sequence), time.time_ns(), self._gid)
         try:
-            with self._context.waits:
+            # Sequence numbers have to go out in their order, whichever threads publish.
+            with self._context.waits, self._one_at_a_time:
+                number = next(self._sequence)
+                attachment = wire.pack_attachment(number, time.time_ns(), self._gid)
                 self._publisher.put(data, attachment=attachment)
         except zenoh.ZError as error:
             raise MiddlewareError(f'{self.topic_name}: not published: {error}') from error

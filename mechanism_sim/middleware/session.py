@@ -148,10 +148,10 @@ def _join() -> tuple[zenoh.Session | None, zenoh.Session]:
     """Own router, if one had to be opened, and session."""
     attempts = config.router_attempts()
     if config.connects_elsewhere() or (attempts is not None and attempts < 0):
-        return None, zenoh.open(config.session_config())
+        return None, _open()
     for _ in range(3):
         router = _find_or_open_router(config.router_endpoint(), attempts)
-        session = zenoh.open(config.session_config())
+        session = _open()
         end = time.monotonic() + ROUTER_PATIENCE
         while time.monotonic() < end:
             if session.info.routers_zid():
@@ -159,6 +159,13 @@ def _join() -> tuple[zenoh.Session | None, zenoh.Session]:
             time.sleep(0.001)
         _close(session)
     raise MiddlewareError(f'The router at {config.router_endpoint()} comes and goes')
+
+
+def _open() -> zenoh.Session:
+    try:
+        return zenoh.open(config.session_config())
+    except zenoh.ZError as error:
+        raise MiddlewareError(f'No Zenoh session can be opened: {error}') from error
 
 
 def _find_or_open_router(endpoint: str, attempts: int | None) -> zenoh.Session | None:
