@@ -112,7 +112,9 @@ class Audit:
             # an impact at the very start comes before the first segment
             first = [i for i in impacts if i.t <= motion.curve.start[0]]
             self._initial = float(total[0]) + sum(i.energy_loss - i.drive_work for i in first)
-        self._final = float(total[1])
+        # and one at the very end after the last
+        last = [i for i in impacts if i.t >= motion.curve.end]
+        self._final = float(total[1]) + sum(i.drive_work - i.energy_loss for i in last)
 
     def _check_open(self, motion: Motion) -> None:
         """Sample every open gap, and again more densely where a parabola foresees a violation."""

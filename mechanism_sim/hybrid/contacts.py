@@ -23,6 +23,7 @@ class Contacts:
     ----------
     closed : of every gap, whether it carries force
     impacts, mode_changes : the events so far
+    horizon : [s] longest next step: a root much nearer to its start than to its end gets lost
     """
 
     def __init__(
@@ -32,12 +33,15 @@ class Contacts:
         self.impacts: list[Impact] = []
         self.mode_changes: list[ModeChange] = []
         self.base = base
+        self.horizon = float('inf')
         self._system = system
         self._ta = integrator
         self._f = len(system.free)
         self._state, self._pars = integrator.state[: 2 * self._f], integrator.pars
         self._terms_function = system.contact_function
         self._projection = system.projection
+        self._terms_pars = self._pars[: system.contact_function.nparams]
+        self._projection_pars = self._pars[: system.projection.nparams]
         self._rule = rule
         self._restitution = [gap.restitution for gap in system.gaps]
         self._names = [gap.name for gap in system.gaps]
@@ -61,8 +65,12 @@ class Contacts:
         """Resolve the gaps that touch without an event having said so."""
         for i in range(len(self.closed)):
             terms = self._terms()
-            touches = terms.value[i] <= self._touching and terms.rate[i] <= 0.0
-            if self.closed[i] or touches:
+            near, rate = terms.value[i] <= self._touching, terms.rate[i]
+            # as good as resting is what would rise no farther than rounding reaches
+            stays = rate <= 0.0 or self._rule.ends(
+                rate, terms.free_acceleration[i], 1.0, -terms.value[i]
+            )
+            if self.closed[i] or (near and stays):
                 self._collide(i)
 
     def handle(self, gap: int) -> None:
@@ -103,7 +111,7 @@ class Contacts:
         self._pars[self._system.flag_index] = closed
 
     def _terms(self) -> ContactTerms:
-        out = self._terms_function(self._state, pars=self._pars, time=self._ta.time)
+        out = self._terms_function(self._state, pars=self._terms_pars, time=self._ta.time)
         return self._system.contact_terms(out.tolist())
 
     def _collide(self, gap: int) -> None:
@@ -138,6 +146,7 @@ class Contacts:
                     self._record_impact(terms, i, p, r, r_after, stop)
             # neither does one rest less that would rise no farther than rounding reaches
             low = self._rule.ends(r_after, terms.free_acceleration[i], 1.0, -terms.value[i])
+            self._expect_return(r_after, terms.free_acceleration[i])
             if low or r_after <= -1e-9 * r:
                 resting.append(i)
         if resting or any(self.closed[i] for i in touching):
@@ -152,8 +161,17 @@ class Contacts:
         if impulse > 0.0:
             self._push(terms, gap, impulse)
             self._record_impact(terms, gap, impulse, rate, after, stop)
+        self._expect_return(after, terms.free_acceleration[gap])
         if after <= -1e-9 * rate:
             self._rest([gap], [gap])
+
+    def _expect_return(self, rebound: float, acceleration: float) -> None:
+        """Let the next step be no longer than 100 flights that fall back steadily.
+
+        A number off the powers of two, at which the search for roots bisects.
+        """
+        if rebound > 0.0 and acceleration < 0.0:
+            self.horizon = min(self.horizon, -200.0 * rebound / acceleration)
 
     def _rest(self, resting: list[int], touching: list[int]) -> None:
         """Of the contacts without normal speed, those that are pressed together stay closed."""
@@ -163,7 +181,9 @@ class Contacts:
         forces = solve_lcp(A, [terms.free_acceleration[i] for i in resting]) if resting else []
         pressed = {i for i, force in zip(resting, forces, strict=True) if force > 0.0}
         self.close(tuple(i in pressed if i in touching else c for i, c in enumerate(before)))
-        self._state[:] = self._projection(self._state, pars=self._pars, time=self._ta.time)
+        self._state[:] = self._projection(
+            self._state, pars=self._projection_pars, time=self._ta.time
+        )
         for i in resting:
             if i not in pressed:
                 self._separate(i)

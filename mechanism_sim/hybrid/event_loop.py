@@ -147,10 +147,14 @@ class EventLoop:
         while len(entries) < last:
             if self._pending is None:
                 tau = ta.time
-                outcome, h = step(longest, True)
+                outcome, h = step(min(longest, contacts.horizon), True)
+                contacts.horizon = math.inf
                 tape.buffer[len(entries)] = coefficients
-                pars[stabilisation] = 1.0 / h
-                gap = None if outcome == _SUCCESS else self._ended_by(outcome, tau)
+                if outcome == _SUCCESS:
+                    gap = None
+                    pars[stabilisation] = 1.0 / h
+                else:
+                    gap = self._ended_by(outcome, tau)
             else:
                 tau, h, gap = self._pending
                 self._pending = None
@@ -168,7 +172,8 @@ class EventLoop:
                         self._cut(limit)
                     return
                 self._pending = None
-            tape.enter((tau, h, contacts.closed, tape.base))
+            if h > 0.0:
+                tape.enter((tau, h, contacts.closed, tape.base))
             if gap is None and False in contacts.closed:
                 gap = contacts.fallen()
             if gap is not None:
@@ -195,7 +200,8 @@ class EventLoop:
         """End the pending step early, at local time `at`, on its own polynomials."""
         tau = self._pending[0] if self._pending else at
         self._pending = None
-        x = np.polynomial.polynomial.polyval(at - tau, self._tape.buffer[len(self._tape.entries)].T)
+        slot = self._tape.buffer[len(self._tape.entries)]
+        x = np.polynomial.polynomial.polyval(at - tau, slot.T)
         if at > tau:
             self._tape.enter((tau, at - tau, self._contacts.closed, self._tape.base))
         self._state[:] = x

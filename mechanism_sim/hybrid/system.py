@@ -35,7 +35,7 @@ from mechanism_sim.planar.reactions import energies, generalized_forces, tree_re
 
 Array = NDArray[np.float64]
 
-TINY = 1e-300
+TINY = 1.0625e-300
 """Keeps a guard off exact zero, from where the integrator would never fire it."""
 
 FORCE_SCALE = 1e-6
@@ -210,10 +210,7 @@ class System:
         """Compiled function of the integrator's state, parameters and time."""
         frames = self.equations.frames
         variables = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
-        # A vanishing term keeps all parameters, so that the integrator's serve as they are.
-        last = 0.0 * hy.par[len(self.parameters) - 1]
-        expressions = self._driven([dense(o) for o in outputs])
-        return hy.cfunc([*expressions[:-1], expressions[-1] + last], vars=variables)
+        return hy.cfunc(self._driven([dense(o) for o in outputs]), vars=variables)
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:

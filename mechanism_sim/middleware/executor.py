@@ -6,6 +6,7 @@ in the queues.
 
 import time
 from queue import Empty, SimpleQueue
+from typing import Any
 
 from mechanism_sim.middleware import context as contexts
 from mechanism_sim.middleware.errors import ExternalShutdownException
@@ -13,6 +14,8 @@ from mechanism_sim.middleware.future import Future
 from mechanism_sim.middleware.inbox import Ready
 from mechanism_sim.middleware.node import Node
 from mechanism_sim.middleware.timer import Timer
+
+LOOK_AT_TIMERS = 1e-3  # [s] how often, while messages are waiting
 
 
 class SingleThreadedExecutor:
@@ -23,6 +26,7 @@ class SingleThreadedExecutor:
         self._ready: Ready = SimpleQueue()
         self._is_shutdown = False
         self._ran_timer = False
+        self._next_look = 0.0
         contexts.add_sleeper(self)
 
     def add_node(self, node: Node) -> bool:
@@ -84,6 +88,11 @@ class SingleThreadedExecutor:
         while not self._is_shutdown:
             if not contexts.ok():
                 raise ExternalShutdownException('The process is not, or no longer, on the network')
+            if self._ready.qsize() and time.monotonic() < self._next_look:
+                if self._execute(self._ready.get()):
+                    return
+                continue
+            self._next_look = time.monotonic() + LOOK_AT_TIMERS
             timers = [timer for node in self._nodes for timer in node.timers]
             due = [timer for timer in timers if timer.is_ready()]
             # After a timer it is the others' turn: one that is always due must not starve them.
@@ -98,8 +107,13 @@ class SingleThreadedExecutor:
                 if end is not None and time.monotonic() >= end:
                     return
                 continue
-            if entity is not None and entity.execute():
+            if self._execute(entity):
                 return
+
+    @staticmethod
+    def _execute(entity: Any) -> bool:
+        """Hand on one item of an entity; False if there is nothing to do."""
+        return entity is not None and bool(entity.execute())
 
     def spin_until_future_complete(self, future: Future, timeout_sec: float | None = None) -> None:
         """Run callbacks until a future is done or ``timeout_sec`` [s] have passed."""

@@ -118,9 +118,9 @@ def _chebyshev_matrices(count: int) -> tuple[Array, Array]:
         shifted = [0, *rows[-1]]
         rows.append([4 * s - 2 * a - b for s, a, b in zip(shifted, last, before, strict=True)])
     to_powers = np.zeros((count, count))
-    for k, row in enumerate(rows[:count]):
-        to_powers[: k + 1, k] = row
-    return to_chebyshev, to_powers
+    for degree, row in enumerate(rows[:count]):
+        to_powers[: degree + 1, degree] = row
+    return np.asarray(to_chebyshev), to_powers
 
 
 def fit_powers(values: Array, width: float) -> Array:

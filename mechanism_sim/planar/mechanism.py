@@ -59,8 +59,11 @@ class Mechanism:
 
     @cached_property
     def size(self) -> float:
-        """Longest distance between two joints of one link [m]: the scale of rounding errors."""
-        ends: dict[str, list[Vector2]] = {}
+        """Longest distance between two points of one link [m]: the scale of rounding errors.
+
+        The points are its joints, its origin and its centre of gravity.
+        """
+        ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
             ends.setdefault(j.first, []).append(j.on_first)
             ends.setdefault(j.second, []).append(j.on_second)

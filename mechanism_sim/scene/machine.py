@@ -41,8 +41,11 @@ class Level(Enum):
 class Run(Protocol):
     """A machine in motion: the event loop, or closed-form pieces."""
 
-    steps: int
     events: int
+
+    @property
+    def steps(self) -> int:
+        """Number of pieces of motion so far."""
 
     @property
     def time(self) -> float:

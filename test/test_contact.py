@@ -1,0 +1,98 @@
+"""Impulses of simultaneous contacts, and the end of chatter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mechanism_sim.contact.restitution import ChatterRule, newton_impulses
+from mechanism_sim.numerics.complementarity import solve_lcp
+
+
+@st.composite
+def problems(draw, least=1):
+    m = draw(st.integers(least, 4))
+    rows = draw(st.lists(st.lists(st.floats(-1, 1), min_size=5, max_size=5), min_size=m, max_size=m))
+    J = np.array(rows)
+    A = J @ J.T + 1e-3 * np.eye(m)
+    b = np.array(draw(st.lists(st.floats(-2, 2), min_size=m, max_size=m)))
+    return A, b
+
+
+@given(problems())
+def test_complementarity_holds_of_what_is_solved(problem):
+    A, b = problem
+    x = np.array(solve_lcp(A.tolist(), b.tolist()))
+    gap = A @ x + b
+    scale = 1.0 + np.abs(b).max()
+    assert (x >= 0.0).all()
+    assert gap.min() > -1e-11 * scale
+    assert np.abs(x * gap).max() < 1e-9 * scale * (1.0 + x.max())
+
+
+@given(problems(least=2))
+def test_the_solution_minimises_the_energy_of_the_contact(problem):
+    """A second route: projected Gauss-Seidel on ``x A x/2 + b x`` over ``x >= 0``."""
+    A, b = problem
+    x = np.array(solve_lcp(A.tolist(), b.tolist()))
+
+    def energy(y):
+        return 0.5 * y @ A @ y + b @ y
+
+    y = np.zeros(len(b))
+    for _ in range(300):
+        for i in range(len(b)):
+            y[i] = max(0.0, y[i] - (A[i] @ y + b[i]) / A[i, i])
+    assert energy(x) <= energy(y) + 1e-9
+
+
+@given(st.floats(0.1, 10.0), st.floats(1e-6, 5.0), st.floats(0.0, 1.0))
+def test_a_single_contact_rebounds_by_newtons_coefficient(compliance, speed, e):
+    (p,) = newton_impulses([[compliance]], [-speed], [e])
+    assert p == pytest.approx((1.0 + e) * speed / compliance, rel=1e-14)
+    assert -speed + compliance * p == pytest.approx(e * speed, abs=1e-14 * speed + 1e-18)
+
+
+def test_a_separating_contact_gets_no_impulse():
+    assert newton_impulses([[2.0]], [0.3], [0.5]) == [0.0]
+
+
+@given(problems(least=2), st.floats(0.0, 1.0))
+def test_equal_restitution_never_creates_energy(problem, e):
+    A, v = problem
+    rate = np.minimum(v, 0.0)
+    p = np.array(newton_impulses(A.tolist(), rate.tolist(), [e] * len(v)))
+    gained = p @ (rate + 0.5 * A @ p)
+    assert gained < 1e-9
+
+
+def test_chatter_ends_where_what_is_left_out_is_below_the_tolerance():
+    """A ball of rebound speed v under a: all bounces to come are replaced by rest at once."""
+    size, rtol, a, e = 0.4, 1e-8, 50.0, 0.5
+    rule = ChatterRule(rtol, 0.0, size)
+    v = np.sqrt(2.0 * a * rtol * size * (1.0 - e))
+    assert rule.ends(0.999 * v, -a, e)
+    assert not rule.ends(1.001 * v, -a, e)
+    # displacement left out: the bounces' mean height times their duration, felt as an impulse
+    left_out = sum(2.0 * (v * e**k) ** 2 / (2.0 * a) for k in range(60))
+    assert left_out < 2.0 * rtol * size
+
+
+@pytest.mark.parametrize('acceleration', [0.0, 1e-9, 30.0])
+def test_chatter_never_ends_where_nothing_presses(acceleration):
+    assert not ChatterRule(1e-4, 1e-3, 1.0).ends(1e-12, acceleration, 0.5)
+
+
+def test_elastic_bounces_end_only_below_rounding():
+    rule = ChatterRule(1e-3, 1e-3, 0.4)
+    assert not rule.ends(np.sqrt(2.0 * 50.0 * 1e-14), -50.0, 1.0)
+    assert rule.ends(np.sqrt(2.0 * 50.0 * 1e-17), -50.0, 1.0)
+
+
+def test_an_absolute_tolerance_and_a_violated_gap_end_chatter_too():
+    v = np.sqrt(2.0 * 50.0 * 1e-9)
+    assert not ChatterRule(1e-12, 0.0, 0.4).ends(v, -50.0, 0.5)
+    assert ChatterRule(1e-12, 1e-8, 0.4).ends(v, -50.0, 0.5)
+    assert ChatterRule(1e-12, 0.0, 0.4).ends(v, -50.0, 0.5, depth=1e-9)

@@ -1,0 +1,279 @@
+"""Scenes: whatever is wrong is refused in one sentence that helps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from four_bars import RADIAL, RESTITUTION, SPEED
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene.check import check, render
+from mechanism_sim.scene.files import config_folder, read_scene
+from mechanism_sim.scene.machine import Level
+
+LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'
+
+
+def refusal(overrides, scene=LOOSE):
+    with pytest.raises(InputError) as caught:
+        ms.load_scene(scene, overrides)
+    text = str(caught.value)
+    assert '\n' not in text
+    assert 'pydantic' not in text.lower()
+    assert text.startswith(scene)
+    return text
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'said'),
+    [
+        # unknown keys at every level, with the nearest known one
+        ('drvie.speed', 1, ["unknown key 'drvie'", "did you mean 'drive'?", 'allowed here: title']),
+        ('links.crnak.length', 1, ["'links.crnak'", "'crank'?", 'ground, crank, coupler, rocker']),
+        ('links.crank.lenght', '1 mm', ["'links.crank.lenght'", "'length'?", 'mass, inertia, cog']),
+        ('links.ground.mass', 1, ["unknown key 'links.ground.mass'", 'allowed here: length']),
+        ('joints.coupler_roker.clearance', None, ["'joints.coupler_roker'", "'coupler_rocker'?"]),
+        ('joints.coupler_rocker.clearance.radail', 1, ["'radial'?", 'radial, restitution']),
+        ('initial.position.crnk', 1, ["'crank'?", 'crank, coupler, rocker']),
+        ('initial.velocity.crank', 1, ["'initial.velocity.crank'", 'allowed here: coupler, rocker']),
+        ('sensors.rocker_accelerometer.smaple_rate', 1, ["'sample_rate'?", 'kind, link, at']),
+        ('sensors.mine.axes', 'along', ["unknown key 'sensors.mine.axes'", "'axis'?"]),
+        ('outputs.force', True, ["'forces'?"]),
+        ('solver.tol', 1e-9, ["unknown key 'solver.tol'", "'rtol'?"]),
+        # quantities
+        ('drive.speed', '350 rpx', ["unknown unit 'rpx'", "write for example '350 rpm'"]),
+        ('drive.speed', '350 mm', ["'350 mm'", "which is not a unit of 'rad/s'"]),
+        ('drive.speed', '350 Hz', ["which is not a unit of 'rad/s'"]),
+        ('drive.speed', 'fast', ["drive.speed = 'fast' is not a number with a unit"]),
+        ('drive.speed', None, ['drive.speed = None is not a quantity']),
+        ('drive.speed', float('nan'), ['drive.speed = nan', 'must be finite']),
+        ('links.coupler.inertia', '2950 kg', ["which is not a unit of 'kg m^2'"]),
+        ('links.crank.length', '60 g', ['links.crank.length', "write for example '64 mm'"]),
+        ('gravity', ['0', '9 m/s'], ["gravity.1 = '9 m/s'", "not a unit of 'm/s^2'"]),
+        ('gravity', '9.81 m/s^2', ['gravity', 'a list of two quantities']),
+        ('gravity', [0, 0, 0], ['gravity', 'a list of two quantities']),
+        (RESTITUTION, '0.5 mm', ["'mm' where a plain number belongs"]),
+        # bounds
+        (RESTITUTION, 1.5, ['1.5 is out of bounds', 'at most 1']),
+        (RESTITUTION, -0.1, ['out of bounds', 'at least 0']),
+        (RESTITUTION, float('nan'), ['out of bounds']),
+        (RADIAL, '0 mm', ['out of bounds', 'more than 0']),
+        ('links.crank.mass', '-1 kg', ["'-1 kg' is out of bounds", 'more than 0']),
+        ('links.rocker.inertia', 0, ['links.rocker.inertia = 0 is out of bounds']),
+        ('solver.rtol', 0.5, ['out of bounds', 'at most 0.01']),
+        ('solver.rtol', float('nan'), ['solver.rtol']),
+        ('solver.atol', '-1 mm', ['solver.atol', 'at least 0']),
+        ('outputs.joint_states', '0 Hz', ['more than 0']),
+        # choices
+        ('start', 'seeted', ["start = 'seeted' is not possible", "'seated'?"]),
+        ('branch', 'upper', ["'open' or 'crossed'"]),
+        ('drive.coordinate', 'rocker', ["allowed: 'crank'"]),
+        ('sensors.rocker_accelerometer.link', 'ground', ["'crank', 'coupler' or 'rocker'"]),
+        ('mechanism', 'fuor_bar', ["mechanism is 'fuor_bar'", "'four_bar'?", 'known are: four_bar']),
+        ('mechanism', ['four_bar'], ['known are: four_bar']),
+        # shape
+        ('links', 5, ['links = 5', 'a list of keys with values']),
+        ('drive', 'fast', ["drive = 'fast'", 'a list of keys with values']),
+        ('sensors', 5, ['sensors = 5', 'a list of names']),
+        ('title', 5, ['title = 5', 'must be text']),
+        ('outputs.forces', 'maybe', ['true or false']),
+        ('drive.speed.x', 4, ["'drive.speed.x' cannot be set, because 'speed' is a plain value"]),
+        ('gravity.1', 4, ["because 'gravity' is a plain value"]),
+        # what is missing
+        ('links.coupler.mass', None, ["'links.coupler.mass' is missing", 'mass, inertia and cog']),
+        ('joints.coupler_rocker.clearance', {'radial': '1 mm'}, ["restitution' is missing"]),
+        ('sensors.mine', {'link': 'rocker'}, ["'sensors.mine.at' is missing"]),
+        # geometry
+        ('links.crank.length', '2 m', ['cannot be assembled', 'crank (2 m)', '(1.008 m)']),
+        ('links.crank.length', '500 mm', ['the crank cannot make a full turn', 'crank 0.5 m']),
+        (RADIAL, '100 mm', ['larger than the shortest link (0.064 m)']),
+        ('joints.crank_coupler.clearance', {'radial': 1e-4, 'restitution': 0},
+         ['only coupler_rocker can have clearance']),
+        ('sensors.rocker_accelerometer.at', '100 m', ['lies far off the rocker']),
+        ('sensors.my sensor', {'link': 'rocker', 'at': 0}, ["'my sensor'", 'letters, digits']),
+    ],
+)  # fmt: skip
+def test_bad_input_is_refused_with_the_key_the_value_and_what_is_allowed(key, value, said):
+    text = refusal({key: value})
+    for part in said:
+        assert part in text, text
+
+
+def test_a_change_point_linkage_is_refused_rather_than_run_into():
+    parallelogram = {f'links.{k}.length': v for k, v in
+                     dict(ground=0.3, crank=0.1, coupler=0.3, rocker=0.1).items()}  # fmt: skip
+    for scene in ('four_bar_crossed', LOOSE, 'four_bar_nominal'):
+        assert 'the crank cannot make a full turn' in refusal(parallelogram, scene)
+
+
+def test_a_start_with_the_pin_outside_of_its_bushing_is_refused():
+    machine = ms.load_scene(LOOSE, {'initial.position.coupler': '1.2 rad'})
+    with pytest.raises(InputError, match=r'initial.position puts the pin of coupler_rocker 0\.0'):
+        ms.simulate(machine)
+
+
+def test_a_seated_start_without_a_force_asks_for_another_start():
+    machine = ms.load_scene(LOOSE, {'drive.speed': 0, 'gravity': [0, 0]})
+    with pytest.raises(InputError, match=r"no force presses the pin.*write 'start: centred'"):
+        ms.simulate(machine, duration=1.0)
+
+
+@pytest.mark.parametrize(
+    ('content', 'said'),
+    [
+        ('a:\n\t- b\n', 'line 2 is not valid YAML'),
+        ('title: [1, 2\n', 'is not valid YAML'),
+        ('- a\n- b\n', 'a scene is a list of keys with values'),
+        ('', 'a scene is a list of keys with values'),
+        ('title: x\n', "mechanism is 'None'"),
+        ('mechanism: four_bar\n', "'title' is missing"),
+        ('x: !!python/object:os.system 1\n', 'is not valid YAML'),
+        (b'title: \xff\n', 'cannot be read'),
+    ],
+)
+def test_unreadable_files_are_refused_by_name_and_line(tmp_path, content, said):
+    path = tmp_path / 'mine.yaml'
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError) as caught:
+        ms.load_scene(str(path))
+    assert said in str(caught.value)
+    assert 'mine.yaml' in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [
+        ('four_bar_clearence', "did you mean 'four_bar_clearance'?"),
+        ('nothing.yaml', "there is no scene file 'nothing.yaml'"),
+        ('', 'there is no scene'),
+        ('/', 'there is no scene'),
+        ('x' * 400, 'there is no scene'),
+        ('a\0b', 'there is no scene'),
+    ],
+)
+def test_scenes_that_do_not_exist_are_refused_with_the_nearest(name, said):
+    with pytest.raises(InputError) as caught:
+        ms.load_scene(name)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize('text', ['drive.speed', '=4', ' =4', 'drive.speed=[1', 'x=!!python/x 3'])
+def test_malformed_override_texts_are_refused(text):
+    with pytest.raises(InputError, match='override'):
+        ms.load_scene(LOOSE, [text])
+
+
+def test_overrides_as_texts_and_as_values_are_the_same():
+    texts = ms.load_scene(LOOSE, ['drive.speed=300 rpm', f'{RESTITUTION}=0.1', 'gravity=[0, -9.8]'])
+    values = ms.load_scene(
+        LOOSE, {'drive.speed': '300 rpm', RESTITUTION: 0.1, 'gravity': [0, -9.8]}
+    )
+    assert texts.scene == values.scene
+    assert texts.scene.drive.speed == pytest.approx(10.0 * np.pi, rel=1e-15)
+    assert texts.scene.gravity == (0.0, -9.8)
+
+
+def test_overrides_do_not_stick_to_the_scene():
+    ms.load_scene(LOOSE, {'drive.speed': 1.0})
+    assert ms.load_scene(LOOSE).scene.drive.speed == SPEED
+
+
+def test_a_scene_of_ones_own_may_live_anywhere(tmp_path):
+    text = (config_folder() / FILE).read_text(encoding='utf-8')
+    (tmp_path / 'mine.yaml').write_text(text, encoding='utf-8')
+    mine = ms.load_scene(str(tmp_path / 'mine.yaml'))
+    assert mine.name == 'mine'
+    assert mine.scene == ms.load_scene(LOOSE).scene
+
+
+def test_the_thesis_table_arrives_exactly_in_si():
+    s = ms.load_scene(LOOSE).scene
+    lengths = [getattr(s.links, k).length for k in ('ground', 'crank', 'coupler', 'rocker')]
+    assert lengths == [0.387, 0.064, 0.309, 0.312]
+    assert [s.links.crank.inertia, s.links.coupler.inertia] == [0.002645, 0.00295]
+    assert s.joints.coupler_rocker.clearance.radial == 0.000254
+    assert s.gravity == (0.0, -9.8145)
+
+
+@pytest.mark.parametrize(
+    ('scene', 'overrides', 'level'),
+    [
+        (LOOSE, {}, Level.NONSMOOTH),
+        (LOOSE, {'joints.coupler_rocker.clearance': None}, Level.INVERSE_DYNAMICS),
+        ('four_bar_nominal', {}, Level.INVERSE_DYNAMICS),
+        ('four_bar_nominal', {'outputs.forces': False}, Level.KINEMATIC),
+        ('four_bar_crossed', {}, Level.KINEMATIC),
+    ],
+)
+def test_the_cheapest_level_that_is_exact_is_chosen(scene, overrides, level):
+    assert ms.load_scene(scene, overrides).level is level
+
+
+@pytest.mark.parametrize('name', ms.scene_names())
+def test_every_scene_of_the_package_loads_checks_and_runs(name):
+    machine = ms.load_scene(name)
+    report = check(machine)
+    assert report.title == machine.scene.title
+    solution = ms.simulate(machine, revolutions=0.1)
+    assert solution.level == report.level == machine.level.value
+    assert set(report.coordinates) == {'crank', 'coupler', 'rocker'}
+    assert report.level in render(report)
+
+
+def test_check_says_what_the_model_contains_and_what_it_leaves_out():
+    loose = check(ms.load_scene(LOOSE))
+    assert loose.relations == []
+    assert 'radial clearance 0.000254 m' in loose.gaps[0]
+    assert 'restitution 0.5' in loose.gaps[0]
+    assert any('friction' in x for x in loose.left_out)
+    assert any('rtol 1e-12' in x for x in loose.notes)
+    ideal = check(ms.load_scene('four_bar_nominal', {'gravity': [0, 0]}))
+    assert ideal.gaps == []
+    assert 'closes the loop' in ideal.relations[0]
+    assert any('gravity: it is zero' in x for x in ideal.left_out)
+    assert any('0.17 m less' in x for x in ideal.notes)  # 309 + 312 - 64 - 387 mm
+
+
+@pytest.mark.parametrize(
+    ('span', 'said'),
+    [
+        ({'revolutions': 1, 'duration': 1}, 'either revolutions or a duration'),
+        ({'duration': -1}, 'must be positive and finite, not -1'),
+        ({'revolutions': 0}, 'must be positive and finite, not 0'),
+        ({'duration': float('nan')}, 'must be positive and finite'),
+        ({'duration': float('inf')}, 'must be positive and finite'),
+    ],
+)
+def test_a_run_of_no_length_is_refused(span, said):
+    with pytest.raises(InputError, match=said):
+        ms.simulate(ms.load_scene('four_bar_crossed'), **span)
+
+
+def test_revolutions_of_a_crank_at_rest_are_refused():
+    with pytest.raises(InputError, match='give a duration in seconds'):
+        ms.simulate(ms.load_scene(LOOSE, {'drive.speed': 0}), revolutions=1)
+
+
+def test_a_run_lasts_a_revolution_by_default_and_as_long_as_asked():
+    machine = ms.load_scene('four_bar_crossed')
+    assert ms.simulate(machine).duration == pytest.approx(2.0 * np.pi, rel=1e-15)
+    assert ms.simulate(machine, duration=0.3).duration == 0.3
+    assert ms.simulate(machine, revolutions=0.5).duration == pytest.approx(np.pi, rel=1e-15)
+
+
+def test_angles_and_rates_of_the_start_can_be_set_outright():
+    given = {'initial.position.crank': '90 deg', 'initial.velocity.rocker': '6 rad/s'}
+    state = ms.load_scene(LOOSE, given | {'start': 'centred'}).initial_state()
+    assert state.closed == (False,)
+    assert state.q == pytest.approx([0.729165459, 2.096503057], abs=1e-8)
+    assert state.v[1] == 6.0
+    seated = ms.load_scene(LOOSE).initial_state()
+    assert seated.closed == (True,)
+    assert seated.q == pytest.approx([1.030945894142804, 2.124939981241757], abs=1e-12)
+
+
+def test_reading_keeps_the_name_and_checks_nothing_mechanical():
+    name, scene = read_scene(LOOSE, {'links.crank.length': '2 m'})
+    assert name == LOOSE
+    assert scene.links.crank.length == 2.0
