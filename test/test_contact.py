@@ -14,7 +14,8 @@ from mechanism_sim.numerics.complementarity import solve_lcp
 @st.composite
 def problems(draw, least=1):
     m = draw(st.integers(least, 4))
-    rows = draw(st.lists(st.lists(st.floats(-1, 1), min_size=5, max_size=5), min_size=m, max_size=m))
+    row = st.lists(st.floats(-1, 1), min_size=5, max_size=5)
+    rows = draw(st.lists(row, min_size=m, max_size=m))
     J = np.array(rows)
     A = J @ J.T + 1e-3 * np.eye(m)
     b = np.array(draw(st.lists(st.floats(-2, 2), min_size=m, max_size=m)))

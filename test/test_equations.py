@@ -102,8 +102,7 @@ class Newton:
         self.a = x[2 : 3 * n : 3]
         end = 3 * n + 2 * len(joints)
         self.force = {
-            j.name: f
-            for j, f in zip(joints, x[3 * n : end].reshape(-1, 2), strict=True)
+            j.name: f for j, f in zip(joints, x[3 * n : end].reshape(-1, 2), strict=True)
         }
         self.normal = x[end : end + len(pressed)]
         self.torque = x[end + len(pressed) :]
@@ -174,7 +173,7 @@ class Newton:
         return row
 
     def _centripetal(self, name, at):
-        return -self.v[name] ** 2 * self._arm(name, at)
+        return -(self.v[name] ** 2) * self._arm(name, at)
 
     def energy(self):
         kinetic = potential = 0.0
@@ -186,7 +185,7 @@ class Newton:
 
 
 def branching_tree(gravity=(1.7, -9.2)):
-    """Five links: a chain with a branch, joints and centres off the axes, joints named both ways."""
+    """Five links: a chain with a branch, nothing on the axes, joints named both ways round."""
     r = RNG.uniform
     bodies = tuple(
         Body(n, r(0.2, 2.0), r(1e-3, 1e-2), (r(-0.1, 0.2), r(-0.1, 0.1))) for n in 'abcde'
@@ -243,9 +242,7 @@ def test_energies_are_sums_over_the_links():
     q, v = RNG.uniform(-3, 3, 5), RNG.uniform(-20, 20, 5)
     eq = Equations(m)
     symbolic = energies(eq)
-    np.testing.assert_allclose(
-        evaluate(symbolic, eq, q, v), Newton(m, q, v).energy(), rtol=1e-13
-    )
+    np.testing.assert_allclose(evaluate(symbolic, eq, q, v), Newton(m, q, v).energy(), rtol=1e-13)
 
 
 @pytest.mark.parametrize('acceleration', [0.0, 340.0])
@@ -348,11 +345,12 @@ def test_gap_and_mode_free_terms_of_the_engine_at_a_contact(skew):
         assert terms.compliance[0][0] == pytest.approx(k3**2 / IA3 + k4**2 / IO4, rel=1e-9)
         np.testing.assert_allclose(terms.response[0], [-k3 / IA3, k4 / IO4], rtol=1e-9)
         acceleration = newton.a[1] * k3 - newton.a[2] * k4
+        crank = 90.0 * turned(q[0], (0, 1)) - v[0] ** 2 * turned(q[0], (1, 0))
         bend = (
-            0.064 * (90.0 * n @ turned(q[0] + np.pi / 2, (1, 0)) - v[0] ** 2 * n @ turned(q[0], (1, 0)))
+            0.064 * n @ crank
             - 0.309 * v[1] ** 2 * n @ turned(q[1], (1, 0))
             + 0.312 * v[2] ** 2 * n @ turned(q[2], (1, 0))
-        )  # fmt: skip
+        )
         sliding = rate @ turned(np.pi / 2, n)
         expected = -(acceleration + bend) - sliding**2 / 2.54e-4
         # the engine's gap is (c^2 - Q.Q)/2c: it also counts the square of the normal rate
@@ -440,9 +438,7 @@ def test_derivatives_of_the_gap_against_multiprecision_differences(q, v):
 
         place = tuple(map(mpf, q))
         exact = [gap(*place)]
-        exact += [
-            mp.diff(gap, place, tuple(int(i == k) for i in range(3))) for k in range(3)
-        ]
+        exact += [mp.diff(gap, place, tuple(int(i == k) for i in range(3))) for k in range(3)]
         exact += [mp.diff(along, 0), mp.diff(along, 0, 2)]
         exact = [float(x) for x in exact]
     scales = np.array([1e3, 1e3, 1e3, 1e3, 1e5, 1e7])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -25,7 +26,6 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 import mechanism_sim as ms
-from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop, State
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import LoosePhysics
@@ -488,12 +488,7 @@ def test_coarse_steps_never_let_the_pin_through(e, rtol):
         speed = rng.uniform(10.0, 100.0)
         more = {RADIAL.replace('.', '__'): clearance, 'drive__start_angle': rng.uniform(0, 6.28)}
         machine = loose(e, rtol=rtol, drive__speed=speed, **more)
-        try:
-            solution = ms.simulate(machine, revolutions=0.3)
-        except RunError as error:  # said plainly, and only where the error is of the gap's size
-            assert rtol == 1e-4
-            assert 'a gap was violated' in str(error)
-            continue
+        solution = ms.simulate(machine, revolutions=0.3)
         assert solution.max_penetration < 0.1 * clearance
 
 
@@ -671,10 +666,8 @@ def starts(draw):
         **{RADIAL.replace('.', '__'): c},
     )  # fmt: skip
     if draw(st.booleans()):
-        machine = type(machine)(
-            machine.name, machine.scene.model_copy(update={'start': 'seated'})
-        )
-        return machine
+        seated = machine.scene.model_copy(update={'start': 'seated'})
+        return type(machine)(machine.name, seated)
     r, eta = draw(st.one_of(st.floats(0.0, 1.0), st.just(1.0))), draw(st.floats(0.0, 6.28))
     turning = draw(st.tuples(st.floats(-1, 1), st.floats(-1, 1)))
     Q = r * c * np.array([np.cos(eta), np.sin(eta)])
@@ -704,7 +697,7 @@ def test_books_gaps_and_impacts_are_in_order_whatever_the_start(machine):
         lost = 0.5 * i.normal_impulse * (i.approach_speed - i.rebound_speed)
         assert i.energy_loss == pytest.approx(lost, rel=1e-9, abs=1e-14 * exchanged)
     assert [i.t for i in impacts] == sorted(i.t for i in impacts)
-    for a, b in zip(modes[:-1], modes[1:], strict=True):
+    for a, b in pairwise(modes):
         assert a.mode is b.previous
         assert a.mode is not b.mode
 

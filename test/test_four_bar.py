@@ -82,8 +82,7 @@ def test_accelerating_crank_against_differences_in_multiprecision():
         before, now, after = close(-h), close(mpf(0)), close(h)
         first = [float((b - a) / (2 * h)) for a, b in zip(before, after, strict=True)]
         second = [
-            float((a - 2 * n + b) / h**2)
-            for a, n, b in zip(before, now, after, strict=True)
+            float((a - 2 * n + b) / h**2) for a, n, b in zip(before, now, after, strict=True)
         ]
         exact = np.array([[float(x) for x in now], first, second])
     motion = THESIS.motion(np.array([th2]), np.array([w2]), np.array([a2]))
@@ -222,9 +221,7 @@ def test_extreme_bearing_forces_of_a_turn_agree_with_the_reference(nominal):
         near = np.radians(ref[key]['crank_angle']) / SPEED
         t = near + np.linspace(-2e-4, 2e-4, 401)
         table = nominal.sample(t)
-        force = np.hypot(
-            table['reaction.coupler_rocker.x'], table['reaction.coupler_rocker.y']
-        )
+        force = np.hypot(table['reaction.coupler_rocker.x'], table['reaction.coupler_rocker.y'])
         extreme = force.min() if least else force.max()
         assert extreme == pytest.approx(ref[key]['force'], rel=1e-8)
 
@@ -248,9 +245,7 @@ def test_a_crank_that_runs_backwards_retraces_the_same_angles():
     t = np.linspace(0.0, forward.duration, 50)
     a, b = forward.sample(t), back.sample(t[::-1])
     for name in LINKS:
-        assert np.abs(
-            wrapped(a[f'position.{name}'] - b[f'position.{name}'])
-        ).max() < 1e-13
+        assert np.abs(wrapped(a[f'position.{name}'] - b[f'position.{name}'])).max() < 1e-13
         np.testing.assert_allclose(
             a[f'velocity.{name}'], -b[f'velocity.{name}'], rtol=1e-11, atol=1e-12
         )

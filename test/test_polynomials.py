@@ -81,9 +81,7 @@ def test_whole_turns_count_in_the_angle_and_in_no_derivative():
     curve = PiecewisePolynomial(
         np.zeros(1), np.zeros(1), np.ones(1), turns, np.array([[[0.5, 2.0], [0.25, 1.0]]])
     )
-    np.testing.assert_allclose(
-        curve(np.array([0.5]))[0], [1.5 + 14.0 * np.pi, 0.75], rtol=1e-15
-    )
+    np.testing.assert_allclose(curve(np.array([0.5]))[0], [1.5 + 14.0 * np.pi, 0.75], rtol=1e-15)
     np.testing.assert_array_equal(curve(np.array([0.5]), 1)[0], [2.0, 1.0])
 
 

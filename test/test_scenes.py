@@ -42,7 +42,7 @@ def refusal(overrides, scene=LOOSE):
         ('outputs.force', True, ["'forces'?"]),
         ('solver.tol', 1e-9, ["unknown key 'solver.tol'", "'rtol'?"]),
         # quantities
-        ('drive.speed', '350 rpx', ["unknown unit 'rpx'", "write for example '350 rpm'"]),
+        ('drive.speed', '350 rpq', ["unknown unit 'rpq'", "write for example '350 rpm'"]),
         ('drive.speed', '350 mm', ["'350 mm'", "which is not a unit of 'rad/s'"]),
         ('drive.speed', '350 Hz', ["which is not a unit of 'rad/s'"]),
         ('drive.speed', 'fast', ["drive.speed = 'fast' is not a number with a unit"]),
@@ -101,8 +101,8 @@ def test_bad_input_is_refused_with_the_key_the_value_and_what_is_allowed(key, va
 
 
 def test_a_change_point_linkage_is_refused_rather_than_run_into():
-    parallelogram = {f'links.{k}.length': v for k, v in
-                     dict(ground=0.3, crank=0.1, coupler=0.3, rocker=0.1).items()}  # fmt: skip
+    lengths = {'ground': 0.3, 'crank': 0.1, 'coupler': 0.3, 'rocker': 0.1}
+    parallelogram = {f'links.{k}.length': v for k, v in lengths.items()}
     for scene in ('four_bar_crossed', LOOSE, 'four_bar_nominal'):
         assert 'the crank cannot make a full turn' in refusal(parallelogram, scene)
 
@@ -165,7 +165,9 @@ def test_malformed_override_texts_are_refused(text):
 
 
 def test_overrides_as_texts_and_as_values_are_the_same():
-    texts = ms.load_scene(LOOSE, ['drive.speed=300 rpm', f'{RESTITUTION}=0.1', 'gravity=[0, -9.8]'])
+    texts = ms.load_scene(
+        LOOSE, ['drive.speed=300 rpm', f'{RESTITUTION}=0.1', 'gravity=[0, -9.8]']
+    )
     values = ms.load_scene(
         LOOSE, {'drive.speed': '300 rpm', RESTITUTION: 0.1, 'gravity': [0, -9.8]}
     )
