@@ -204,11 +204,11 @@ def test_a_ramp_of_the_drive_keeps_its_books():
 
 
 def test_an_accelerated_crank_against_scipy():
-    """Flight and impacts under a law of degree 3 by DOP853 and bisection, equations of the book."""
+    """Flight and impacts under a law of degree 3: DOP853, bisection, the book's equations."""
     law, e, until = (0.2, 20.0, 300.0, -2000.0), 0.8, 0.05
     machine = loose(e, drive__start_angle=0.2, drive__speed=20.0)
     run, _ = event_loop(machine, [DriveLaw('crank', law)])
-    motion, impacts, _ = finish(run, until)
+    _, impacts, _ = finish(run, until)
     m3, S3, IA3, m4S4, IO4 = 0.2439, 0.185, 2.950e-3 + 0.2439 * 0.185**2, 0.2334 * 0.134, 0.0
     IO4 = 3.176e-3 + m4S4 * 0.134
     crank = np.polynomial.Polynomial(law)
@@ -387,20 +387,23 @@ def test_a_pin_that_starts_on_the_bushing_and_moves_outwards_strikes_at_once(out
     assert gaps(machine, motion, np.linspace(0.0, 0.02, 9001)).min() > -1.1 * outside * C - 1e-15
 
 
-@pytest.mark.parametrize(('lift', 'mode'), [(-30.0, Mode.FOLLOWING), (30.0, Mode.FREE_FLIGHT)])
-def test_a_pin_at_rest_on_the_bushing_stays_only_if_it_is_pressed(lift, mode):
+def test_a_pin_at_rest_on_the_bushing_stays_only_if_it_is_pressed():
     """Crank at rest; gravity presses the rocker's bushing on the pin, or takes it away."""
-    up = with_pin_at(loose(0.5, drive__speed=0, gravity=[0, 0]), C * np.array([0.0, 1.0]))
-    for sign, expected in ((1.0, mode), (-1.0, Mode(3 - mode))):
-        machine = type(up)(
-            up.name, up.scene.model_copy(update={'gravity': (0.0, sign * lift * 0.3)})
-        )
-        terms = machine.start()._contacts._terms()
-        pressed = terms.free_acceleration[0] < 0.0
+    seen = set()
+    still = with_pin_at(loose(0.5, drive__speed=0, gravity=[0, 0]), C * np.array([0.0, 1.0]))
+    for pull in (9.0, -9.0):
+        scene = still.scene.model_copy(update={'gravity': (0.0, pull)})
+        machine = type(still)(still.name, scene)
+        q = machine.initial_state().q
+        # gravity alone: do pin and bushing, falling freely, come closer along the normal (up)?
+        a3 = 0.2439 * 0.185 * pull * np.cos(q[0]) / (2.950e-3 + 0.2439 * 0.185**2)
+        a4 = 0.2334 * 0.134 * pull * np.cos(q[1]) / (3.176e-3 + 0.2334 * 0.134**2)
+        pressed = 0.309 * a3 * np.cos(q[0]) - 0.312 * a4 * np.cos(q[1]) > 0.0
         _, impacts, modes = finish(machine.start(), 1e-4)
         assert modes[-1].mode is (Mode.FOLLOWING if pressed else Mode.FREE_FLIGHT)
         assert not [i for i in impacts if i.approach_speed > 1e-9]
-        del expected
+        seen.add(bool(pressed))
+    assert seen == {True, False}
 
 
 def first_revolution(speed):
@@ -675,7 +678,7 @@ def starts(draw):
 
 
 @given(starts())
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 def test_books_gaps_and_impacts_are_in_order_whatever_the_start(machine):
     clearance = machine.scene.joints.coupler_rocker.clearance
     run = machine.start()

@@ -276,9 +276,9 @@ class Strike:
         self.mu6 = self.rho * sin(eta - th4 + alpha)
 
 
-def contact_arm(eta, th4):
+def contact_arm(eta, th4, xi=c):
     """Length and angle of the line from the rocker's pivot to the point of contact."""
-    arm = l4 * u(th4) + c * u(eta)
+    arm = l4 * u(th4) + xi * u(eta)
     return np.hypot(*arm), np.arctan2(arm[1], arm[0])
 
 
@@ -289,8 +289,7 @@ def strike():
 
 def test_sb_5_2_11_angle_of_the_contact_arm():
     eta, th4, xi = 0.9, 2.1, 0.05
-    arm = l4 * u(th4) + xi * u(eta)
-    rho, gamma = np.hypot(*arm), np.arctan2(arm[1], arm[0])
+    rho, gamma = contact_arm(eta, th4, xi)
     alpha = th4 - gamma
     assert close(rho, (l4**2 + xi**2 + 2 * l4 * xi * cos(eta - th4)) ** 0.5)  # 5.2-12
     assert close(sin(alpha), xi / rho * sin(th4 - eta))  # 5.2-9
@@ -316,8 +315,8 @@ def test_sb_5_3_2_2b_tangential_speed_of_the_bushing():
         return l4 * f(turned[0]) + xi * f(turned[1])
 
     speed = np.array(rates(lambda t: point(t, 0), lambda t: point(t, 1), at=0)) @ v(eta)
-    arm = l4 * u(th4) + xi * u(eta)
-    rho, alpha = np.hypot(*arm), th4 - np.arctan2(arm[1], arm[0])
+    rho, gamma = contact_arm(eta, th4, xi)
+    alpha = th4 - gamma
     assert not close(rho * w_4 * cos(eta - th4 - alpha), speed, rel=0.1)
     assert close(rho * w_4 * cos(eta - th4 + alpha), speed)
 

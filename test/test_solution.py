@@ -95,9 +95,8 @@ def test_modes_are_those_of_the_samples(seated):
 def test_energies_add_up_at_any_time(which, request):
     solution = request.getfixturevalue(which)
     at = np.array([i.t for i in solution.impacts])
-    t = np.concatenate([
-        np.linspace(0.0, solution.duration, 3001), at, np.nextafter(at, 0.0), np.nextafter(at, 9.0),
-    ])  # fmt: skip
+    even = np.linspace(0.0, solution.duration, 3001)
+    t = np.concatenate([even, at, np.nextafter(at, 0.0), np.nextafter(at, 9.0)])
     s = solution.sample(t)
     total = s['energy.kinetic'] + s['energy.potential']
     books = total - s['energy.drive_work'] + s['energy.dissipated']

@@ -113,7 +113,7 @@ class Audit:
             first = [i for i in impacts if i.t <= motion.curve.start[0]]
             self._initial = float(total[0]) + sum(i.energy_loss - i.drive_work for i in first)
         # and one at the very end after the last
-        last = [i for i in impacts if i.t >= motion.curve.end]
+        last = [i for i in impacts if i.t > motion.curve.start[-1]]
         self._final = float(total[1]) + sum(i.drive_work - i.energy_loss for i in last)
 
     def _check_open(self, motion: Motion) -> None:
