@@ -8,12 +8,9 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mechanism_sim.errors import InputError, RunError
-
-if TYPE_CHECKING:
-    pass
 
 NODE_NAMES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
 
@@ -56,7 +53,10 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest='command', metavar='COMMAND')
 
     def command(name: str, run: Any, text: str) -> argparse.ArgumentParser:
-        sub = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+        # A node has options of its own, and its own help.
+        sub = commands.add_parser(
+            name, help=text, description=text, allow_abbrev=False, add_help=name != 'node'
+        )
         sub.set_defaults(run=run, parser=sub)
         if name != 'node':
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
@@ -77,8 +77,8 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument('--overwrite', action='store_true', help='replace an existing bag')
     sub.add_argument('--realtime-factor', type=float, default=0.0, metavar='F', help='0: no limit')
     sub.add_argument('--processes', action='store_true', help='each node in its own process')
-    sub = command('node', _node, 'run one node by itself')
-    sub.add_argument('name', metavar='NAME', help=', '.join(NODE_NAMES))
+    sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
+    sub.add_argument('name', nargs='?', metavar='NAME', help=', '.join(NODE_NAMES))
     sub = command('info', _info, 'say what a bag holds')
     sub.add_argument('bag', metavar='BAG')
     sub = command('analyze', _analyze, 'say what happened in a recorded run')
@@ -190,6 +190,9 @@ def _run(options: argparse.Namespace) -> int:
 def _node(options: argparse.Namespace) -> int:
     from importlib import import_module  # noqa: PLC0415
 
+    if options.name is None:
+        options.parser.print_help()
+        return 0
     if options.name not in NODE_NAMES:
         from mechanism_sim.scene.files import nearest  # noqa: PLC0415
 

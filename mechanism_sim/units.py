@@ -27,8 +27,10 @@ EXAMPLES = {
 def _registry() -> Any:
     import pint  # noqa: PLC0415 - costs a third of a second, and not every command needs it
 
-    # Decimal keeps 0.254 mm the float nearest to 0.000254 m.
-    return pint.UnitRegistry(non_int_type=Decimal, cache_folder=None)
+    # Decimal makes 2645 kg mm^2 the float nearest to 0.002645 kg m^2.
+    ureg: Any = pint.UnitRegistry(non_int_type=Decimal, cache_folder=None)
+    ureg.define('@alias revolution = rev')
+    return ureg
 
 
 def to_si(value: object, unit: str) -> float:

@@ -92,7 +92,9 @@ class EnergyCollector:
         self._residual, self._worst, self._worst_time, self._scale = 0.0, 0.0, 0.0, 0.0
 
     def add(self, message: Any) -> None:
-        """Take in one instant."""
+        """Take in one instant; without masses in the scene there are no energies to balance."""
+        if np.isnan(message.kinetic_energy):
+            return
         terms = np.array(
             [
                 message.kinetic_energy,

@@ -178,7 +178,7 @@ def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -
     if present['joint_reactions'] and not run.loads.samples:
         sentences.append('topic joint_reactions is empty: no forces and torque')
     if present['linkage_state'] and not run.energy.samples:
-        sentences.append('topic linkage_state is empty: no balance of energy')
+        sentences.append('topic linkage_state has no energies: no balance of energy')
     return tuple(sentences)
 
 

@@ -26,7 +26,10 @@ from mechanism_sim.planar.drive import DriveLaw
 
 _SUCCESS = hy.taylor_outcome.success
 _TIME_LIMIT = hy.taylor_outcome.time_limit
+_UNEVENTFUL = (_SUCCESS, _TIME_LIMIT)
 _MAX_SIMULTANEOUS = 100
+_SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
+_SHORTEST = 1e-12
 
 STEP_SCALE = 0.1
 """Rate relative to that of the fastest drive whose relative error is `rtol`."""
@@ -51,7 +54,7 @@ class EventLoop:
     system : the compiled equations
     laws : one drive law for each prescribed coordinate
     state : where to start; open gaps that touch are resolved at once
-    rtol : error per step relative to the largest state variable
+    rtol : error per step relative to `STEP_SCALE` of the fastest drive's speed, at least 1 rad/s
     atol : [m] displacement that may be left out when chatter is ended
     max_step : [s] longest Taylor step
     compact : compile slower but smaller code (for many coordinates)
@@ -149,6 +152,10 @@ class EventLoop:
                 tau = ta.time
                 outcome, h = step(min(longest, contacts.horizon), True)
                 contacts.horizon = math.inf
+                while outcome in _UNEVENTFUL and False in contacts.closed:
+                    if contacts.fallen() is None or h < _SHORTEST * longest:
+                        break
+                    outcome, h = self._again(tau, _SHORTER * h)
                 tape.buffer[len(entries)] = coefficients
                 if outcome == _SUCCESS:
                     gap = None
@@ -183,6 +190,19 @@ class EventLoop:
             if end > self._next_base:
                 self._rebase()
                 limit = self._base.local(until)
+
+    def _again(self, tau: float, longest: float) -> tuple[hy.taylor_outcome, float]:
+        """Take a step anew that came to its end beyond an impact which no guard had seen.
+
+        The search for the roots of a guard gives up where one lies much nearer to the start of a
+        step than to its end, or on the point where it bisects; and the root of a step that ends
+        within its own error of an impact lies just behind it.
+        """
+        self._state[:] = self._coefficients[:, 0]
+        self._ta.time = tau
+        self._ta.reset_cooldowns()
+        outcome, h = self._step(longest, True)
+        return outcome, float(h)
 
     def _ended_by(self, outcome: hy.taylor_outcome, tau: float) -> int | None:
         """The gap whose guard ended a step; ``None`` if it was the longest step."""

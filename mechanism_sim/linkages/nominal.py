@@ -142,8 +142,9 @@ class NominalPhysics:
         q[1:] += TWO_PI * np.round((fitted[1:] - q[1:]) / TWO_PI)
         if self._forces is not None:
             return self._forces(q, v, a)
-        none, zero = np.zeros((0, dt.size)), np.zeros(dt.size)
-        return Observation(q, v, a, none, none, np.zeros((0, 2, dt.size)), none, zero, zero, zero)
+        none, unknown = np.zeros((0, dt.size)), np.full(dt.size, np.nan)
+        forces = np.zeros((0, 2, dt.size))
+        return Observation(q, v, a, none, none, forces, none, unknown, unknown, unknown)
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         """There are none: (0, N)."""

@@ -61,7 +61,7 @@ class SingleThreadedExecutor:
         """Make a waiting ``spin_once`` look around; may be called from a signal handler."""
         self._ready.put(None)
 
-    def shutdown(self, timeout_sec: float | None = None) -> bool:  # noqa: ARG002
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
         """Let all nodes go; ``spin`` ends."""
         self._is_shutdown = True
         for node in self.get_nodes():

@@ -85,7 +85,7 @@ class Accelerometer(SimulationNode):
         self.report(self._time)
         self._finish()
 
-    def on_progress(self, _message: Any) -> None:
+    def on_progress(self, message: Any) -> None:
         """The linkage's last report says how much motion there is to sample."""
         self._finish()
 

@@ -39,7 +39,7 @@ class CrankDrive(SimulationNode):
         self.create_timer(0.01, self._tick)
         self._extend()
 
-    def on_progress(self, _message: Any) -> None:
+    def on_progress(self, message: Any) -> None:
         """Somebody has moved on: perhaps there is credit to give."""
         if self.ready:
             self._extend()

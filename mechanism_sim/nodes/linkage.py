@@ -129,7 +129,7 @@ class Linkage(SimulationNode):
             for message in publications.linkage_states(physics, sample(physics, motion, books, t)):
                 self.send(self._linkage, message)
         t = self._due('joint_reactions', curve.end)
-        if t.size and physics.has_forces:
+        if t.size and physics.has_forces and self.machine.scene.outputs.forces:
             k = curve.locate(t)
             dt = (t - curve.start[k]) - curve.start_low[k]
             for forces in publications.reactions(physics, t, physics.observe(motion, k, dt)):

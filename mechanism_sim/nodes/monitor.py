@@ -34,7 +34,7 @@ class Monitor(SimulationNode):
         self._heard = time.monotonic()
         self.join()
 
-    def on_progress(self, _message: Any) -> None:
+    def on_progress(self, message: Any) -> None:
         """Somebody has moved on."""
         self._heard = now = time.monotonic()
         if self._began is None:
@@ -42,7 +42,7 @@ class Monitor(SimulationNode):
         self.time = min(self.partners_time(), self.duration)
         if now > self._began:
             self.realtime_factor = self.time / (now - self._began)
-        counts = dict(zip(_message.topics, _message.counts, strict=True))
+        counts = dict(zip(message.topics, message.counts, strict=True))
         impacts = self.resolve_topic_name('impacts')
         self.impacts = int(counts.get(impacts, self.impacts))
         self.done = self.partners_finished()

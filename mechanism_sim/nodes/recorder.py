@@ -110,10 +110,10 @@ class Recorder(SimulationNode):
 
         return write
 
-    def on_progress(self, _message: Any) -> None:
+    def on_progress(self, message: Any) -> None:
         """Record it, pass on how far the slowest has come, end when all have ended."""
-        self._now = _message.header.stamp.sec * 1_000_000_000 + _message.header.stamp.nanosec
-        self.writer.write(self.resolve_topic_name('progress'), serialize(_message), self._now)
+        self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
         self.report(self.partners_time())
         if self.partners_finished():
             self._expected = Counter()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import time
@@ -161,7 +160,8 @@ class _Children:
         self._deadline = self._deadline or time.monotonic() + END_PATIENCE
         for process in self._processes.values():
             if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+                # Not SIGINT: Python complains about it while it is still starting.
+                process.terminate()
 
     def wait(self) -> None:
         """Wait until all have ended."""

@@ -15,6 +15,7 @@ from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.scene import Machine, load_scene, span
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
+SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
 
 
@@ -77,29 +78,30 @@ class SimulationNode(Node):
         self.create_subscription(Progress, 'progress', self._on_progress, RESULTS)
         # The last endpoint to be declared: who sees it in the graph can rely on all others.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
+        self._settled = time.monotonic() + SETTLE
         self._watch = self.create_timer(LOOK_PERIOD, self._look)
 
     def on_ready(self) -> None:
         """All partners are there."""
 
-    def on_progress(self, _message: Any) -> None:
+    def on_progress(self, message: Any) -> None:
         """A partner reports how far it has come."""
 
     def _look(self) -> None:
         present = [p.node_name for p in self.get_publishers_info_by_topic('progress')]
-        if present.count(self.get_name()) > 1:
+        if not self.ready and present.count(self.get_name()) > 1:
             raise RunError(
                 f"another '{self.get_name()}' is running in this domain: end it, or give this run "
                 'a domain of its own (ROS_DOMAIN_ID=1)'
             )
         missing = [partner for partner in self.partners if partner not in present]
         if not self.ready:
-            if not missing:
+            if not missing and time.monotonic() > self._settled:
                 self.ready = True
                 self.destroy_timer(self._watch)
                 self._watch = self.create_timer(0.5, self._look)
                 self.on_ready()
-            elif time.monotonic() > self._deadline:
+            elif missing and time.monotonic() > self._deadline:
                 waited = self.value('partner_timeout')
                 raise RunError(
                     f"{self.get_name()}: waited {waited:g} s for '{missing[0]}', which never came;"

@@ -36,9 +36,17 @@ class Report:
 
 
 def check(machine: Machine) -> Report:
-    """Look at a scene without running it; building the machine has refused what is impossible."""
+    """Look at a scene without running it.
+
+    Raises
+    ------
+    InputError
+        If the machine cannot start where it should; the rest was refused when it was built.
+    """
     scene, level = machine.scene, machine.level
     loose = level is Level.NONSMOOTH
+    if loose:
+        machine.initial_state()
     rest = 'free (integrated)' if loose else 'follows from the closed loop'
     speed = scene.drive.speed
     coordinates = {'crank': f'prescribed, {speed:g} rad/s', 'coupler': rest, 'rocker': rest}

@@ -280,14 +280,16 @@ def build(name: str, scene: FourBarScene) -> Machine:
     others = sum(lengths.values()) - lengths[longest]
     if lengths[longest] >= others:
         raise InputError(
-            f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is as '
-            f'long as the three other links together ({others:g} m)'
+            f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is '
+            f'not shorter than the three other links together ({others:g} m)'
         )
     if not linkage.assembles_everywhere():
         raise InputError(
             f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
             'crank in line must leave a triangle with coupler and rocker; shorten the crank'
         )
+    if machine.level is not Level.NONSMOOTH:
+        _check_initial(name, scene)
     _check_joints(name, scene, lengths)
     _check_masses(name, machine)
     for sensor, placed in scene.sensors.items():
@@ -316,6 +318,17 @@ def _check_joints(name: str, scene: FourBarScene, lengths: dict[str, float]) -> 
                 f'{name}: joints.{joint}.clearance.radial = {clearance.radial:g} m is larger than '
                 f'the shortest link ({shortest:g} m)'
             )
+
+
+def _check_initial(name: str, scene: FourBarScene) -> None:
+    """Without clearance only the crank can be placed; the others follow."""
+    for kind, part in (('position', scene.initial.position), ('velocity', scene.initial.velocity)):
+        for coordinate in ('coupler', 'rocker'):
+            if getattr(part, coordinate) is not None:
+                raise InputError(
+                    f'{name}: initial.{kind}.{coordinate} cannot be chosen: without clearance it '
+                    'follows from the crank (drive.start_angle, drive.speed)'
+                )
 
 
 def _check_masses(name: str, machine: Machine) -> None:

@@ -139,7 +139,7 @@ class Outputs(Part):
 class Solver(Part):
     """How exact the solution is to be."""
 
-    rtol: Tolerance = 1e-12  #: error of a step relative to the largest state variable
+    rtol: Tolerance = 1e-12  #: error of a step relative to a tenth of the crank's speed
     atol: Displacement = 0.0  #: left out when chatter is ended, see `ChatterRule`
 
 
