@@ -117,6 +117,9 @@ class Contacts:
     def _collide(self, gap: int) -> None:
         """Impact in `gap` and in all others that touch; then those at rest are sorted out."""
         terms = self._terms()
+        if len(self.closed) == 1 and not self.closed[0]:
+            self._bounce(terms, gap)
+            return
         touching = [
             i
             for i, value in enumerate(terms.value)

@@ -145,23 +145,26 @@ class EventLoop:
         contacts, tape, ta, step = self._contacts, self._tape, self._ta, self._step
         coefficients, pars, stabilisation = self._coefficients, self._pars, self._stabilisation
         entries, longest = tape.entries, self._max_step
+        reach = min(longest, contacts.horizon)
         limit = self._base.local(until)
         last = len(entries) + most if most is not None else math.inf
         while len(entries) < last:
             if self._pending is None:
                 tau = ta.time
-                outcome, h = step(min(longest, contacts.horizon), True)
-                contacts.horizon = math.inf
-                while outcome in _UNEVENTFUL and False in contacts.closed:
-                    if contacts.fallen() is None or h < _SHORTEST * longest:
-                        break
-                    outcome, h = self._again(tau, _SHORTER * h)
+                outcome, h = step(reach, True)
+                if False in contacts.closed:
+                    while outcome in _UNEVENTFUL and contacts.fallen() is not None:
+                        if h < _SHORTEST * longest:
+                            break
+                        outcome, h = self._again(tau, _SHORTER * h)
                 tape.buffer[len(entries)] = coefficients
                 if outcome == _SUCCESS:
                     gap = None
                     pars[stabilisation] = 1.0 / h
                 else:
                     gap = self._ended_by(outcome, tau)
+                if reach is not longest:
+                    reach, contacts.horizon = longest, math.inf
             else:
                 tau, h, gap = self._pending
                 self._pending = None
@@ -187,6 +190,7 @@ class EventLoop:
                 self._count_event()
                 contacts.handle(gap)
                 ta.reset_cooldowns()
+                reach = min(longest, contacts.horizon)
             if end > self._next_base:
                 self._rebase()
                 limit = self._base.local(until)

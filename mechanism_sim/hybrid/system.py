@@ -232,6 +232,12 @@ class System:
     def contact_terms(self, out: list[float]) -> ContactTerms:
         """The output of `contact_function` by name."""
         m, f, p = len(self.gaps), len(self.free), len(self.prescribed)
+        if m == 1:
+            value, rate, free = out[:3]
+            compliance, drive, angle = [out[3 + f]], out[4 + f : 4 + f + p], out[4 + f + p :]
+            return ContactTerms(
+                [value], [rate], [free], [out[3 : 3 + f]], [compliance], [drive], angle
+            )
         i = 3 * m + m * f
         j = i + m * m
         k = j + m * p
