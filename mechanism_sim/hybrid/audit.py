@@ -74,10 +74,10 @@ class Audit:
         if len(motion):
             segments = np.arange(len(motion))
             dt = motion.curve.duration[:, None] * _NODES
-            closure = self._physics.closure_error(motion, segments, dt)
+            observed = self._physics.observe(motion, segments, dt)
+            closure = self._physics.closure_error(motion, segments, dt, observed)
             self.max_closure_error = max(self.max_closure_error, closure)
             if self._physics.has_forces:
-                observed = self._physics.observe(motion, segments, dt)
                 power = observed.drive_power.reshape(-1, len(_NODES))
                 work = motion.curve.duration * (power @ _WEIGHTS)
                 force = observed.normal_force[motion.closed_at(segments, dt)]

@@ -40,8 +40,13 @@ class Physics(Protocol):
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
 
-    def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:
-        """Largest distance [m] then that should be zero: in closed gaps, or where loops close."""
+    def closure_error(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array, observed: Observation
+    ) -> float:
+        """Largest distance [m] that should be zero: in closed gaps, or where loops close.
+
+        `observed` is what `observe` says of the same instants.
+        """
 
 
 class LoosePhysics:
@@ -57,26 +62,24 @@ class LoosePhysics:
 
     def observe(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        curve = motion.curve
+        curve, driven = motion.curve, self.system.prescribed_index
+        steady = self.system.degree <= 1
         return self.system.observe(
             curve.at(segments, dt).T,
             curve.at(segments, dt, 1).T,
-            curve.at(segments, dt, 2).T[self.system.prescribed_index],
+            np.zeros((len(driven), dt.size)) if steady else curve.at(segments, dt, 2).T[driven],
             motion.closed_at(segments, dt).astype(float),
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         """The gaps (m, N) [m] then, infinite where closed."""
-        gaps = self._gaps(motion, segments, dt)
-        return np.where(motion.closed_at(segments, dt), np.inf, gaps)
-
-    def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:
-        """Largest distance of a closed gap from zero [m]."""
-        closed = self._gaps(motion, segments, dt)[motion.closed_at(segments, dt)]
-        return float(np.abs(closed).max(initial=0.0))
-
-    def _gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
         values = self.system.gap_values(motion.curve.at(segments, dt).T)
-        return np.array(
-            [gap.distance(row) for gap, row in zip(self.system.gaps, values, strict=True)]
-        )
+        gaps = [g.distance(row) for g, row in zip(self.system.gaps, values, strict=True)]
+        return np.where(motion.closed_at(segments, dt), np.inf, np.array(gaps))
+
+    def closure_error(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array, observed: Observation
+    ) -> float:
+        """Largest distance of a closed gap from zero [m]."""
+        closed = observed.gap[motion.closed_at(segments, dt)]
+        return float(np.abs(closed).max(initial=0.0))

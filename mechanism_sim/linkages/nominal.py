@@ -151,7 +151,9 @@ class NominalPhysics:
         del motion, segments
         return np.zeros((0, dt.size))
 
-    def closure_error(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> float:
+    def closure_error(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array, observed: Observation
+    ) -> float:
         """How far the interpolated motion leaves the loop open [m]."""
         th2, th3, th4 = motion.curve.at(segments, dt).T
         l = self._linkage  # noqa: E741 - the lengths
