@@ -15,7 +15,7 @@ from mechanism_sim.hybrid.events import Impact, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.polynomials import gauss_nodes
+from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
 
 _NODES, _WEIGHTS = gauss_nodes(12)
 _DENSE = np.linspace(0.0, 1.0, 33)
@@ -73,7 +73,7 @@ class Audit:
         work = np.zeros(len(motion))
         if len(motion):
             segments = np.arange(len(motion))
-            dt = motion.curve.duration[:, None] * _NODES
+            dt = Nodes(_NODES)
             observed = self._physics.observe(motion, segments, dt)
             closure = self._physics.closure_error(motion, segments, dt, observed)
             self.max_closure_error = max(self.max_closure_error, closure)
@@ -121,15 +121,14 @@ class Audit:
         flying = np.flatnonzero(~motion.closed.all(axis=1))
         if not flying.size:
             return
-        length = motion.curve.duration[flying, None]
-        gaps = self._physics.open_gaps(motion, flying, length * _DENSE)
+        gaps = self._physics.open_gaps(motion, flying, Nodes(_DENSE))
         low = float(gaps.min())
         foreseen = _vertices(gaps.reshape(len(gaps), len(flying), -1)).min(axis=0)
         where = foreseen.argmin(axis=1)
         doubtful = np.flatnonzero(foreseen.min(axis=1) < min(low, 0.0))
         if doubtful.size:
             begin, step = _DENSE[where[doubtful], None], _DENSE[2] - _DENSE[0]
-            dt = length[doubtful] * (begin + step * _DENSE)
+            dt = motion.curve.duration[flying[doubtful], None] * (begin + step * _DENSE)
             low = min(low, float(self._physics.open_gaps(motion, flying[doubtful], dt).min()))
         self.max_penetration = max(self.max_penetration, -low)
 

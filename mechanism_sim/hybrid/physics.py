@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.inverse_dynamics import Observation
 
 
@@ -31,17 +32,19 @@ class Physics(Protocol):
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
 
-    def observe(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Observation:
+    def observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
         """The machine at times `dt` after the start of `segments`.
 
-        `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) they are K in each.
+        `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
         """
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
 
     def closure_error(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array, observed: Observation
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation
     ) -> float:
         """Largest distance [m] that should be zero: in closed gaps, or where loops close.
 
@@ -60,25 +63,28 @@ class LoosePhysics:
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.clearances = tuple(gap.name for gap in system.gaps)
 
-    def observe(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Observation:
+    def observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         curve, driven = motion.curve, self.system.prescribed_index
+        q, v = (curve.at(segments, dt, derivative).T for derivative in (0, 1))
         steady = self.system.degree <= 1
         return self.system.observe(
-            curve.at(segments, dt).T,
-            curve.at(segments, dt, 1).T,
-            np.zeros((len(driven), dt.size)) if steady else curve.at(segments, dt, 2).T[driven],
+            q,
+            v,
+            np.zeros_like(q[driven]) if steady else curve.at(segments, dt, 2).T[driven],
             motion.closed_at(segments, dt).astype(float),
         )
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed."""
         values = self.system.gap_values(motion.curve.at(segments, dt).T)
         gaps = [g.distance(row) for g, row in zip(self.system.gaps, values, strict=True)]
         return np.where(motion.closed_at(segments, dt), np.inf, np.array(gaps))
 
     def closure_error(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array, observed: Observation
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation
     ) -> float:
         """Largest distance of a closed gap from zero [m]."""
         closed = observed.gap[motion.closed_at(segments, dt)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.system import Array, System
-from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum, shift_powers
+from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial, exact_sum, shift_powers
 
 
 @dataclass(frozen=True)
@@ -22,10 +23,10 @@ class Motion:
     def __len__(self) -> int:
         return len(self.curve)
 
-    def closed_at(self, segments: NDArray[np.intp], dt: Array) -> NDArray[np.bool_]:
-        """Flags (gaps, N) at times `dt`, (N,) or (segments, K) with N = segments K."""
-        flags = self.closed[segments]
-        return flags.T if dt.ndim == 1 else np.repeat(flags, dt.shape[1], axis=0).T
+    def closed_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.bool_]:
+        """Flags (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
+        each = len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
+        return np.repeat(self.closed[segments], each, axis=0).T
 
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:

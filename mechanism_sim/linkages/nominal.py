@@ -17,6 +17,7 @@ from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array, FourBar
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
+    Nodes,
     PiecewisePolynomial,
     chebyshev_nodes,
     fit_powers,
@@ -134,7 +135,9 @@ class NominalPhysics:
         self._linkage = linkage
         self._forces = forces
 
-    def observe(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Observation:
+    def observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         fitted = motion.curve.at(segments, dt).T
         crank = [fitted[0], *(motion.curve.at(segments, dt, d).T[0] for d in (1, 2))]
@@ -142,17 +145,17 @@ class NominalPhysics:
         q[1:] += TWO_PI * np.round((fitted[1:] - q[1:]) / TWO_PI)
         if self._forces is not None:
             return self._forces(q, v, a)
-        none, unknown = np.zeros((0, dt.size)), np.full(dt.size, np.nan)
-        forces = np.zeros((0, 2, dt.size))
+        count = q.shape[1]
+        none, unknown = np.zeros((0, count)), np.full(count, np.nan)
+        forces = np.zeros((0, 2, count))
         return Observation(q, v, a, none, none, forces, none, unknown, unknown, unknown)
 
-    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """There are none: (0, N)."""
-        del motion, segments
-        return np.zeros((0, dt.size))
+        return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
     def closure_error(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array, observed: Observation
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation
     ) -> float:
         """How far the interpolated motion leaves the loop open [m]."""
         th2, th3, th4 = motion.curve.at(segments, dt).T

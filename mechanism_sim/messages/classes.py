@@ -119,8 +119,15 @@ def deserialize(data: bytes | bytearray | memoryview, kind: type[Any] | str) -> 
 
 def _typed_array(dtype: str, code: str, values: ArrayLike) -> Any:
     """Values of an array field, in the form the setters of the message classes take."""
-    flat: NDArray[Any] = np.ascontiguousarray(values, dtype).reshape(-1)
+    flat: NDArray[Any] = _flat(values, np.dtype(dtype))
     return array(code, flat.tobytes()) if ros_installed() else flat
+
+
+def _flat(values: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Values as a flat array of a type; what is one already is not touched."""
+    if isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype == dtype:
+        return values if values.flags.c_contiguous else values.copy()
+    return np.ascontiguousarray(values, dtype).reshape(-1)
 
 
 float64_array = partial(_typed_array, 'float64', 'd')
@@ -177,7 +184,7 @@ def _array_property(slot: Any, name: str, dtype: np.dtype[Any]) -> property:
         found = np.asarray(values)
         if whole and found.dtype.kind == 'f' and found.size:
             raise TypeError(f'{name} holds {dtype} values, not {found.dtype}')
-        put(message, np.ascontiguousarray(found, dtype).reshape(-1))
+        put(message, _flat(found, dtype))
 
     return property(slot.__get__, store)
 

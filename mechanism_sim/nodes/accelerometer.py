@@ -82,7 +82,7 @@ class Accelerometer(SimulationNode):
             sensor.take(curve)
             for block in sensor.blocks(all_of_it=False):
                 self.send(publisher, block)
-        self.report(self._time)
+        self.report_soon(self._time)
         self._finish()
 
     def on_progress(self, message: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -51,6 +52,7 @@ def run_nodes(
         nodes += make()
         for node in nodes:
             executor.add_node(node)
+        gc.freeze()  # what is there now stays: the collector need not look through it
         while ok() and (running() if running else not all(node.done for node in nodes)):
             executor.spin_once(timeout_sec=0.1)
     except KeyboardInterrupt:

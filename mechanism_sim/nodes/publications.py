@@ -69,20 +69,20 @@ def mode_change(event: ModeChangeEvent) -> Any:
 
 
 def joint_states(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
-    """JointState messages: absolute angles of the links; the effort is that of the drive."""
+    """JointState messages: absolute angles of the links; the effort is that of the drive.
+
+    It is the same object every time, to be published before the next: they come by the thousand.
+    """
     names = list(physics.coordinates)
     effort = np.zeros_like(o.position)
     effort[: len(o.drive_torque)] = o.drive_torque
     rows = [np.ascontiguousarray(x.T) for x in (o.position, o.velocity, effort)]
-    for i, time in enumerate(t.tolist()):
-        q, v, torque = (row[i] for row in rows)
-        message = JointState(
-            name=names,
-            position=float64_array(q),
-            velocity=float64_array(v),
-            effort=float64_array(torque),
-        )
+    message = JointState(name=names)
+    for time, q, v, torque in zip(t.tolist(), *rows, strict=True):
         message.header.stamp = stamp(time)
+        message.position = float64_array(q)
+        message.velocity = float64_array(v)
+        message.effort = float64_array(torque)
         yield message
 
 

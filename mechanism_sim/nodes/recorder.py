@@ -114,7 +114,7 @@ class Recorder(SimulationNode):
         """Record it, pass on how far the slowest has come, end when all have ended."""
         self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
-        self.report(self.partners_time())
+        self.report_soon(self.partners_time())
         if self.partners_finished():
             self._expected = Counter()
             for known in self.progress_of.values():

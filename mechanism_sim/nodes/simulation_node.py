@@ -16,6 +16,7 @@ from mechanism_sim.scene import Machine, load_scene, span
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
 SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
+REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
 
 
@@ -55,6 +56,7 @@ class SimulationNode(Node):
         self.partners = [p.strip() for p in listed if p.strip() and p.strip() != name]
         self._deadline = time.monotonic() + self.value('partner_timeout')
         self._missing_since: dict[str, float] = {}
+        self._soon: float | None = None
 
     def value(self, parameter: str) -> Any:
         """Value of a parameter."""
@@ -78,6 +80,7 @@ class SimulationNode(Node):
         self.create_subscription(Progress, 'progress', self._on_progress, RESULTS)
         # The last endpoint to be declared: who sees it in the graph can rely on all others.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
+        self.create_timer(REPORT_PERIOD, self._report_if_due)
         self._settled = time.monotonic() + SETTLE
         self._watch = self.create_timer(LOOK_PERIOD, self._look)
 
@@ -142,8 +145,17 @@ class SimulationNode(Node):
         publisher.publish(message)
         self.counts[publisher.topic_name] += 1
 
+    def report_soon(self, t: float) -> None:
+        """Let partners know within a moment; many such calls make one report."""
+        self._soon = t
+
+    def _report_if_due(self) -> None:
+        if self._soon is not None:
+            self.report(self._soon)
+
     def report(self, t: float, finished: bool = False) -> None:
         """Publish how far this node has come, and what it has published, this included."""
+        self._soon = None
         self.counts[self._progress.topic_name] += 1
         message = Progress(
             node=self.get_name(),

@@ -15,6 +15,13 @@ TWO_PI = 2.0 * np.pi
 
 
 @dataclass(frozen=True)
+class Nodes:
+    """The same K places in every segment: fractions (K,) of its duration."""
+
+    fractions: Array
+
+
+@dataclass(frozen=True)
 class PiecewisePolynomial:
     """n functions of time on m consecutive segments, each a polynomial of degree d.
 
@@ -54,13 +61,13 @@ class PiecewisePolynomial:
             )
         return np.clip(np.searchsorted(self.start, t, side='right') - 1, 0, len(self) - 1)
 
-    def at(self, segment: NDArray[np.intp], dt: Array, derivative: int = 0) -> Array:
+    def at(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
         """Value of a derivative at times `dt` after the start of given segments.
 
         Parameters
         ----------
         segment : (N,) indices
-        dt : (N,) [s], or (N, K) for K times in each of these segments
+        dt : (N,) [s], or (N, K) or `Nodes` for K times in each of these segments
         derivative : order, 0 for the value itself
 
         Returns
@@ -68,6 +75,8 @@ class PiecewisePolynomial:
         (N, n), or (N K, n) array
         """
         n, d = self.coefficients.shape[1], self.coefficients.shape[2] - 1
+        if isinstance(dt, Nodes):
+            return self._at_nodes(segment, dt, derivative)
         chosen = np.ascontiguousarray(self.coefficients[segment].transpose(2, 1, 0))
         turns = self.turns[segment].T
         if dt.ndim == 2:
@@ -79,6 +88,19 @@ class PiecewisePolynomial:
         if derivative == 0 and turns.any():
             out += TWO_PI * turns
         return out.reshape(n, -1).T
+
+    def _at_nodes(self, segment: NDArray[np.intp], nodes: Nodes, derivative: int) -> Array:
+        """The same by one matrix product: powers of the duration go into the coefficients."""
+        n, orders = self.coefficients.shape[1], np.arange(self.coefficients.shape[2])
+        falling = np.array([float(math.perm(j, derivative)) for j in orders])
+        widths = self.duration[segment, None] ** np.maximum(orders - derivative, 0)
+        scaled = self.coefficients[segment] * (widths * falling)[:, None, :]
+        powers = np.vander(nodes.fractions, len(orders), increasing=True).T
+        powers[derivative:] = powers[: len(orders) - derivative].copy()
+        out = scaled @ powers
+        if derivative == 0:
+            out += TWO_PI * self.turns[segment][:, :, None]
+        return np.asarray(out.transpose(0, 2, 1).reshape(-1, n))
 
     def __call__(self, t: Array, derivative: int = 0) -> Array:
         """Value of a derivative at times `t` (N,) [s]: (N, n)."""
