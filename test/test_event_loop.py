@@ -26,6 +26,7 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 import mechanism_sim as ms
+from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop, State
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import LoosePhysics
@@ -185,6 +186,14 @@ def test_laws_hold_in_the_order_of_their_times():
     assert as_bytes(motions[0]) == as_bytes(motions[1])
     speed = motions[0].curve(np.array([0.02, 0.045, 0.09]), 1)[:, 0]
     np.testing.assert_allclose(speed, [SPEED, SPEED + 3.0, SPEED + 6.0], rtol=1e-14)
+
+
+def test_a_law_that_jumps_in_speed_is_refused_when_it_takes_over():
+    run, _ = event_loop(loose(0.5, 'seated'), degree=2)
+    run.change_law(DriveLaw('crank', (SPEED * 0.03, SPEED + 5.0), 0.03, 0.03))
+    with pytest.raises(RunError, match=r'valid from 0.03 s jumps in angle or speed'):
+        run.advance(0.1)
+    assert run.time == pytest.approx(0.03, abs=1e-3)
 
 
 def test_a_ramp_of_the_drive_keeps_its_books():

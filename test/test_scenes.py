@@ -61,7 +61,7 @@ def refusal(overrides, scene=LOOSE):
         (RADIAL, '0 mm', ['out of bounds', 'more than 0']),
         ('links.crank.mass', '-1 kg', ["'-1 kg' is out of bounds", 'more than 0']),
         ('links.rocker.inertia', 0, ['links.rocker.inertia = 0 is out of bounds']),
-        ('solver.rtol', 0.5, ['out of bounds', 'at most 0.01']),
+        ('solver.rtol', 0.5, ['out of bounds', 'at most 0.0001']),
         ('solver.rtol', float('nan'), ['solver.rtol']),
         ('solver.atol', '-1 mm', ['solver.atol', 'at least 0']),
         ('outputs.joint_states', '0 Hz', ['more than 0']),
@@ -279,3 +279,10 @@ def test_reading_keeps_the_name_and_checks_nothing_mechanical():
     name, scene = read_scene(LOOSE, {'links.crank.length': '2 m'})
     assert name == LOOSE
     assert scene.links.crank.length == 2.0
+
+
+def test_a_key_written_twice_is_refused_with_its_line(tmp_path):
+    file = tmp_path / 'twice.yaml'
+    file.write_text('title: x\nmechanism: four_bar\ntitle: y\n')
+    with pytest.raises(InputError, match=r"line 3 .*'title' is written twice"):
+        read_scene(str(file))

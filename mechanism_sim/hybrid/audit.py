@@ -21,6 +21,10 @@ _NODES, _WEIGHTS = gauss_nodes(12)
 _DENSE = np.linspace(0.0, 1.0, 33)
 
 
+PULL = 1e-3
+"""Pull in a contact relative to its largest force that a step's error may leave."""
+
+
 @dataclass(frozen=True)
 class Energy:
     """Energy books of a run [J]; `residual` is what does not add up."""
@@ -51,6 +55,7 @@ class Audit:
         self.max_closure_error = 0.0
         self.min_normal_force = float('inf')
         self._physics = physics
+        self._largest_force = 0.0
         self._initial: float | None = None
         self._final = 0.0
         self._drive_work = 0.0
@@ -83,6 +88,7 @@ class Audit:
                 force = observed.normal_force[motion.closed_at(segments, dt)]
                 lowest = float(force.min(initial=np.inf))
                 self.min_normal_force = min(self.min_normal_force, lowest)
+                self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
                 self._balance(motion, impacts)
             if self._physics.clearances:
                 self._check_open(motion)
@@ -91,7 +97,7 @@ class Audit:
         return work
 
     def judge(self, tolerance: float) -> None:
-        """Fail if an open gap was violated by more than `tolerance` [m].
+        """Fail if an open gap was violated by more than `tolerance` [m], or a closed one pulled.
 
         Raises
         ------
@@ -101,6 +107,11 @@ class Audit:
             raise RunError(
                 f'{StopReason.GAP_VIOLATED.value}: {self.max_penetration:.3g} m, allowed '
                 f'{tolerance:.3g} m; try a smaller rtol, and report this scene'
+            )
+        if self.min_normal_force < -PULL * max(self._largest_force, 1e-12):
+            raise RunError(
+                f'{StopReason.CONTACT_PULLED.value}: {self.min_normal_force:.3g} N; try a smaller '
+                'rtol, and report this scene'
             )
 
     def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:

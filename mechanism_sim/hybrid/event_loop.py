@@ -140,7 +140,8 @@ class EventLoop:
         Raises
         ------
         RunError
-            If the state becomes infinite or events repeat without progress in time.
+            If the state becomes infinite, events repeat without progress in time, or a law
+            jumps in angle or speed.
         """
         contacts, tape, ta, step = self._contacts, self._tape, self._ta, self._step
         coefficients, pars, stabilisation = self._coefficients, self._pars, self._stabilisation
@@ -243,8 +244,13 @@ class EventLoop:
     # --- laws and bases -----------------------------------------------------------------------
 
     def _switch_law(self, law: DriveLaw) -> None:
-        names = [known.coordinate for known in self._laws]
-        self._laws[names.index(law.coordinate)] = law
+        index = [known.coordinate for known in self._laws].index(law.coordinate)
+        if not law.continues(self._laws[index]):
+            raise RunError(
+                f'the law of {law.coordinate} valid from {law.valid_from:.9g} s jumps in angle or '
+                'speed, which no drive can follow; join the laws by a ramp'
+            )
+        self._laws[index] = law
         self._rebase()
         self._contacts.settle()
 

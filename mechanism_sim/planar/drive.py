@@ -24,6 +24,16 @@ class DriveLaw:
         """Degree of the polynomial."""
         return len(self.coefficients) - 1
 
+    def continues(self, before: DriveLaw) -> bool:
+        """Whether angle and speed go on without a jump where this law takes over."""
+        at = Fraction(self.valid_from)
+        (turns, old), (others, new) = before.about(at), self.about(at)
+        angle = (others - turns) * float(TWO_PI) + new[0] - old[0]
+        speeds = [law[1] if len(law) > 1 else 0.0 for law in (old, new)]
+        return abs(angle) <= 1e-9 and abs(speeds[1] - speeds[0]) <= 1e-9 * max(
+            1.0, *map(abs, speeds)
+        )
+
     def about(self, time: Fraction) -> tuple[int, list[float]]:
         """Whole turns at `time`, and the law in powers of the time since then.
 

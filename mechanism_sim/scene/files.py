@@ -72,7 +72,7 @@ def read_scene(
     """
     path = find_scene(name)
     try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+        data = yaml.load(path.read_text(encoding='utf-8'), _StrictLoader)  # noqa: S506 - a safe one
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         line = f' line {mark.line + 1}' if mark else ''
@@ -94,6 +94,21 @@ def read_scene(
         return path.stem, MECHANISMS[kind].model_validate(data)
     except ValidationError as error:
         raise InputError(f'{path.name}: {_first_problem(error, MECHANISMS[kind])}') from error
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Refuses a key that is written twice, instead of forgetting the first."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """The mapping of a node."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"the key '{key.value}' is written twice", problem_mark=key.start_mark
+                )
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

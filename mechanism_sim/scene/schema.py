@@ -29,7 +29,7 @@ Angle = Annotated[float, _si('rad'), _FINITE]
 Speed = Annotated[float, _si('rad/s'), _FINITE]
 Acceleration = Annotated[float, _si('m/s^2'), _FINITE]
 Rate = Annotated[float, _si('Hz'), _POSITIVE]
-Tolerance = Annotated[float, _si(''), Field(ge=1e-16, le=1e-2)]
+Tolerance = Annotated[float, _si(''), Field(ge=1e-16, le=1e-4)]
 Displacement = Annotated[float, _si('m'), _NOT_NEGATIVE]
 Coefficient = Annotated[float, _si(''), Field(ge=0.0, le=1.0)]
 

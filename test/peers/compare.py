@@ -36,14 +36,13 @@ def main() -> None:
     final = np.array([float(states['th3'][-1]), float(states['th4'][-1])])
     print('rtol    | this: min, median [ms], error | SciPy: min, median [ms], error | ratio')
     for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
-        machine = ms.load_scene(
-            'four_bar_clearance', {'start': 'centred', 'solver.rtol': rtol}
-        )
+        machine = ms.load_scene('four_bar_clearance', {'start': 'centred', 'solver.rtol': rtol})
         machine.prepare()
         ours, theirs = [], []
         for _ in range(REPEATS):
             run = machine.start()
-            ours.append(cpu_time(lambda run=run: run.advance(machine.period, final=True)))
+            end = machine.period
+            ours.append(cpu_time(lambda run=run, end=end: run.advance(end, final=True)))
             results: list[scipy_event_loop.Result] = []
             theirs.append(
                 cpu_time(
