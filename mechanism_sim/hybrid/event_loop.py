@@ -184,7 +184,9 @@ class EventLoop:
                     return
                 self._pending = None
             if h > 0.0:
-                tape.enter((tau, h, contacts.closed, tape.base))
+                entries.append((tau, h, contacts.closed, tape.base))
+                if len(entries) == len(tape.buffer):
+                    tape.grow()
             if gap is None and False in contacts.closed:
                 gap = contacts.fallen()
             if gap is not None:
@@ -228,7 +230,9 @@ class EventLoop:
         slot = self._tape.buffer[len(self._tape.entries)]
         x = np.polynomial.polynomial.polyval(at - tau, slot.T)
         if at > tau:
-            self._tape.enter((tau, at - tau, self._contacts.closed, self._tape.base))
+            self._tape.entries.append((tau, at - tau, self._contacts.closed, self._tape.base))
+            if len(self._tape.entries) == len(self._tape.buffer):
+                self._tape.grow()
         self._state[:] = x
         self._ta.time = at
         self._ta.reset_cooldowns()

@@ -47,7 +47,8 @@ class Motion:
 class Tape:
     """Taylor coefficients of the steps since the last `drain`.
 
-    A step is first written to its slot ``buffer[len(tape)]``, then entered by `enter`.
+    A step is first written to its slot ``buffer[len(entries)]``, then appended to `entries`; the
+    event loop does so itself, being the innermost of all loops.
 
     Attributes
     ----------
@@ -69,11 +70,9 @@ class Tape:
         """Number of steps since the start."""
         return self._drained + len(self.entries)
 
-    def enter(self, entry: tuple[float, float, tuple[bool, ...], int]) -> None:
-        """Accept the step in its slot ``buffer[len(entries)]``."""
-        self.entries.append(entry)
-        if len(self.entries) == len(self.buffer):
-            self.buffer = np.concatenate([self.buffer, np.empty_like(self.buffer)])
+    def grow(self) -> None:
+        """Make room: the buffer is full."""
+        self.buffer = np.concatenate([self.buffer, np.empty_like(self.buffer)])
 
     def rebase(self, base: Base) -> None:
         """Steps entered from now on count from `base`."""
