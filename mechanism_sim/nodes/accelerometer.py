@@ -72,7 +72,7 @@ class Accelerometer(SimulationNode):
             for name, scene in self.machine.scene.sensors.items()
         ]
         self._time = 0.0
-        self.create_subscription(Motion, 'motion', self._on_motion, RESULTS)
+        self.create_subscription(Motion, 'motion', self.once_ready(self._on_motion), RESULTS)
         self.join()
 
     def _on_motion(self, message: Any) -> None:

@@ -41,9 +41,8 @@ class CrankDrive(SimulationNode):
 
     def on_progress(self, message: Any) -> None:
         """Somebody has moved on: perhaps there is credit to give."""
-        if self.ready:
-            self._extend()
-            self.done = self._final and self.partners_finished()
+        self._extend()
+        self.done = self._final and self.partners_finished()
 
     def _tick(self) -> None:
         if not self._final:

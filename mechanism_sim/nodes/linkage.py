@@ -58,25 +58,16 @@ class Linkage(SimulationNode):
         }
         self._next = dict.fromkeys(self._rates, 0)
         self._run: Run | None = None
-        self._waiting: list[Any] = []
         self._impact_count = 0
         self._physics = self.machine.physics
         self._audit = Audit(self._physics)
         self.machine.prepare()
-        self.create_subscription(DriveLaw, 'drive', self._on_drive, RESULTS)
+        self.create_subscription(DriveLaw, 'drive', self.once_ready(self._follow), RESULTS)
         self.join()
 
     def on_ready(self) -> None:
-        """Describe the scene, and work off the laws that came early."""
+        """Describe the scene."""
         self.send(self._scene, String(data=publications.describe(self.machine)))
-        for message in self._waiting:
-            self._follow(message)
-
-    def _on_drive(self, message: Any) -> None:
-        if self.ready:
-            self._follow(message)
-        else:
-            self._waiting.append(message)
 
     def _follow(self, message: Any) -> None:
         """Advance to where the law is known to hold."""

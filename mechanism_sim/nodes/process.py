@@ -42,9 +42,17 @@ def run_nodes(
     Exit code: 0 done, 1 failed, 2 bad input, 130 interrupted. Errors are told in one sentence.
     """
     nodes: list[SimulationNode] = []
+    asked_to_end: list[int] = []
+
+    def end(number: int, _frame: Any) -> None:
+        # An exception here could be raised, and be lost, in the middle of the middleware.
+        if asked_to_end:
+            raise KeyboardInterrupt
+        asked_to_end.append(number)
+
     # Also where a shell started us in the background and had SIGINT ignored.
-    signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGTERM, end)
     code = 0
     try:
         init()
@@ -54,6 +62,9 @@ def run_nodes(
             executor.add_node(node)
         gc.freeze()  # what is there now stays: the collector need not look through it
         while ok() and (running() if running else not all(node.done for node in nodes)):
+            if asked_to_end:
+                code = INTERRUPTED
+                break
             executor.spin_once(timeout_sec=0.1)
     except KeyboardInterrupt:
         code = INTERRUPTED
@@ -117,7 +128,3 @@ def parameters_of(options: argparse.Namespace) -> list[Parameter]:
     if 'overrides' in given:
         given['overrides'] = '\n'.join(given['overrides'])
     return [Parameter(key, value=value) for key, value in given.items()]
-
-
-def _interrupt(_number: int, _frame: Any) -> None:
-    raise KeyboardInterrupt

@@ -94,7 +94,7 @@ class Recorder(SimulationNode):
         name = self.resolve_topic_name(topic)
         self._add_topic(name, kind, qos)
         callback = self._writing(name, type_name(kind))
-        self.create_subscription(kind, topic, callback, qos, raw=True)
+        self.create_subscription(kind, topic, self.once_ready(callback), qos, raw=True)
 
     def _writing(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -56,7 +56,9 @@ class SimulationNode(Node):
         self.partners = [p.strip() for p in listed if p.strip() and p.strip() != name]
         self._deadline = time.monotonic() + self.value('partner_timeout')
         self._missing_since: dict[str, float] = {}
+        self._seen: set[str] = set()
         self._soon: float | None = None
+        self._early: list[tuple[Callable[[Any], None], Any]] = []
 
     def value(self, parameter: str) -> Any:
         """Value of a parameter."""
@@ -77,12 +79,26 @@ class SimulationNode(Node):
 
     def join(self) -> None:
         """Announce this node: its other endpoints are there, its partners may start."""
-        self.create_subscription(Progress, 'progress', self._on_progress, RESULTS)
+        self.create_subscription(Progress, 'progress', self.once_ready(self._on_progress), RESULTS)
         # The last endpoint to be declared: who sees it in the graph can rely on all others.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
         self.create_timer(REPORT_PERIOD, self._report_if_due)
         self._settled = time.monotonic() + SETTLE
         self._watch = self.create_timer(LOOK_PERIOD, self._look)
+
+    def once_ready(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Callback that keeps messages for `handle` until all partners are there.
+
+        What another run on the same network publishes is then never taken for a partner's.
+        """
+
+        def take(message: Any) -> None:
+            if self.ready:
+                handle(message)
+            else:
+                self._early.append((handle, message))
+
+        return take
 
     def on_ready(self) -> None:
         """All partners are there."""
@@ -97,13 +113,18 @@ class SimulationNode(Node):
                 f"another '{self.get_name()}' is running in this domain: end it, or give this run "
                 'a domain of its own (ROS_DOMAIN_ID=1)'
             )
-        missing = [partner for partner in self.partners if partner not in present]
+        # One that was there may have done its part and left before this node is ready.
+        self._seen.update(present)
+        missing = [p for p in self.partners if p not in (present if self.ready else self._seen)]
         if not self.ready:
             if not missing and time.monotonic() > self._settled:
                 self.ready = True
                 self.destroy_timer(self._watch)
                 self._watch = self.create_timer(0.5, self._look)
                 self.on_ready()
+                for handle, message in self._early:
+                    handle(message)
+                self._early.clear()
             elif missing and time.monotonic() > self._deadline:
                 waited = self.value('partner_timeout')
                 raise RunError(
