@@ -71,6 +71,12 @@ def try_shutdown() -> None:
         shutdown()
 
 
+def leave(patience: float = FLUSH_PATIENCE) -> None:
+    """`shutdown` within `patience` [s], if there is something to shut down; not part of rclpy."""
+    if _context is not None:
+        shutdown(patience)
+
+
 def ok() -> bool:
     """Whether the process is on the network and nobody asked it to end."""
     return _context is not None and not _signalled

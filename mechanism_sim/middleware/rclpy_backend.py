@@ -1,4 +1,4 @@
-"""What this room offers, from rclpy: the same names, nothing added.
+"""What this room offers, from rclpy: the same names, and `leave`.
 
 Not run where this package is developed, which has no ROS. What to know:
 
@@ -64,6 +64,7 @@ __all__ = [
     'Time',
     'Timer',
     'init',
+    'leave',
     'ok',
     'qos_profile_sensor_data',
     'shutdown',
@@ -72,3 +73,9 @@ __all__ = [
     'spin_until_future_complete',
     'try_shutdown',
 ]
+
+
+def leave(patience: float = 0.0) -> None:
+    """Shut down, if there is something to shut down; there is nothing here to be patient with."""
+    del patience
+    try_shutdown()

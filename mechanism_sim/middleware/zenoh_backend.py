@@ -1,7 +1,7 @@
 """What this room offers, on Zenoh."""
 
 from mechanism_sim.middleware.clock import Clock, Duration, Time
-from mechanism_sim.middleware.context import init, ok, shutdown, try_shutdown
+from mechanism_sim.middleware.context import init, leave, ok, shutdown, try_shutdown
 from mechanism_sim.middleware.errors import (
     ExternalShutdownException,
     InvalidParameterValueException,
@@ -53,6 +53,7 @@ __all__ = [
     'Time',
     'Timer',
     'init',
+    'leave',
     'ok',
     'qos_profile_sensor_data',
     'shutdown',

@@ -16,8 +16,8 @@ from mechanism_sim.middleware import (
     SingleThreadedExecutor,
     backend,
     init,
+    leave,
     ok,
-    try_shutdown,
 )
 
 if TYPE_CHECKING:
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 """Exit code after SIGINT, as shells have it."""
+
+PATIENCE, PATIENCE_AFTER_INTERRUPT = 60.0, 1.0
+"""[s] that others get to take in what was published, at the end of a run and after SIGINT."""
 
 
 def run_nodes(
@@ -78,7 +81,7 @@ def run_nodes(
         for node in nodes:
             node.destroy_node()
         try:
-            try_shutdown()
+            leave(PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
         except MiddlewareError as error:
             code = code or tell(error, 1)
     return code
