@@ -15,8 +15,9 @@ from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.sampling import Books
 from mechanism_sim.hybrid.solution import Solution, Stats
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import read_scene
-from mechanism_sim.scene.machine import Machine, build
+from mechanism_sim.scene.machine import Machine
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
