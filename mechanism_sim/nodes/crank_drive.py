@@ -24,7 +24,7 @@ class CrankDrive(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('crank_drive', parameters)
-        self.declare_parameter('lead', 1.0)
+        self.declare_parameter('lead', 3.0)
         self.declare_parameter('realtime_factor', 0.0)
         self._announced = 0.0
         self._final = False

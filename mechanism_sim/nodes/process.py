@@ -46,12 +46,16 @@ def run_nodes(
     """
     nodes: list[SimulationNode] = []
     asked_to_end: list[int] = []
+    executors: list[SingleThreadedExecutor] = []
 
     def end(number: int, _frame: Any) -> None:
         # An exception here could be raised, and be lost, in the middle of the middleware.
         if asked_to_end:
             raise KeyboardInterrupt
         asked_to_end.append(number)
+        for executor in executors:
+            # CPython 3.11 may forget the time-out of a queue when a signal interrupts it.
+            executor.wake()
 
     # Also where a shell started us in the background and had SIGINT ignored.
     signal.signal(signal.SIGINT, end)
@@ -60,6 +64,7 @@ def run_nodes(
     try:
         init()
         executor = SingleThreadedExecutor()
+        executors.append(executor)
         nodes += make()
         for node in nodes:
             executor.add_node(node)
