@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +26,9 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(0)
     options.rest = rest
     try:
-        sys.exit(options.run(options))
+        code = options.run(options)
+        sys.stdout.flush()
+        sys.exit(code)
     except InputError as error:
         sys.exit(_tell(error, 2))
     except RunError as error:
@@ -35,7 +37,7 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(130)
     except BrokenPipeError:
         # Whoever read our output has had enough; Python must not complain while closing it.
-        sys.stdout = None
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
 
 
@@ -224,6 +226,3 @@ def _analyze(options: argparse.Namespace) -> int:
     else:
         print(render(found))
     return 0
-
-
-signal.signal(signal.SIGPIPE, signal.SIG_DFL) if hasattr(signal, 'SIGPIPE') else None

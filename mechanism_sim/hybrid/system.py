@@ -63,6 +63,13 @@ class System:
     gaps : its joints with clearance
     prescribed : names of the coordinates whose law the drive gives
     degree : degree of these laws as polynomials in time
+
+    Attributes
+    ----------
+    parameters : values of the runtime parameters ``par[]``, SI units
+    flag_index : of every gap, which of them says that it is closed
+    law_index : of every prescribed coordinate, which of them are its law's coefficients
+    stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
     """
 
     def __init__(
@@ -214,7 +221,7 @@ class System:
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
-        """Terms of the gaps, to be read by `ContactTerms.read`."""
+        """Terms of the gaps, to be read by `contact_terms`."""
         jets = self.equations.gap_jets
         normals = [gap.normal(self.equations.frames) for gap in self.gaps]
         return self._on_free_state(
