@@ -102,5 +102,5 @@ def constant_speed(angle, speed, time=0.0):
 def as_bytes(motion):
     """All numbers of a motion."""
     c = motion.curve
-    arrays = (c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.closed)
+    arrays = (c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
     return [x.tobytes() for x in arrays]

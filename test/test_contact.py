@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mechanism_sim.contact.restitution import ChatterRule, newton_impulses
+from mechanism_sim.contact.chatter import ChatterRule
+from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.numerics.complementarity import solve_lcp
 
 

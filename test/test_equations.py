@@ -298,7 +298,7 @@ def test_accelerations_forces_and_torque_of_the_loose_four_bar(skew, closed):
     for q, v in states(2.54e-4 if closed else 1e-4, sliding=closed):
         a2 = 90.0
         seen = system.observe(
-            q[:, None], v[:, None], np.array([[a2]]), np.array([[float(closed)]])
+            q[:, None], v[:, None], np.array([[a2]]), np.array([[1 + closed]])
         )
         pressed = {'coupler_rocker': 2.54e-4} if closed else {}
         newton = Newton(m, q, v, given={'crank': a2}, pressed=pressed)
@@ -387,7 +387,7 @@ def test_textbook_equations_of_the_thesis_in_flight_and_in_following():
         for q, v in states(c if closed else 0.4 * c):
             th2, th3, th4 = q
             seen = machine.system.observe(
-                q[:, None], v[:, None], np.zeros((1, 1)), np.array([[float(closed)]])
+                q[:, None], v[:, None], np.zeros((1, 1)), np.array([[1 + closed]])
             )
             F = -seen.reaction[2, :, 0]  # of the bushing on the pin
             v3, v4 = turned(th3, (0, 1)), turned(th4, (0, 1))
@@ -401,10 +401,10 @@ def test_textbook_equations_of_the_thesis_in_flight_and_in_following():
 
 def test_states_of_the_reference_give_its_accelerations_forces_and_torques():
     ref = reference('four_bar_seated_e05')['states']
-    closed = np.array([mode == 'following' for mode in ref['mode']], dtype=float)
+    closed = np.array([mode == 'following' for mode in ref['mode']])
     q = np.array([SPEED * ref['t'], ref['th3'], ref['th4']])
     v = np.array([np.full(len(closed), SPEED), ref['w3'], ref['w4']])
-    seen = loose().system.observe(q, v, np.zeros((1, len(closed))), closed[None])
+    seen = loose().system.observe(q, v, np.zeros((1, len(closed))), 1 + closed[None])
     assert np.abs(seen.acceleration[1] - ref['a3']).max() < 3e-9
     assert np.abs(seen.acceleration[2] - ref['a4']).max() < 3e-9
     assert np.abs(seen.normal_force[0] - ref['normal_force']).max() < 3e-11
@@ -486,7 +486,7 @@ def test_power_of_the_drive_is_the_rate_of_energy_in_both_modes(skew):
     h, a2 = 1e-6, np.array([[90.0]])
     for closed in (0.0, 1.0):
         for q, v in states(2.54e-4 if closed else 1e-4, sliding=bool(closed)):
-            flag = np.array([[closed]])
+            flag = np.array([[1 + int(closed)]])
             now = system.observe(q[:, None], v[:, None], a2, flag)
             a = now.acceleration[:, 0]
             total = []

@@ -16,7 +16,7 @@ MOTION = {f'{kind}.{k}' for kind in ('position', 'velocity', 'acceleration') for
 FORCES = {f'reaction.{j}.{axis}' for j in JOINTS for axis in 'xy'} | {'drive_torque'} | {
     f'energy.{k}' for k in ('kinetic', 'potential', 'drive_work', 'dissipated')
 }  # fmt: skip
-GAP = {f'{kind}.coupler_rocker' for kind in ('gap', 'normal_force', 'closed')}
+GAP = {f'{kind}.coupler_rocker' for kind in ('gap', 'normal_force', 'friction_force', 'closed', 'mode')}
 
 
 @pytest.fixture(scope='module')

@@ -1,8 +1,7 @@
-"""Frictionless impact with Newton's coefficient of restitution, and the end of chatter."""
+"""Frictionless impact with Newton's coefficient of restitution."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 from mechanism_sim.numerics.complementarity import solve_lcp
@@ -25,30 +24,3 @@ def newton_impulses(
     """
     b = [(1.0 + e) * rate for e, rate in zip(restitution, approach, strict=True)]
     return solve_lcp(compliance, b)
-
-
-class ChatterRule:
-    """When to stop counting bounces and let the pin follow.
-
-    A contact that bounces with rebound speed v against a steady approach d rises to
-    ``h = v^2/(2 d)``; all bounces still to come displace the rest of the mechanism by about
-    ``2 h/(1 - e)``. The sequence is ended, with an impact that takes all of the approach speed, as
-    soon as ``h <= max(rtol L (1 - e), atol (1 - e), 8 eps L)``, L being the size of the mechanism:
-    what is left out is below the tolerance, and a rise that double precision cannot resolve is
-    never asked for; nor one that would not get clear of the depth to which a step's error let the
-    impact come too late.
-    """
-
-    def __init__(self, rtol: float, atol: float, size: float) -> None:
-        self._allowed = max(rtol * size, atol)
-        self._resolved = 8.0 * sys.float_info.epsilon * size
-
-    def ends(
-        self, rebound: float, free_acceleration: float, restitution: float, depth: float = 0.0
-    ) -> bool:
-        """Whether a rebound of this speed [m/s] under this gap acceleration [m/s^2] is the end.
-
-        `depth` [m] is how far the gap is violated already.
-        """
-        height = max(self._allowed * (1.0 - restitution), self._resolved, 2.0 * depth)
-        return free_acceleration < 0.0 and rebound * rebound <= -2.0 * free_acceleration * height

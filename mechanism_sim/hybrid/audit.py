@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,13 @@ class Energy:
         return self.final - self.initial - self.drive_work + self.dissipated
 
 
+class Work(NamedTuple):
+    """What happened to energy in m segments, impacts left out [J]."""
+
+    drive: Array  #: (m,) done by the drives
+    friction: Array  #: (m,) lost by sliding
+
+
 class Audit:
     """Accumulates the books of a run, batch by batch.
 
@@ -68,14 +76,9 @@ class Audit:
             return None
         return Energy(self._initial, self._final, self._drive_work, self._dissipated)
 
-    def add(self, motion: Motion, impacts: Sequence[Impact]) -> Array:
-        """Enter a batch of m segments and the impacts at their ends.
-
-        Returns
-        -------
-        (m,) the drive's work in each segment [J], without impulses
-        """
-        work = np.zeros(len(motion))
+    def add(self, motion: Motion, impacts: Sequence[Impact]) -> Work:
+        """Enter a batch of m segments and the impacts at their ends; returns their shares."""
+        work = Work(np.zeros(len(motion)), np.zeros(len(motion)))
         if len(motion):
             segments = np.arange(len(motion))
             dt = Nodes(_NODES)
@@ -83,8 +86,11 @@ class Audit:
             closure = self._physics.closure_error(motion, segments, dt, observed)
             self.max_closure_error = max(self.max_closure_error, closure)
             if self._physics.has_forces:
-                power = observed.drive_power.reshape(-1, len(_NODES))
-                work = motion.curve.duration * (power @ _WEIGHTS)
+                drive, friction = (
+                    motion.curve.duration * (power.reshape(-1, len(_NODES)) @ _WEIGHTS)
+                    for power in (observed.drive_power, observed.friction_power)
+                )
+                work = Work(drive, friction)
                 force = observed.normal_force[motion.closed_at(segments, dt)]
                 lowest = float(force.min(initial=np.inf))
                 self.min_normal_force = min(self.min_normal_force, lowest)
@@ -92,8 +98,8 @@ class Audit:
                 self._balance(motion, impacts)
             if self._physics.clearances:
                 self._check_open(motion)
-        self._drive_work += float(work.sum()) + sum(i.drive_work for i in impacts)
-        self._dissipated += sum(i.energy_loss for i in impacts)
+        self._drive_work += float(work.drive.sum()) + sum(i.drive_work for i in impacts)
+        self._dissipated += float(work.friction.sum()) + sum(i.energy_loss for i in impacts)
         return work
 
     def judge(self, tolerance: float) -> None:

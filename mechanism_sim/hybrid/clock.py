@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import cached_property
 from math import fsum
 
-from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law, TorqueLaw
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,13 @@ class Base:
     time : [s], exact
     turns : whole turns by coordinate, not contained in angles counted from here
     laws : of the prescribed coordinates, in powers of the time since then
+    torques : coefficients of the torque laws, for angles counted from here
     """
 
     time: Fraction
     turns: Mapping[str, int]
     laws: tuple[tuple[float, ...], ...]
+    torques: tuple[tuple[float, ...], ...] = ()
 
     @cached_property
     def high(self) -> float:
@@ -48,20 +50,27 @@ class Base:
         """Time since the base [s] of a time since the start of the run."""
         return float(Fraction(t) - self.time)
 
-    def next_after(self) -> float:
-        """Local time [s] after which a new base is due: one turn of the fastest drive."""
-        fastest = max((abs(c[1]) for c in self.laws if len(c) > 1), default=0.0)
+    def next_after(self, rate: float = 0.0) -> float:
+        """Local time [s] after which a new base is due: one turn of the fastest drive.
+
+        Without one, of what turns with `rate` [rad/s] now.
+        """
+        fastest = max((abs(c[1]) for c in self.laws if len(c) > 1), default=rate)
         return min(float(TWO_PI) / fastest, 1.0) if fastest else 1.0
 
 
-def base_at(time: Fraction, laws: Sequence[DriveLaw], turns: Mapping[str, int]) -> Base:
+def base_at(time: Fraction, laws: Sequence[Law], turns: Mapping[str, int]) -> Base:
     """The base at `time`; `turns` are those of the coordinates that no law prescribes."""
     whole = dict(turns)
-    local = []
+    local, torques = [], []
     for law in laws:
-        whole[law.coordinate], coefficients = law.about(time)
-        local.append(tuple(coefficients))
-    return Base(time, whole, tuple(local))
+        if isinstance(law, DriveLaw):
+            whole[law.coordinate], coefficients = law.about(time)
+            local.append(tuple(coefficients))
+    for law in laws:
+        if isinstance(law, TorqueLaw):
+            torques.append(law.after(whole[law.coordinate]))
+    return Base(time, whole, tuple(local), tuple(torques))
 
 
 def take_off_turns(angle: float) -> tuple[int, float]:

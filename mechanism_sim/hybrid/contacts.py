@@ -1,19 +1,37 @@
-"""What an event does to the contacts: who strikes, who follows, who lets go."""
+"""What an event does to the contacts: who strikes, who follows, who slips, who lets go."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.contact.restitution import ChatterRule, newton_impulses
+from mechanism_sim.contact.chatter import ChatterRule
+from mechanism_sim.contact.impact import (
+    Blow,
+    Hypothesis,
+    ImpactLaw,
+    jam,
+    strike,
+    strike_together,
+)
+from mechanism_sim.contact.restitution import newton_impulses
+from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
-from mechanism_sim.hybrid.system import ContactTerms, System
-from mechanism_sim.numerics.complementarity import solve_lcp
+from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, ContactTerms, Guard, System
+from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp, solve_lcp
 
-_MODES = (Mode.FREE_FLIGHT, Mode.FOLLOWING)
+_SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
+_GRIPS = {
+    Grip.STICK: Mode.STICKING,
+    Grip.FORWARD: Mode.SLIDING_FORWARD,
+    Grip.BACKWARD: Mode.SLIDING_BACKWARD,
+}
+_SLIPS = {mode: sign for sign, mode in _SLIDING.items()}
+_ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 
 class Contacts:
@@ -21,15 +39,20 @@ class Contacts:
 
     Attributes
     ----------
-    closed : of every gap, whether it carries force
+    modes : of every gap
+    flying : whether any gap is open
     impacts, mode_changes : the events so far
     horizon : [s] longest next step: a root much nearer to its start than to its end gets lost
     """
 
     def __init__(
-        self, system: System, integrator: hy.taylor_adaptive_dbl, rule: ChatterRule, base: Base
+        self,
+        system: System,
+        integrator: hy.taylor_adaptive_dbl,
+        rule: ChatterRule,
+        base: Base,
+        speed: float,
     ) -> None:
-        self.closed: tuple[bool, ...] = (False,) * len(system.gaps)
         self.impacts: list[Impact] = []
         self.mode_changes: list[ModeChange] = []
         self.base = base
@@ -38,135 +61,204 @@ class Contacts:
         self._ta = integrator
         self._f = len(system.free)
         self._state, self._pars = integrator.state[: 2 * self._f], integrator.pars
-        self._terms_function = system.contact_function
-        self._projection = system.projection
-        self._terms_pars = self._pars[: system.contact_function.nparams]
-        self._projection_pars = self._pars[: system.projection.nparams]
         self._rule = rule
-        self._restitution = [gap.restitution for gap in system.gaps]
+        self._laws = [
+            ImpactLaw(gap.restitution, gap.friction, Hypothesis(gap.hypothesis))
+            for gap in system.gaps
+        ]
         self._names = [gap.name for gap in system.gaps]
         self._rounding = 2.0 * float(np.spacing(system.mechanism.size))
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
+        self._still = 1e3 * float(np.spacing(speed))  # [m/s] slower sliding is none
+        self._floor = [
+            0.0 if not guard.friction else -max(SLIP_SCALE * self._still,
+                                                FORCE_SCALE * _ROUNDING_FORCE)
+            for guard in system.guards
+        ]  # fmt: skip
+        self.set_modes((int(Mode.FREE_FLIGHT),) * len(system.gaps))
 
     @property
     def time(self) -> float:
         """Present time [s]."""
         return self.base.at(float(self._ta.time))
 
+    def set_modes(self, modes: tuple[int, ...]) -> None:
+        """Set the modes that hold from now on."""
+        self.modes = modes
+        self.flying = int(Mode.FREE_FLIGHT) in modes
+        s = self._system
+        for index, values in zip(
+            (s.flag_index, s.stick_index, s.slip_index), s.flags(modes), strict=True
+        ):
+            self._pars[index] = values
+
+    def closed(self, gap: int) -> bool:
+        """Whether a gap carries force."""
+        return self.modes[gap] > Mode.FREE_FLIGHT
+
     def start(self, closed: Sequence[bool]) -> None:
         """Begin a run: some gaps are closed by decree, those that touch are resolved."""
-        self.close(tuple(closed))
-        for gap, shut in zip(self._system.gaps, closed, strict=True):
-            mode = _MODES[shut]
-            self.mode_changes.append(ModeChange(self.time, gap.name, mode, Mode.UNKNOWN))
+        modes = []
+        slips = self._terms().rate[len(closed) :] if closed else []
+        for i, shut in enumerate(closed):
+            mode = Mode.FOLLOWING if shut else Mode.FREE_FLIGHT
+            if shut and self._laws[i].friction:
+                moves = abs(slips[i]) > self._still and self._laws[i].friction < math.inf
+                mode = _SLIDING[int(math.copysign(1.0, slips[i])) if moves else 0]
+            modes.append(int(mode))
+        self.set_modes(tuple(modes))
+        self._project()
         self.settle()
+        self.mode_changes = [
+            ModeChange(self.time, name, Mode(mode), Mode.UNKNOWN)
+            for name, mode in zip(self._names, self.modes, strict=True)
+        ]
 
     def settle(self) -> None:
         """Resolve the gaps that touch without an event having said so."""
-        for i in range(len(self.closed)):
-            terms = self._terms()
-            near, rate = terms.value[i] <= self._touching, terms.rate[i]
+        if not self.modes:
+            return
+        terms = self._terms()
+        for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
             # as good as resting is what would rise no farther than rounding reaches
-            stays = rate <= 0.0 or self._rule.ends(
-                rate, terms.free_acceleration[i], 1.0, -terms.value[i]
-            )
-            if self.closed[i] or (near and stays):
+            stays = rate <= 0.0 or self._rule.ends(rate, terms.free_acceleration[i], 1.0, -value)
+            if self.closed(i) or (value <= self._touching and stays):
                 self._collide(i)
+                return
 
-    def handle(self, gap: int) -> None:
-        """A guard fell through zero: an open gap touches, or a closed one lets go."""
-        self._respond(gap)
-        if len(self.closed) > 1:
-            for _ in self.closed:
+    def handle(self, guard: int) -> None:
+        """A guard fell through zero."""
+        self._respond(self._system.guards[guard])
+        if len(self._floor) > 1:
+            for _ in self._floor:
                 other = self.fallen()
                 if other is None:
                     break
-                self._respond(other)
+                self._respond(self._system.guards[other])
 
-    def _respond(self, gap: int) -> None:
-        if self.closed[gap]:
-            before = self.closed
-            self.close(tuple(c and i != gap for i, c in enumerate(before)))
+    def _respond(self, guard: Guard) -> None:
+        gap, before = guard.gap, self.modes
+        if not guard.friction:
+            if not self.closed(gap):
+                self._collide(gap)
+                return
+            self._change(gap, Mode.FREE_FLIGHT)
             self._separate(gap)
-            self._record_modes(before)
+        elif self.modes[gap] == Mode.STICKING:
+            self._change(gap, _SLIDING[-guard.friction])
         else:
-            self._collide(gap)
+            closed = [i for i in range(len(before)) if self.closed(i)]
+            slips = {i: _SLIPS.get(Mode(before[i]), 0) for i in closed} | {gap: 0}
+            self._rest(closed, closed, slips)
+            return
+        self._record_modes(before)
 
     def fallen(self) -> int | None:
-        """An open gap which is past zero and closing: no guard would ever see it.
+        """A guard which is past zero already: the integrator would never see it fall.
 
-        That happens where a step ends within its error of an impact.
+        That happens where a step ends within its error of an event.
         """
-        if all(self.closed):
-            return None
-        terms = self._terms()
-        for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=True)):
-            if not self.closed[i] and value <= 0.0 and rate < 0.0:
+        seen = self._watch().tolist()
+        modes, count = self.modes, len(self._floor)
+        for i, (x, floor) in enumerate(zip(seen, self._floor, strict=False)):
+            if x <= floor and (
+                i >= len(modes) or modes[i] > 1 or seen[count + i] < 0.0  # 1: free flight
+            ):
                 return i
         return None
 
-    def close(self, closed: tuple[bool, ...]) -> None:
-        """Set which gaps carry force from now on."""
-        self.closed = closed
-        self._pars[self._system.flag_index] = closed
+    def _watch(self) -> np.ndarray:
+        watch = self._system.watch
+        return np.asarray(
+            watch(self._state, pars=self._pars[: watch.nparams], time=self._ta.time)
+        )
+
+    def _change(self, gap: int, mode: Mode) -> None:
+        self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
 
     def _terms(self) -> ContactTerms:
-        out = self._terms_function(self._state, pars=self._terms_pars, time=self._ta.time)
+        function = self._system.contact_function
+        out = function(self._state, pars=self._pars[: function.nparams], time=self._ta.time)
         return self._system.contact_terms(out.tolist())
+
+    def _project(self) -> None:
+        function = self._system.projection
+        self._state[:] = function(
+            self._state, pars=self._pars[: function.nparams], time=self._ta.time
+        )
+
+    # --- impacts ------------------------------------------------------------------------------
 
     def _collide(self, gap: int) -> None:
         """Impact in `gap` and in all others that touch; then those at rest are sorted out."""
         terms = self._terms()
-        if len(self.closed) == 1 and not self.closed[0]:
-            self._bounce(terms, gap)
-            return
         touching = [
             i
             for i, value in enumerate(terms.value)
-            if i == gap or self.closed[i] or abs(value) <= self._touching
+            if i == gap or self.closed(i) or abs(value) <= self._touching
         ]
-        if len(touching) == 1 and not self.closed[gap]:
+        if len(touching) == 1 and not self.closed(gap) and not self._laws[gap].friction:
             self._bounce(terms, gap)
             return
-        rate = [min(terms.rate[i], 0.0) for i in touching]
-        A = [[terms.compliance[i][k] for k in touching] for i in touching]
-        e = [0.0 if self.closed[i] else self._restitution[i] for i in touching]
+        rows = self._rows(touching)
+        rate = [terms.rate[r] for r in rows]
+        A = [[terms.compliance[r][c] for c in rows] for r in rows]
+        laws = [
+            ImpactLaw(
+                0.0 if self.closed(i) or r >= 0.0 else self._laws[i].restitution,
+                self._laws[i].friction,
+                self._laws[i].hypothesis,
+            )
+            for i, r in zip(touching, rate, strict=False)
+        ]
+        blows, after = _strike(A, rate, laws)
         ended = [
-            self._rule.ends(-e_i * r, terms.free_acceleration[i], e_i, -terms.value[i])
-            for i, e_i, r in zip(touching, e, rate, strict=True)
+            self._rule.ends(ra, terms.free_acceleration[i], law.restitution, -terms.value[i])
+            for i, ra, law in zip(touching, after, laws, strict=False)
         ]
-        e = [0.0 if stop else e_i for e_i, stop in zip(e, ended, strict=True)]
-        impulses = newton_impulses(A, rate, e)
-        after = [
-            r + sum([a * p for a, p in zip(row, impulses, strict=True)])
-            for r, row in zip(rate, A, strict=True)
-        ]
-        resting = []
-        for i, p, r, r_after, stop in zip(touching, impulses, rate, after, ended, strict=True):
-            if p > 0.0:
-                self._push(terms, i, p)
-                if i != gap or not self.closed[i]:
-                    self._record_impact(terms, i, p, r, r_after, stop)
+        if any(stop and law.restitution for stop, law in zip(ended, laws, strict=True)):
+            laws = [
+                ImpactLaw(0.0, law.friction, law.hypothesis) if stop else law
+                for law, stop in zip(laws, ended, strict=True)
+            ]
+            blows, after = _strike(A, rate, laws)
+        resting, slips = [], {}
+        for k, (i, blow, stop) in enumerate(zip(touching, blows, ended, strict=True)):
+            if blow.normal > 0.0:
+                self._push(terms, i, blow)
+                # a closed contact takes part in the impacts of others
+                if not self.closed(i) or blow.normal * A[k][k] > self._still:
+                    tangents = [x[k + len(touching)] if len(x) > len(touching) else 0.0
+                                for x in (rate, after)]  # fmt: skip
+                    self._record_impact(
+                        terms, i, blow, (rate[k], after[k]), (tangents[0], tangents[1]), stop
+                    )
             # neither does one rest less that would rise no farther than rounding reaches
-            low = self._rule.ends(r_after, terms.free_acceleration[i], 1.0, -terms.value[i])
-            self._expect_return(r_after, terms.free_acceleration[i])
-            if low or r_after <= -1e-9 * r:
+            low = self._rule.ends(after[k], terms.free_acceleration[i], 1.0, -terms.value[i])
+            self._expect_return(after[k], terms.free_acceleration[i])
+            if low or after[k] <= -1e-9 * rate[k]:
                 resting.append(i)
-        if resting or any(self.closed[i] for i in touching):
-            self._rest(resting, touching)
+            slips[i] = blow.slip
+        if resting or any(self.closed(i) for i in touching):
+            self._rest(resting, touching, slips)
+
+    def _rows(self, gaps: Sequence[int]) -> list[int]:
+        """The rows of some gaps: their normals, then, with friction anywhere, their tangents."""
+        tangents = [len(self.modes) + i for i in gaps] if self._system.frictional else []
+        return [*gaps, *tangents]
 
     def _bounce(self, terms: ContactTerms, gap: int) -> None:
         """Impact in one gap alone, the common case: `_collide` without its bookkeeping."""
-        rate, e = min(terms.rate[gap], 0.0), self._restitution[gap]
+        rate, e = min(terms.rate[gap], 0.0), self._laws[gap].restitution
         stop = self._rule.ends(-e * rate, terms.free_acceleration[gap], e, -terms.value[gap])
         after = 0.0 if stop else -e * rate
-        impulse = (after - rate) / terms.compliance[gap][gap]
-        if impulse > 0.0:
-            self._push(terms, gap, impulse)
-            self._record_impact(terms, gap, impulse, rate, after, stop)
+        blow = Blow((after - rate) / terms.compliance[gap][gap], 0.0, 0)
+        if blow.normal > 0.0:
+            self._push(terms, gap, blow)
+            self._record_impact(terms, gap, blow, (rate, after), (0.0, 0.0), stop)
         self._expect_return(after, terms.free_acceleration[gap])
         if after <= -1e-9 * rate:
-            self._rest([gap], [gap])
+            self._rest([gap], [gap], {})
 
     def _expect_return(self, rebound: float, acceleration: float) -> None:
         """Let the next step be no longer than 100 flights that fall back steadily.
@@ -176,21 +268,122 @@ class Contacts:
         if rebound > 0.0 and acceleration < 0.0:
             self.horizon = min(self.horizon, -200.0 * rebound / acceleration)
 
-    def _rest(self, resting: list[int], touching: list[int]) -> None:
-        """Of the contacts without normal speed, those that are pressed together stay closed."""
-        before = self.closed
-        terms = self._terms()
-        A = [[terms.compliance[i][k] for k in resting] for i in resting]
-        forces = solve_lcp(A, [terms.free_acceleration[i] for i in resting]) if resting else []
-        pressed = {i for i, force in zip(resting, forces, strict=True) if force > 0.0}
-        self.close(tuple(i in pressed if i in touching else c for i, c in enumerate(before)))
-        self._state[:] = self._projection(
-            self._state, pars=self._projection_pars, time=self._ta.time
+    def _push(self, terms: ContactTerms, gap: int, blow: Blow) -> None:
+        x, f = self._state, self._f
+        for k, w in enumerate(terms.response[gap]):
+            x[f + k] += w * blow.normal
+        if blow.tangential:
+            for k, w in enumerate(terms.response[len(self.modes) + gap]):
+                x[f + k] += w * blow.tangential
+
+    def _record_impact(
+        self,
+        terms: ContactTerms,
+        i: int,
+        blow: Blow,
+        normal: tuple[float, float],
+        tangential: tuple[float, float],
+        stop: bool,
+    ) -> None:
+        """Enter an impact, given the rates before and after it."""
+        tau = self._ta.time
+        p, q = blow.normal, blow.tangential
+        impulse = list(terms.drive_response[i])
+        if q:
+            other = terms.drive_response[len(self.modes) + i]
+            impulse = [x * p + y * q for x, y in zip(impulse, other, strict=True)]
+        else:
+            impulse = [x * p for x in impulse]
+        angular = work = 0.0
+        for x, law in zip(impulse, self.base.laws, strict=True):
+            angular += x
+            work += x * rate_of(law, tau)
+        loss = -0.5 * (normal[0] + normal[1]) * p - 0.5 * (tangential[0] + tangential[1]) * q
+        self.impacts.append(
+            Impact(
+                self.time,
+                self._names[i],
+                terms.normal_angle[i],
+                -normal[0],
+                normal[1] if normal[1] > 0.0 else 0.0,
+                p,
+                q,
+                loss,
+                angular,
+                work,
+                stop,
+            )
         )
+
+    # --- contacts that stay -------------------------------------------------------------------
+
+    def _rest(
+        self, resting: list[int], touching: list[int], slips: Mapping[int, int], jams: int = 3
+    ) -> None:
+        """Of the contacts without normal speed, those that are pressed together stay closed.
+
+        `slips` says which way they slide, 0 if not at all. Where no force can keep a contact that
+        slides, friction jams it: an impact without collision stops its sliding first.
+        """
+        before = self.modes
+        terms = self._terms()
+        try:
+            found = self._press(terms, resting, slips)
+        except ArithmeticError as error:
+            gap = next((i for i in resting if slips.get(i, 0)), None)
+            if gap is None or not jams:
+                raise RunError(
+                    f'no forces hold the contacts at t = {self.time:.12g} s: friction jams '
+                    f'{", ".join(self._names[i] for i in resting)}; use less friction'
+                ) from error
+            self._jam(terms, gap)
+            self._rest(resting, touching, {**slips, gap: 0}, jams - 1)
+            return
+        self.set_modes(
+            tuple(
+                int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
+                for i, mode in enumerate(before)
+            )
+        )
+        self._project()
         for i in resting:
-            if i not in pressed:
+            if i not in found:
                 self._separate(i)
         self._record_modes(before)
+
+    def _press(
+        self, terms: ContactTerms, resting: list[int], slips: Mapping[int, int]
+    ) -> dict[int, Mode]:
+        """Mode of those contacts that stay closed."""
+        if not resting:
+            return {}
+        rows = self._rows(resting)
+        A = [[terms.compliance[r][c] for c in rows] for r in rows]
+        b = [terms.free_acceleration[r] for r in rows]
+        if not self._system.frictional:
+            forces = solve_lcp(A, b)
+            return {i: Mode.FOLLOWING for i, x in zip(resting, forces, strict=True) if x > 0.0}
+        friction = [self._laws[i].friction for i in resting]
+        moving = []
+        for i in resting:
+            speed = terms.rate[len(self.modes) + i]
+            moving.append(slips.get(i, 0) if abs(speed) > self._still else 0)
+        forces, grips = solve_frictional_lcp(A, b, friction, moving)
+        found = {}
+        for i, mu, force, grip in zip(resting, friction, forces, grips, strict=False):
+            if force > 0.0:
+                found[i] = _GRIPS[grip] if mu else Mode.FOLLOWING
+        return found
+
+    def _jam(self, terms: ContactTerms, gap: int) -> None:
+        """Stop the sliding of a contact by an impact without collision."""
+        n, t = gap, len(self.modes) + gap
+        A, vt = terms.compliance, terms.rate[t]
+        blow = jam(A[n][n], A[n][t], A[t][t], vt, self._laws[gap].friction)
+        self._push(terms, gap, blow)
+        rates = (terms.rate[n], terms.rate[n] + A[n][n] * blow.normal + A[n][t] * blow.tangential)
+        after = vt + A[n][t] * blow.normal + A[t][t] * blow.tangential
+        self._record_impact(terms, gap, blow, rates, (vt, after), stop=True)
 
     def _separate(self, gap: int) -> None:
         """Start the flight a few roundings inside, at rest in the normal direction.
@@ -209,39 +402,32 @@ class Contacts:
                 x[k] += w * shift
                 x[f + k] += w * kick
 
-    def _push(self, terms: ContactTerms, gap: int, impulse: float) -> None:
-        x, f = self._state, self._f
-        for k, w in enumerate(terms.response[gap]):
-            x[f + k] += w * impulse
-
-    def _record_impact(
-        self, terms: ContactTerms, i: int, p: float, rate: float, after: float, stop: bool
-    ) -> None:
-        tau = self._ta.time
-        angular = work = 0.0
-        for response, law in zip(terms.drive_response[i], self.base.laws, strict=True):
-            angular += response * p
-            work += response * p * rate_of(law, tau)
-        self.impacts.append(
-            Impact(
-                self.time,
-                self._names[i],
-                terms.normal_angle[i],
-                -rate,
-                after if after > 0.0 else 0.0,
-                p,
-                0.0,
-                -0.5 * (rate + after) * p,
-                angular,
-                work,
-                stop,
-            )
-        )
-
-    def _record_modes(self, before: tuple[bool, ...]) -> None:
-        for gap, old, new in zip(self._system.gaps, before, self.closed, strict=True):
+    def _record_modes(self, before: tuple[int, ...]) -> None:
+        for name, old, new in zip(self._names, before, self.modes, strict=True):
             if old != new:
-                self.mode_changes.append(ModeChange(self.time, gap.name, _MODES[new], _MODES[old]))
+                self.mode_changes.append(ModeChange(self.time, name, Mode(new), Mode(old)))
+
+
+def _strike(
+    A: list[list[float]], rate: list[float], laws: Sequence[ImpactLaw]
+) -> tuple[list[Blow], list[float]]:
+    """Impulses of the contacts, and the rates of all rows after them."""
+    m = len(laws)
+    if m == 1 and len(rate) == 2:
+        blows = [strike(A[0][0], A[0][1], A[1][1], rate[0], rate[1], laws[0])]
+    elif m == len(rate):
+        impulses = newton_impulses(A, rate, [law.restitution for law in laws])
+        blows = [Blow(p, 0.0, 0) for p in impulses]
+    else:
+        blows = strike_together(A, rate, laws)
+    impulses = [b.normal for b in blows]
+    if len(rate) > m:
+        impulses += [b.tangential for b in blows]
+    after = [
+        r + sum([a * p for a, p in zip(row, impulses, strict=True)])
+        for r, row in zip(rate, A, strict=True)
+    ]
+    return blows, after
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

@@ -15,14 +15,14 @@ from fractions import Fraction
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.contact.restitution import ChatterRule
+from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion, Tape
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.drive import DriveLaw, Law
 
 _SUCCESS = hy.taylor_outcome.success
 _TIME_LIMIT = hy.taylor_outcome.time_limit
@@ -40,9 +40,9 @@ class State:
     """All there is to know at one instant; what follows depends on nothing else."""
 
     time: Fraction  #: [s], exact
-    turns: tuple[int, ...]  #: whole turns of the free coordinates
-    q: tuple[float, ...]  #: angles of the free coordinates [rad]
-    v: tuple[float, ...]  #: rates of the free coordinates [rad/s]
+    turns: tuple[int, ...]  #: whole turns of the free coordinates, 0 for displacements
+    q: tuple[float, ...]  #: free coordinates [rad, m]
+    v: tuple[float, ...]  #: their rates
     closed: tuple[bool, ...]  #: of every gap
 
 
@@ -52,7 +52,7 @@ class EventLoop:
     Parameters
     ----------
     system : the compiled equations
-    laws : one drive law for each prescribed coordinate
+    laws : one for each prescribed coordinate, then one for each powered coordinate
     state : where to start; open gaps that touch are resolved at once
     rtol : error per step relative to `STEP_SCALE` of the fastest drive's speed, at least 1 rad/s
     atol : [m] displacement that may be left out when chatter is ended
@@ -67,7 +67,7 @@ class EventLoop:
     def __init__(
         self,
         system: System,
-        laws: Sequence[DriveLaw],
+        laws: Sequence[Law],
         state: State,
         rtol: float,
         atol: float,
@@ -77,10 +77,12 @@ class EventLoop:
         self.events = 0
         self._system = system
         self._laws = list(laws)
-        self._coming: deque[DriveLaw] = deque()
+        self._coming: deque[Law] = deque()
         self._max_step = max_step
-        fastest = max((abs(law.coefficients[1]) for law in laws if law.degree), default=1.0)
-        self._ta = system.integrator(rtol, STEP_SCALE * max(fastest, 1.0), compact)
+        driven = [law.coefficients[1] for law in laws if isinstance(law, DriveLaw) and law.degree]
+        turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
+        fastest = max(1.0, *map(abs, driven or turning or [1.0]))
+        self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
         f = len(system.free)
         self._state, self._pars = self._ta.state[: 2 * f], self._ta.pars
         self._coefficients = self._ta.tc[: 2 * f]
@@ -91,7 +93,11 @@ class EventLoop:
         self._base = base_at(state.time, self._laws, turns)
         self._tape = Tape(system, self._coefficients)
         self._contacts = Contacts(
-            system, self._ta, ChatterRule(rtol, atol, system.mechanism.size), self._base
+            system,
+            self._ta,
+            ChatterRule(rtol, atol, system.mechanism.size),
+            self._base,
+            fastest * system.mechanism.size,
         )
         self._start_base()
         self._pending: tuple[float, float, int | None] | None = None
@@ -110,7 +116,7 @@ class EventLoop:
         tau = self._pending[0] if self._pending else self._ta.time
         return self._base.at(tau)
 
-    def change_law(self, law: DriveLaw) -> None:
+    def change_law(self, law: Law) -> None:
         """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
 
         Raises
@@ -124,7 +130,7 @@ class EventLoop:
                 f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
                 f'up to {self.time:.9g} s'
             )
-        if law.degree > self._system.degree:
+        if isinstance(law, DriveLaw) and law.degree > self._system.degree:
             raise ValueError(
                 f'a law of degree {law.degree} needs equations compiled for it; these are for '
                 f'degree {self._system.degree}'
@@ -148,30 +154,30 @@ class EventLoop:
         entries, longest = tape.entries, self._max_step
         reach = min(longest, contacts.horizon)
         limit = self._base.local(until)
+        watched = bool(contacts.modes)
         last = len(entries) + most if most is not None else math.inf
         while len(entries) < last:
             if self._pending is None:
                 tau = ta.time
                 outcome, h = step(reach, True)
-                if False in contacts.closed:
-                    while outcome in _UNEVENTFUL and contacts.fallen() is not None:
-                        if h < _SHORTEST * longest:
-                            break
-                        outcome, h = self._again(tau, _SHORTER * h)
+                while outcome in _UNEVENTFUL and watched and contacts.fallen() is not None:
+                    if h < _SHORTEST * longest:
+                        break
+                    outcome, h = self._again(tau, _SHORTER * h)
                 tape.buffer[len(entries)] = coefficients
                 if outcome == _SUCCESS:
-                    gap = None
+                    guard = None
                     pars[stabilisation] = 1.0 / h
                 else:
-                    gap = self._ended_by(outcome, tau)
+                    guard = self._ended_by(outcome, tau)
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
             else:
-                tau, h, gap = self._pending
+                tau, h, guard = self._pending
                 self._pending = None
             end = tau + h
             if end > limit or self._coming:
-                self._pending = (tau, h, gap)
+                self._pending = (tau, h, guard)
                 change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
                 if change <= limit and change < end:
                     self._cut(change)
@@ -184,14 +190,14 @@ class EventLoop:
                     return
                 self._pending = None
             if h > 0.0:
-                entries.append((tau, h, contacts.closed, tape.base))
+                entries.append((tau, h, contacts.modes, tape.base))
                 if len(entries) == len(tape.buffer):
                     tape.grow()
-            if gap is None and False in contacts.closed:
-                gap = contacts.fallen()
-            if gap is not None:
+            if guard is None and watched:
+                guard = contacts.fallen()
+            if guard is not None:
                 self._count_event()
-                contacts.handle(gap)
+                contacts.handle(guard)
                 ta.reset_cooldowns()
                 reach = min(longest, contacts.horizon)
             if end > self._next_base:
@@ -212,16 +218,16 @@ class EventLoop:
         return outcome, float(h)
 
     def _ended_by(self, outcome: hy.taylor_outcome, tau: float) -> int | None:
-        """The gap whose guard ended a step; ``None`` if it was the longest step."""
+        """The guard that ended a step; ``None`` if it was the longest step."""
         if outcome == _TIME_LIMIT:
             return None
-        gap = -int(outcome) - 1
-        if not 0 <= gap < len(self._system.gaps):
+        guard = -int(outcome) - 1
+        if not 0 <= guard < len(self._system.guards):
             raise RunError(
                 f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
                 'became infinite; the mechanism may be at a singular position'
             )
-        return gap
+        return guard
 
     def _cut(self, at: float) -> None:
         """End the pending step early, at local time `at`, on its own polynomials."""
@@ -230,7 +236,7 @@ class EventLoop:
         slot = self._tape.buffer[len(self._tape.entries)]
         x = np.polynomial.polynomial.polyval(at - tau, slot.T)
         if at > tau:
-            self._tape.entries.append((tau, at - tau, self._contacts.closed, self._tape.base))
+            self._tape.entries.append((tau, at - tau, self._contacts.modes, self._tape.base))
             if len(self._tape.entries) == len(self._tape.buffer):
                 self._tape.grow()
         self._state[:] = x
@@ -247,9 +253,12 @@ class EventLoop:
 
     # --- laws and bases -----------------------------------------------------------------------
 
-    def _switch_law(self, law: DriveLaw) -> None:
+    def _switch_law(self, law: Law) -> None:
         index = [known.coordinate for known in self._laws].index(law.coordinate)
-        if not law.continues(self._laws[index]):
+        before = self._laws[index]
+        if isinstance(before, DriveLaw) and not (
+            isinstance(law, DriveLaw) and law.continues(before)
+        ):
             raise RunError(
                 f'the law of {law.coordinate} valid from {law.valid_from:.9g} s jumps in angle or '
                 'speed, which no drive can follow; join the laws by a ramp'
@@ -262,6 +271,8 @@ class EventLoop:
         """Count time and turns anew from here, so that neither loses digits."""
         turns = {c: self._base.turns[c] for c in self._system.free}
         for i, name in enumerate(self._system.free):
+            if not self._system.angular[i]:
+                continue
             whole, angle = take_off_turns(float(self._state[i]))
             if whole:
                 turns[name] += whole
@@ -275,9 +286,12 @@ class EventLoop:
         for index, law in zip(self._system.law_index, self._base.laws, strict=True):
             self._pars[index[: len(law)]] = law
             self._pars[index[len(law) :]] = 0.0
+        for index, torque in zip(self._system.torque_index, self._base.torques, strict=True):
+            self._pars[index] = torque
         self._contacts.base = self._base
         self._tape.rebase(self._base)
-        self._next_base = self._base.next_after()
+        rates = self._state[len(self._state) // 2 :][list(self._system.angular)]
+        self._next_base = self._base.next_after(float(np.abs(rates).max(initial=0.0)))
 
     # --- the solution -------------------------------------------------------------------------
 

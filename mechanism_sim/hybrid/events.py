@@ -11,7 +11,10 @@ class Mode(IntEnum):
 
     UNKNOWN = 0
     FREE_FLIGHT = 1
-    FOLLOWING = 2
+    FOLLOWING = 2  # closed, without friction
+    STICKING = 3  # closed, held by friction: the pin rolls
+    SLIDING_FORWARD = 4  # closed, with friction; the tangential velocity is positive
+    SLIDING_BACKWARD = 5
 
 
 class StopReason(Enum):

@@ -70,11 +70,14 @@ class LoosePhysics:
         curve, driven = motion.curve, self.system.prescribed_index
         q, v = (curve.at(segments, dt, derivative).T for derivative in (0, 1))
         steady = self.system.degree <= 1
+        powered = self.system.driven_index[len(driven) :]
+        constant, per_angle, per_speed = motion.torques_at(segments, dt).transpose(1, 0, 2)
         return self.system.observe(
             q,
             v,
             np.zeros_like(q[driven]) if steady else curve.at(segments, dt, 2).T[driven],
-            motion.closed_at(segments, dt).astype(float),
+            motion.modes_at(segments, dt),
+            constant + per_angle * q[powered] + per_speed * v[powered],
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
@@ -86,6 +89,10 @@ class LoosePhysics:
     def closure_error(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation
     ) -> float:
-        """Largest distance of a closed gap from zero [m]."""
+        """Largest distance from zero [m], of closed gaps and of closures."""
         closed = observed.gap[motion.closed_at(segments, dt)]
-        return float(np.abs(closed).max(initial=0.0))
+        largest = float(np.abs(closed).max(initial=0.0))
+        if self.system.relations:
+            left = self.system.closures(observed.position)
+            largest = max(largest, float(np.abs(left).max(initial=0.0)))
+        return largest

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.audit import Work
+from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.hybrid.tape import Motion
@@ -21,7 +22,7 @@ _NODES, _WEIGHTS = gauss_nodes(12)
 class Books(NamedTuple):
     """Work and losses of a motion of m segments [J]."""
 
-    work: Array  #: (m,) of the drives in each segment, without impulses
+    work: Work  #: in each segment, without impulses
     impacts: Sequence[Impact]  #: those within the motion
     drive_work: float = 0.0  #: before the motion
     dissipated: float = 0.0  #: before the motion
@@ -31,7 +32,7 @@ class Samples(NamedTuple):
     """A machine at N instants."""
 
     t: Array  #: (N,) [s]
-    closed: NDArray[np.bool_]  #: (m, N)
+    modes: NDArray[np.uint8]  #: (m, N)
     observed: Observation
     drive_work: Array  #: (N,) [J] since the start of the run
     dissipated: Array  #: (N,) [J] since the start of the run
@@ -51,19 +52,25 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
     observed = physics.observe(motion, k, dt)
     work, lost = np.full(len(t), books.drive_work), np.full(len(t), books.dissipated)
     if physics.has_forces:
-        work += np.concatenate([[0.0], np.cumsum(books.work)])[k]
-        work += _work_since_start(physics, motion, k, dt)
+        since = _work_since_start(physics, motion, k, dt)
+        for total, whole, part in zip((work, lost), books.work, since, strict=True):
+            total += np.concatenate([[0.0], np.cumsum(whole)])[k] + part
         at = [impact.t for impact in books.impacts]
         passed = np.searchsorted(at, t, side='right')
         work += np.cumsum([0.0, *(i.drive_work for i in books.impacts)])[passed]
         lost += np.cumsum([0.0, *(i.energy_loss for i in books.impacts)])[passed]
-    return Samples(t, motion.closed[k].T, observed, work, lost)
+    return Samples(t, motion.modes[k].T, observed, work, lost)
 
 
-def _work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Array:
-    """Work of the drives from the start of segment k to `dt` later (N,) [J], by quadrature."""
-    power = physics.observe(motion, k, dt[:, None] * _NODES).drive_power
-    return np.asarray(dt * (power.reshape(-1, len(_NODES)) @ _WEIGHTS))
+def _work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
+    """The same from the start of segment k to `dt` later (N,), by quadrature."""
+    observed = physics.observe(motion, k, dt[:, None] * _NODES)
+    return Work(
+        *(
+            np.asarray(dt * (power.reshape(-1, len(_NODES)) @ _WEIGHTS))
+            for power in (observed.drive_power, observed.friction_power)
+        )
+    )
 
 
 def table(physics: Physics, s: Samples) -> dict[str, Array]:
@@ -79,7 +86,9 @@ def table(physics: Physics, s: Samples) -> dict[str, Array]:
     for i, joint in enumerate(physics.clearances):
         columns[f'gap.{joint}'] = o.gap[i]
         columns[f'normal_force.{joint}'] = o.normal_force[i]
-        columns[f'closed.{joint}'] = s.closed[i].astype(float)
+        columns[f'friction_force.{joint}'] = o.friction_force[i]
+        columns[f'closed.{joint}'] = (s.modes[i] > Mode.FREE_FLIGHT).astype(float)
+        columns[f'mode.{joint}'] = s.modes[i].astype(float)
     if physics.has_forces:
         for i, joint in enumerate(physics.joints):
             columns[f'reaction.{joint}.x'] = o.reaction[i, 0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, StopReason
+from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Books, Samples, sample, table
 from mechanism_sim.hybrid.system import Array
@@ -67,8 +67,8 @@ class Solution:
         """Everything at times `t` [s], as arrays (N,) by name.
 
         ``position.LINK`` [rad], ``velocity.LINK``, ``acceleration.LINK``; with clearance
-        ``gap.JOINT`` [m], ``normal_force.JOINT`` [N], ``closed.JOINT`` (0 or 1); and where the
-        scene has forces ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named
+        ``gap.JOINT`` [m], ``normal_force.JOINT``, ``friction_force.JOINT`` [N], ``closed.JOINT``
+        (0 or 1), ``mode.JOINT`` (the number of a `Mode`); and where the scene has forces ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named
         link), ``drive_torque`` [N m], ``energy.kinetic``, ``energy.potential``,
         ``energy.drive_work``, ``energy.dissipated`` [J].
 
@@ -83,7 +83,7 @@ class Solution:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
         digest = MotionDigest()
         c = self.motion.curve
-        modes = np.where(self.motion.closed, Mode.FOLLOWING, Mode.FREE_FLIGHT)
+        modes = self.motion.modes
         digest.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, modes)
         for i in self.impacts:
             digest.add_impact(

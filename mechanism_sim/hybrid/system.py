@@ -2,7 +2,7 @@
 
 Which gaps are closed is a runtime flag s of each gap: ``s N`` stands in the equations and one
 guard per gap, ``(1 - s) gap + s N``, falls through zero when an open gap touches and when a closed
-one lets go.
+one lets go. A gap with friction has two more flags, whether it sticks and which way it slips.
 """
 
 from __future__ import annotations
@@ -16,21 +16,12 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.symbolic import (
-    Matrix,
-    Term,
-    Vector,
-    add,
-    dense,
-    dot,
-    mul,
-    neg,
-    solve_symmetric,
-)
-from mechanism_sim.planar.equations import Equations
+from mechanism_sim.hybrid.dynamics import Dynamics
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Gap
+from mechanism_sim.planar.protocols import Gap, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 
 Array = NDArray[np.float64]
@@ -41,21 +32,33 @@ TINY = 1.0625e-300
 FORCE_SCALE = 1e-6
 """[m/N] Makes forces in guards so small that they do not rule the size of the steps."""
 
+SLIP_SCALE = 1e-3
+"""[s] The same for tangential velocities."""
+
 
 class ContactTerms(NamedTuple):
-    """The gaps at one state: m gaps, f free coordinates, p prescribed ones."""
+    """The m gaps at one state: r rows, all normals, then all tangents if there is friction."""
 
     value: list[float]  #: (m,) [m]
-    rate: list[float]  #: (m,) [m/s]
-    free_acceleration: list[float]  #: (m,) second derivative while no gap carries force [m/s^2]
-    response: list[list[float]]  #: (m, f) M^-1 J^T: rates gained per unit impulse
-    compliance: list[list[float]]  #: (m, m) J M^-1 J^T: gap rates per unit impulse [1/kg]
-    drive_response: list[list[float]]  #: (m, p) impulse of the drives per unit impulse
+    rate: list[float]  #: (r,) [m/s]
+    free_acceleration: list[float]  #: (r,) their derivatives while no gap carries force [m/s^2]
+    response: list[list[float]]  #: (r, f) rates gained per unit impulse, closures kept
+    compliance: list[list[float]]  #: (r, r) rates of the rows per unit impulse [1/kg]
+    drive_response: list[list[float]]  #: (r, p) impulse of the drives per unit impulse
     normal_angle: list[float]  #: (m,) [rad]
 
 
+class Guard(NamedTuple):
+    """What a guard watches: the normal direction of a gap, or its friction."""
+
+    gap: int
+    #: 0: touching or letting go; +1: sliding that ends, or sticking that gives way backwards;
+    #: -1: sticking that gives way forwards
+    friction: int
+
+
 class System:
-    """Equations of a mechanism with gaps and prescribed coordinates, ready to run.
+    """Equations of a mechanism with gaps, closures and drives, ready to run.
 
     Parameters
     ----------
@@ -63,104 +66,77 @@ class System:
     gaps : its joints with clearance
     prescribed : names of the coordinates whose law the drive gives
     degree : degree of these laws as polynomials in time
+    relations : closures of loops
+    powered : names of the coordinates on which a drive's torque acts
 
     Attributes
     ----------
     parameters : values of the runtime parameters ``par[]``, SI units
-    flag_index : of every gap, which of them says that it is closed
+    guards : of the integrator, in the order of its events
+    flag_index, stick_index, slip_index : of every gap, which of them say that it is closed, that
+        it sticks, and the sign of its slip
     law_index : of every prescribed coordinate, which of them are its law's coefficients
+    torque_index : of every powered coordinate, likewise
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
     """
 
     def __init__(
-        self, mechanism: Mechanism, gaps: Sequence[Gap], prescribed: Sequence[str], degree: int
+        self,
+        mechanism: Mechanism,
+        gaps: Sequence[Gap],
+        prescribed: Sequence[str],
+        degree: int,
+        relations: Sequence[Relation] = (),
+        powered: Sequence[str] = (),
     ) -> None:
         self.mechanism = mechanism
         self.gaps = tuple(gaps)
+        self.relations = tuple(relations)
         self.coordinates = mechanism.coordinates
         self.prescribed = tuple(prescribed)
+        self.powered = tuple(powered)
         self.free = tuple(c for c in self.coordinates if c not in prescribed)
+        self.angular = tuple(c not in mechanism.displacements for c in self.free)
         self.prescribed_index = [self.coordinates.index(c) for c in self.prescribed]
+        self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
-        self.equations = Equations(mechanism, gaps)
+        self.dynamics = Dynamics(mechanism, gaps, prescribed, degree, relations, powered)
+        self.equations = self.dynamics.equations
         p = self.equations.parameters
-        self._flags = [p.reserve(f'{g.name}.closed') for g in self.gaps]
-        self._stabilisation = p.reserve('stabilisation')
         self._laws = {
             c: [p.reserve(f'{c}.law.{k}') for k in range(degree + 1)] for c in self.prescribed
         }
-        self._solve()
+        d = self.dynamics
+        self.guards = [Guard(i, 0) for i in range(len(gaps))]
+        self.guards += [Guard(i, sign) for i in d.sliding for sign in (1, -1)]
         self.parameters = np.array(p.values)
         self.flag_index = [p.names[f'{g.name}.closed'] for g in self.gaps]
+        self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
+        self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.sliding]
         self.stabilisation_index = p.names['stabilisation']
         self.law_index = [
             [p.names[f'{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
+        self.torque_index = [[p.names[f'{c}.torque.{k}'] for k in range(3)] for c in self.powered]
 
-    def _solve(self) -> None:
-        """Accelerations and contact forces as expressions of state and flags."""
-        eq, index = self.equations, self.coordinates.index
-        f, p = [index(c) for c in self.free], [index(c) for c in self.prescribed]
-        M_ff: Matrix = [[eq.M[i][j] for j in f] for i in f]
-        a_p: Vector = [eq.frames.a[c] if self.degree > 1 else None for c in self.prescribed]
-        rhs: Vector = [neg(add(eq.bias[i], dot([eq.M[i][j] for j in p], a_p))) for i in f]
-        rows = [jet.row(self.coordinates) for jet in eq.gap_jets]
-        J_f: Matrix = [[row[i] for i in f] for row in rows]
-        J_p: Matrix = [[row[i] for i in p] for row in rows]
-        solved = solve_symmetric(M_ff, [rhs, *J_f])
-        a_0, self._W = solved[0], solved[1:]
-        self._A: Matrix = [[dot(J_i, W_k) for W_k in self._W] for J_i in J_f]
-        self._b: Vector = [
-            add(dot(J_f[i], a_0), dot(J_p[i], a_p), jet.curvature)
-            for i, jet in enumerate(eq.gap_jets)
-        ]
-        s = self._flags
-        K = self._flagged_compliance()
-        N = solve_symmetric(K, [[neg(mul(s[i], self._b[i])) for i in range(len(s))]])
-        self._N: Vector = N[0] if s else []
-        self._a_f = self._with_forces(a_0, self._N)
-        # Closed gaps are drawn back to zero within about a step: Baumgarte's method with a rate
-        # that the event loop sets to the reciprocal of the last step.
-        alpha = self._stabilisation
-        drawn = [
-            neg(mul(s[i], add(b, mul(2.0 * alpha, j.rate), mul(alpha * alpha, j.value))))
-            for i, (b, j) in enumerate(zip(self._b, eq.gap_jets, strict=True))
-        ]
-        N = solve_symmetric(K, [drawn])
-        self._stabilised_N: Vector = N[0] if s else []
-        self._stabilised_a_f = self._with_forces(a_0, self._stabilised_N)
-        self._J_p, self._a_p = J_p, a_p
-        self._drive_response: Matrix = [
-            [add(dot([eq.M[i][j] for j in f], W), neg(J_p[k][p.index(i)]))
-             for k, W in enumerate(self._W)]
-            for i in p
-        ]  # fmt: skip
+    @property
+    def frictional(self) -> bool:
+        """Whether any gap has friction."""
+        return bool(self.dynamics.frictional)
 
-    def _with_forces(self, a_0: Vector, N: Vector) -> Vector:
-        return [
-            add(a, *(mul(W[i], n) for W, n in zip(self._W, N, strict=True)))
-            for i, a in enumerate(a_0)
-        ]
-
-    def _flagged_compliance(self) -> Matrix:
-        """``S A S + 1 - S``: the compliance of closed gaps, the identity for open ones."""
-        s, A = self._flags, self._A
-        return [
-            [
-                add(mul(s[i], A[i][k]), 1.0 - s[i]) if i == k else mul(s[i] * s[k], A[i][k])
-                for k in range(len(s))
-            ]
-            for i in range(len(s))
-        ]
-
-    def _symbols(self) -> list[hy.expression]:
-        frames = self.equations.frames
-        return [*frames.q.values(), *frames.v.values()]
+    def flags(self, modes: Sequence[int]) -> tuple[list[float], list[float], list[float]]:
+        """What the flags closed, sticks and slips are when the gaps are in these modes."""
+        sign = {Mode.SLIDING_FORWARD: 1.0, Mode.SLIDING_BACKWARD: -1.0}
+        return (
+            [float(m > Mode.FREE_FLIGHT) for m in modes],
+            [float(modes[i] == Mode.STICKING) for i in self.dynamics.frictional],
+            [sign.get(Mode(modes[i]), 0.0) for i in self.dynamics.sliding],
+        )
 
     def integrator(
         self, rtol: float, scale: float = 1.0, compact: bool = False
     ) -> hy.taylor_adaptive_dbl:
-        """Adaptive Taylor integrator with one terminal guard per gap.
+        """Adaptive Taylor integrator with the terminal guards of every gap.
 
         State: free coordinates, their rates, and a constant that only sets the step. heyoka ties
         its order p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term
@@ -178,14 +154,8 @@ class System:
         tolerance = math.exp(-2.0 * (order - 1.5))
         constant = hy.make_vars('step_constant')
         frames = self.equations.frames
-        a = [dense(x) for x in self._stabilised_a_f]
-        guards = [
-            (1.0 - s) * dense(jet.value) + s * (FORCE_SCALE * dense(n)) + TINY
-            for s, jet, n in zip(
-                self._flags, self.equations.gap_jets, self._stabilised_N, strict=True
-            )
-        ]
-        driven = self._driven([*a, *guards])
+        a = [dense(x) for x in self.dynamics.stabilised.a]
+        driven = self._driven([*a, *self._guards])
         a, guards = driven[: len(a)], driven[len(a) :]
         sys = [(frames.q[c], frames.v[c]) for c in self.free]
         sys += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
@@ -200,6 +170,27 @@ class System:
             t_events=events,
             compact_mode=compact,
         )
+
+    @cached_property
+    def _guards(self) -> list[hy.expression]:
+        """Functions that fall through zero at events, in the order of `guards`."""
+        d, solved = self.dynamics, self.dynamics.stabilised
+        result = []
+        for gap, friction in self.guards:
+            s = d.closed[gap]
+            if not friction:
+                force = s * (FORCE_SCALE * dense(solved.N[gap]))
+                result.append((1.0 - s) * dense(d.normal[gap].value) + force + TINY)
+                continue
+            # off the cone of friction while sticking; while sliding until it ends
+            z, mu = d.sticks[gap], d.friction[gap]
+            inside = z * (FORCE_SCALE * (mu * solved.N[gap] - friction * solved.T[gap]))
+            idle = 1.0 - z
+            if friction > 0:
+                sign = d.slips[gap]
+                idle = idle - sign * sign + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
+            result.append(inside + idle + TINY)
+        return result
 
     def _driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
         """The expressions with the laws of the prescribed coordinates put in."""
@@ -220,18 +211,23 @@ class System:
         return hy.cfunc(self._driven([dense(o) for o in outputs]), vars=variables)
 
     @cached_property
+    def watch(self) -> hy.cfunc_dbl:
+        """The guards, and the rates of the gaps."""
+        return self._on_free_state([*self._guards, *(jet.rate for jet in self.dynamics.normal)])
+
+    @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
         """Terms of the gaps, to be read by `contact_terms`."""
-        jets = self.equations.gap_jets
+        d, rows = self.dynamics, self.dynamics.rows
         normals = [gap.normal(self.equations.frames) for gap in self.gaps]
         return self._on_free_state(
             [
-                *(jet.value for jet in jets),
-                *(jet.rate for jet in jets),
-                *self._b,
-                *(x for row in self._W for x in row),
-                *(x for row in self._A for x in row),
-                *(row[k] for k in range(len(jets)) for row in self._drive_response),
+                *(jet.value for jet in d.normal),
+                *(jet.rate for jet in rows),
+                *d.free_acceleration,
+                *(x for W in d.response for x in W),
+                *(x for row in d.compliance for x in row),
+                *(x for row in d.drive_response for x in row),
                 *(hy.atan2(dense(y.value), dense(x.value)) for x, y in normals),
             ]
         )
@@ -239,118 +235,177 @@ class System:
     def contact_terms(self, out: list[float]) -> ContactTerms:
         """The output of `contact_function` by name."""
         m, f, p = len(self.gaps), len(self.free), len(self.prescribed)
-        if m == 1:
+        r = len(self.dynamics.rows)
+        if r == 1:
             value, rate, free = out[:3]
             compliance, drive, angle = [out[3 + f]], out[4 + f : 4 + f + p], out[4 + f + p :]
             return ContactTerms(
                 [value], [rate], [free], [out[3 : 3 + f]], [compliance], [drive], angle
             )
-        i = 3 * m + m * f
-        j = i + m * m
-        k = j + m * p
+        h = m + 2 * r
+        i = h + r * f
+        j = i + r * r
+        k = j + r * p
         return ContactTerms(
             out[:m],
-            out[m : 2 * m],
-            out[2 * m : 3 * m],
-            [out[3 * m + r * f : 3 * m + (r + 1) * f] for r in range(m)],
-            [out[i + r * m : i + (r + 1) * m] for r in range(m)],
-            [out[j + r * p : j + (r + 1) * p] for r in range(m)],
+            out[m : m + r],
+            out[m + r : h],
+            [out[h + n * f : h + (n + 1) * f] for n in range(r)],
+            [out[i + n * r : i + (n + 1) * r] for n in range(r)],
+            [out[j + n * p : j + (n + 1) * p] for n in range(r)],
             out[k:],
         )
 
     @cached_property
     def projection(self) -> hy.cfunc_dbl:
-        """The state with closed gaps brought to zero, in value and rate, along M^-1 J^T."""
-        frames, s = self.equations.frames, self._flags
-        jets = self.equations.gap_jets
-        K = self._flagged_compliance()
-        shifts = solve_symmetric(
-            K,
-            [
-                [neg(mul(flag, jet.value)) for flag, jet in zip(s, jets, strict=True)],
-                [neg(mul(flag, jet.rate)) for flag, jet in zip(s, jets, strict=True)],
-            ],
-        )
-        return self._on_free_state(
-            [
-                add(symbol[c], *(mul(W[i], x) for W, x in zip(self._W, shift, strict=True)))
-                for symbol, shift in zip((frames.q, frames.v), shifts, strict=True)
+        """The state with loops and closed gaps brought to zero, in value and rate.
+
+        Along M^-1 J^T; what sticks loses its tangential velocity too.
+        """
+        d, frames = self.dynamics, self.equations.frames
+        outputs: list[Term] = []
+        for symbol, rows, quantity in (
+            (frames.q, d.normal, 'value'),
+            (frames.v, d.rows, 'rate'),
+        ):
+            shift = d.closing([getattr(jet, quantity) for jet in d.relation])
+            count = len(rows)
+            K = [
+                [
+                    add(mul(mul(d.active[i], d.active[k]), d.compliance[i][k]),
+                        1.0 - d.active[i] if i == k else None)
+                    for k in range(count)
+                ]
+                for i in range(count)
+            ]  # fmt: skip
+            off = [
+                add(getattr(jet, quantity), d.along(row, shift))
+                for jet, row in zip(rows, d.J, strict=False)
+            ]
+            impulses = solve_symmetric(
+                K, [[neg(mul(a, x)) for a, x in zip(d.active, off, strict=False)]]
+            )[0] if count else []  # fmt: skip
+            outputs += [
+                add(symbol[c], shift[i], *(mul(W[i], x) for W, x in zip(d.response, impulses)))  # noqa: B905 - of positions only the normal rows
                 for i, c in enumerate(self.free)
             ]
-        )
+        return self._on_free_state(outputs)
 
     @cached_property
     def _observe(self) -> hy.cfunc_dbl:
-        eq = self.equations
-        a: dict[str, Term] = dict(zip(self.free, self._a_f, strict=True))
-        a |= dict(zip(self.prescribed, self._a_p, strict=True))
-        normals = [gap.normal(eq.frames) for gap in self.gaps]
-        cut = {
-            gap.name: (mul(n, x.value), mul(n, y.value))
-            for gap, n, (x, y) in zip(self.gaps, self._N, normals, strict=True)
-        }
+        eq, d = self.equations, self.dynamics
+        solved = d.exact
+        a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
+        a |= {c: eq.frames.a[c] if self.degree > 1 else None for c in self.prescribed}
+        cut: dict[str, tuple[Term, Term]] = {}
+        for i, gap in enumerate(self.gaps):
+            x, y = gap.normal(eq.frames)
+            N, T = solved.N[i], solved.T[i]
+            # the friction force acts on the first-named link, this is the force on the second
+            cut[gap.name] = (
+                add(mul(N, x.value), mul(T, y.value)),
+                add(mul(N, y.value), neg(mul(T, x.value))),
+            )
+        forces = iter(solved.closing_forces)
+        for relation in self.relations:
+            cut[relation.name] = (neg(next(forces)), neg(next(forces)))
         reactions = tree_reactions(eq, a, cut)
         supplied = generalized_forces(eq, a)
         torques = [
-            add(
-                supplied[self.coordinates.index(c)],
-                *(neg(mul(row[k], n)) for row, n in zip(self._J_p, self._N, strict=True)),
-            )
+            add(supplied[self.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
             for k, c in enumerate(self.prescribed)
         ]
+        friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
         outputs: list[Term] = [
             *(a[c] for c in self.coordinates),
-            *(jet.value for jet in eq.gap_jets),
-            *self._N,
+            *(jet.value for jet in d.normal),
+            *(jet.value for jet in d.relation),
+            *solved.N,
+            *solved.T,
+            add(*friction),
             *torques,
             *(x for force in reactions.values() for x in force),
             *energies(eq),
         ]
-        flags = [hy.make_vars(f'{g.name}.closed') for g in self.gaps]
-        replace = dict(zip(self._flags, flags, strict=True))
-        expressions = hy.subs([dense(o) for o in outputs], replace)
-        variables = [*self._symbols(), *(eq.frames.a[c] for c in self.prescribed), *flags]
-        return hy.cfunc(expressions, vars=variables)
+        replace: dict[str | hy.expression, hy.expression] = {}
+        for k, flag in enumerate((*d.closed, *d.sticks.values(), *d.slips.values())):
+            replace[flag] = hy.make_vars(f'flag{k}')
+        variables = list(replace.values())
+        for k, c in enumerate(self.powered):
+            constant, *others = d.torques[3 * k : 3 * k + 3]
+            replace[constant] = hy.make_vars(f'{c}_torque')
+            variables.append(replace[constant])
+            replace |= dict.fromkeys(others, hy.expression(0.0))
+        expressions = [dense(o) for o in outputs]
+        if replace:
+            expressions = list(hy.subs(expressions, replace))
+        frames = eq.frames
+        symbols = [*frames.q.values(), *frames.v.values()]
+        return hy.cfunc(
+            expressions, vars=[*symbols, *(frames.a[c] for c in self.prescribed), *variables]
+        )
 
-    def observe(self, q: Array, v: Array, a_p: Array, closed: Array) -> Observation:
+    def observe(
+        self, q: Array, v: Array, a_p: Array, modes: NDArray[np.uint8], torque: Array | None = None
+    ) -> Observation:
         """Accelerations, forces and energies at N instants.
 
         Parameters
         ----------
         q, v : (n, N) of all coordinates
         a_p : (p, N) prescribed accelerations
-        closed : (m, N) 1.0 where a gap is closed
+        modes : (m, N) of the gaps
+        torque : (k, N) [N m] on the powered coordinates
         """
-        inputs = np.ascontiguousarray(np.concatenate([q, v, a_p, closed]))
-        count = inputs.shape[1]
+        d, count = self.dynamics, q.shape[1]
+        torque = np.zeros((len(self.powered), count)) if torque is None else torque
+        modes = np.asarray(modes)
+        held = modes[d.frictional] == Mode.STICKING
+        forward = modes[d.sliding] == Mode.SLIDING_FORWARD
+        backward = modes[d.sliding] == Mode.SLIDING_BACKWARD
+        flags = [modes > Mode.FREE_FLIGHT, held, forward * 1.0 - backward]
+        inputs = np.ascontiguousarray(
+            np.concatenate([q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque])
+        )
         pars = np.repeat(self._observe_parameters[:, None], count, axis=1)
         out = self._observe(inputs, pars=pars)
         n, m, p = len(self.coordinates), len(self.gaps), len(self.prescribed)
-        ends = np.cumsum([n, m, m, p, 2 * len(self.mechanism.joints)])
-        a, gap, force, torque, reaction, energy = np.split(out, ends)
+        joints = len(self.mechanism.joints)
+        ends = np.cumsum([n, m, len(d.relation), m, m, 1, p, 2 * joints])
+        a, gap, _, N, T, friction, prescribed, reaction, energy = np.split(out, ends)
+        drive_torque = np.concatenate([prescribed, torque])
         return Observation(
             q,
             v,
             a,
             np.array([g.distance(row) for g, row in zip(self.gaps, gap, strict=True)]),
-            force,
+            N,
+            T,
+            friction[0],
             reaction.reshape(-1, 2, count),
-            torque,
-            (torque * v[self.prescribed_index]).sum(axis=0),
+            drive_torque,
+            (drive_torque * v[self.driven_index]).sum(axis=0),
             energy[0],
             energy[1],
         )
 
     @cached_property
-    def _gaps(self) -> hy.cfunc_dbl:
-        frames = self.equations.frames
-        values = [dense(jet.value) for jet in self.equations.gap_jets]
+    def _distances(self) -> hy.cfunc_dbl:
+        frames, d = self.equations.frames, self.dynamics
+        values = [dense(jet.value) for jet in (*d.normal, *d.relation)]
         return hy.cfunc(values, vars=list(frames.q.values()))
 
+    def _values(self, q: Array) -> Array:
+        pars = np.repeat(self.parameters[: self._distances.nparams, None], q.shape[1], axis=1)
+        return np.asarray(self._distances(np.ascontiguousarray(q), pars=pars))
+
     def gap_values(self, q: Array) -> Array:
-        """The gaps (m, N) [m] in their own measure at angles q (n, N)."""
-        pars = np.repeat(self.parameters[: self._gaps.nparams, None], q.shape[1], axis=1)
-        return np.asarray(self._gaps(np.ascontiguousarray(q), pars=pars))
+        """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""
+        return self._values(q)[: len(self.gaps)]
+
+    def closures(self, q: Array) -> Array:
+        """What is left open where loops close (k, N) [m] at coordinates q (n, N)."""
+        return self._values(q)[len(self.gaps) :]
 
     @cached_property
     def _observe_parameters(self) -> Array:

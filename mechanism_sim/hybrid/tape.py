@@ -9,24 +9,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.clock import Base
+from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial, exact_sum, shift_powers
+from mechanism_sim.planar.drive import TWO_PI
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of all coordinates, and which gaps are closed, on m segments."""
+    """Motion of all coordinates, and the mode of every gap, on m segments."""
 
     curve: PiecewisePolynomial  #: of the n coordinates, in the order of the mechanism
-    closed: NDArray[np.bool_]  #: (m, gaps)
+    modes: NDArray[np.uint8]  #: (m, gaps)
+    torques: Array  #: (m, k, 3) coefficients of the torque laws of k powered coordinates
 
     def __len__(self) -> int:
         return len(self.curve)
 
+    @property
+    def closed(self) -> NDArray[np.bool_]:
+        """Which gaps carry force (m, gaps)."""
+        return self.modes > Mode.FREE_FLIGHT
+
+    def modes_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.uint8]:
+        """Modes (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
+        return np.repeat(self.modes[segments], _each(dt), axis=0).T
+
     def closed_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.bool_]:
         """Flags (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
-        each = len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
-        return np.repeat(self.closed[segments], each, axis=0).T
+        return self.modes_at(segments, dt) > Mode.FREE_FLIGHT
+
+    def torques_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Coefficients of the torque laws (k, 3, N)."""
+        return np.repeat(self.torques[segments], _each(dt), axis=0).transpose(1, 2, 0)
 
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
@@ -40,8 +55,13 @@ class Motion:
                 np.concatenate([c.turns for c in curves]),
                 np.concatenate([c.coefficients for c in curves]),
             ),
-            np.concatenate([part.closed for part in parts]),
+            np.concatenate([part.modes for part in parts]),
+            np.concatenate([part.torques for part in parts]),
         )
+
+
+def _each(dt: Array | Nodes) -> int:
+    return len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
 
 
 class Tape:
@@ -53,13 +73,13 @@ class Tape:
     Attributes
     ----------
     buffer : (capacity, 2 f, order + 1), always with room for one more step
-    entries : of every step its start since the base, its length [s], its gaps, its base
+    entries : of every step its start since the base, its length [s], its modes, its base
     base : index of the present base
     """
 
     def __init__(self, system: System, coefficients: Array) -> None:
         self.buffer = np.empty((256, *coefficients.shape))
-        self.entries: list[tuple[float, float, tuple[bool, ...], int]] = []
+        self.entries: list[tuple[float, float, tuple[int, ...], int]] = []
         self.base = -1
         self._system = system
         self._bases: list[Base] = []
@@ -86,7 +106,7 @@ class Tape:
         integrator's own.
         """
         system, count = self._system, len(self.entries)
-        taus, hs, closed, bases = zip(*self.entries, strict=True) if count else ((),) * 4
+        taus, hs, modes, bases = zip(*self.entries, strict=True) if count else ((),) * 4
         f, order = len(system.free), self.buffer.shape[2]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         free = [system.coordinates.index(c) for c in system.free]
@@ -104,7 +124,7 @@ class Tape:
             )
         high = np.array([base.high for base in self._bases])[of]
         low = np.array([base.low for base in self._bases])[of]
-        turns = [[base.turns[c] for c in system.coordinates] for base in self._bases]
+        turns = [[base.turns.get(c, 0) for c in system.coordinates] for base in self._bases]
         start, start_low = exact_sum(high, low, tau)
         motion = Motion(
             PiecewisePolynomial(
@@ -114,7 +134,8 @@ class Tape:
                 np.array(turns, dtype=np.int64)[of],
                 coefficients,
             ),
-            np.array(closed, dtype=bool).reshape(count, len(system.gaps)),
+            np.array(modes, dtype=np.uint8).reshape(count, len(system.gaps)),
+            self._torques(of),
         )
         # The next step may be in its slot already: it becomes the first.
         self.buffer[0] = self.buffer[count]
@@ -123,3 +144,12 @@ class Tape:
         self._bases = self._bases[-1:]
         self.base = 0
         return motion
+
+    def _torques(self, of: NDArray[np.intp]) -> Array:
+        """The torque laws of every step, for angles with all their turns."""
+        laws = np.zeros((len(self._bases), len(self._system.powered), 3))
+        for row, base in zip(laws, self._bases, strict=True):
+            for k, c in enumerate(self._system.powered):
+                row[k] = base.torques[k]
+                row[k, 0] -= row[k, 1] * float(base.turns[c] * TWO_PI)
+        return laws[of]

@@ -8,10 +8,10 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.numerics.symbolic import dense, mul
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.mechanism import GROUND, Mechanism
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,9 @@ class BearingClearance:
     mechanism: Mechanism
     clearance: float  #: [m] radial
     restitution: float
+    friction: float = 0.0
+    hypothesis: str = 'newton'
+    pin_radius: float = 0.0  #: [m]
 
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""
@@ -48,6 +51,23 @@ class BearingClearance:
         c = self._clearance(frames)
         gap: Jet = -((x.square() + y.square()) - c * c) / (2.0 * c)
         return gap
+
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the pin's surface along the bushing's, ``Q'.t + rp w1 - (rp + c) w2`` [m/s].
+
+        Both surfaces pass the point of contact: at the distance rp from the pin's centre and at
+        rp + c from the bushing's. Its rate is ``Q''.t + rp w1' - (rp + c) w2'``.
+        """
+        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
+        c = self._clearance(frames)
+        tangential = x.across(y) / c
+        joint = self.mechanism.joint(self.name)
+        radius = self.pin_radius
+        for link, arm in ((joint.first, radius), (joint.second, -(radius + self.clearance))):
+            if link != GROUND and arm != 0.0:
+                r = frames.parameters(f'{self.name}.slip.{link}', arm)
+                tangential += Jet(None, {link: r}, mul(r, frames.v[link]), None)
+        return tangential
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """``Q/c``: the direction from bushing centre to pin centre."""

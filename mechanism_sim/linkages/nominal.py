@@ -118,7 +118,7 @@ class NominalRun:
             turns,
             np.array([p[3] for p in pieces]).reshape(count, 3, len(_NODES)),
         )
-        return Motion(curve, np.zeros((count, 0), dtype=bool)), [], []
+        return Motion(curve, np.zeros((count, 0), np.uint8), np.zeros((count, 0, 3))), [], []
 
 
 class NominalPhysics:
@@ -148,7 +148,9 @@ class NominalPhysics:
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         forces = np.zeros((0, 2, count))
-        return Observation(q, v, a, none, none, forces, none, unknown, unknown, unknown)
+        return Observation(
+            q, v, a, none, none, none, np.zeros(count), forces, none, unknown, unknown, unknown
+        )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """There are none: (0, N)."""

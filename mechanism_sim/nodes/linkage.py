@@ -9,7 +9,6 @@ import numpy as np
 
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.hybrid.sampling import Books, sample
 from mechanism_sim.hybrid.tape import Motion as MotionBatch
@@ -99,9 +98,8 @@ class Linkage(SimulationNode):
         for change in changes:
             self.send(self._modes, publications.mode_change(change))
         if len(motion):
-            modes = np.where(motion.closed, Mode.FOLLOWING, Mode.FREE_FLIGHT).astype(np.uint8)
             names = (self._physics.coordinates, self._physics.clearances)
-            self.send(self._motion, pack(motion.curve, modes, *names))
+            self.send(self._motion, pack(motion.curve, motion.modes, *names))
             self._publish_samples(motion, Books(work, impacts, *before))
         for impact in impacts:
             self.send(self._impacts, publications.impact(impact, self._impact_count))

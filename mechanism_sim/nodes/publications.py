@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Samples
@@ -90,7 +89,6 @@ def linkage_states(physics: Physics, s: Samples) -> Iterator[Any]:
     """LinkageState messages."""
     o = s.observed
     torque = o.drive_torque.sum(axis=0)
-    modes = np.where(s.closed, Mode.FOLLOWING, Mode.FREE_FLIGHT).astype(np.uint8)
     for i, time in enumerate(s.t.tolist()):
         message = LinkageState(
             time=time,
@@ -99,7 +97,7 @@ def linkage_states(physics: Physics, s: Samples) -> Iterator[Any]:
             velocity=_column(o.velocity, i),
             acceleration=_column(o.acceleration, i),
             joints=list(physics.clearances),
-            modes=uint8_array(np.ascontiguousarray(modes[:, i])),
+            modes=uint8_array(np.ascontiguousarray(s.modes[:, i])),
             gaps=_column(o.gap, i),
             normal_forces=_column(o.normal_force, i),
             drive_torque=float(torque[i]),
@@ -133,7 +131,7 @@ def transforms(mechanism: Mechanism, t: Array, angles: Array) -> Iterator[Any]:
     for time, row in zip(t.tolist(), angles.tolist(), strict=True):
         frames = []
         known = dict(zip(mechanism.coordinates, row, strict=True))
-        for link in mechanism.coordinates:
+        for link in (body.name for body in mechanism.bodies):
             x, y = mechanism.locate(link, known)
             frame = TransformStamped(child_frame_id=link)
             frame.header.stamp = stamp(time)

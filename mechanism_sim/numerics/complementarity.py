@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+import math
+from collections.abc import Sequence
+from enum import Enum
+from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 
 def solve_lcp(A: list[list[float]], b: list[float]) -> list[float]:
@@ -41,3 +46,151 @@ def solve_lcp(A: list[list[float]], b: list[float]) -> list[float]:
             if (x >= 0.0).all() and (matrix @ x + vector >= -1e-12 * scale).all():
                 return list(map(float, x))
     raise ArithmeticError('no impulses satisfy all contacts of this instant')
+
+
+class Grip(Enum):
+    """What a contact does: it carries no force, or sticks, or slips along or against +t."""
+
+    OPEN = 'open'
+    STICK = 'stick'
+    FORWARD = 'slip+'
+    BACKWARD = 'slip-'
+
+
+def solve_frictional_lcp(
+    A: ArrayLike,
+    b: ArrayLike,
+    friction: Sequence[float],
+    slip: Sequence[int | None] | None = None,
+    least: Sequence[float] | None = None,
+) -> tuple[list[float], list[Grip]]:
+    """Impulses of m planar contacts with Coulomb friction, or forces if b are accelerations.
+
+    Find ``x = (p, q)``, all normals first, with ``w = A x + b`` such that for every contact
+
+    - ``p >= least``, ``wn >= 0`` and ``(p - least) wn = 0``;
+    - it sticks, ``wt = 0`` and ``|q| <= mu p``, or slips, ``q = -mu sign(wt) p``.
+
+    ``mu = inf`` is the limit of a large mu: ``wt = 0`` with any q if p > 0; where p = 0 and
+    wn = 0 also some q against the sign of wt.
+
+    All combinations are tried: 4 states of a contact, 2 of one that is frictionless or whose slip
+    is given, 6 (or 2) of one with a least impulse. Several solutions may exist; the one with the
+    fewest contacts pressed beyond their least impulse is returned, among these the one with the
+    fewest that slip, and then the first in the order open, stick, slip+, slip-.
+
+    Parameters
+    ----------
+    A : (2m, 2m), symmetric positive semidefinite
+    b : (2m,)
+    friction : (m,) Coulomb's coefficients mu; tangential rows of a frictionless contact may be 0
+    slip : (m,) -1 or +1 where the contact slips already, so that ``q = -mu slip p`` whatever wt
+        becomes; 0 or None where it is free to choose
+    least : (2m,) normal impulses that there are in any case, 0 by default; of its tangential half
+        only the sizes for rough contacts with p = 0 matter: so much friction can hold there
+
+    Returns
+    -------
+    (2m,) x, and (m,) what each contact does; one without friction slips, or sticks if wt = 0
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no solution to rounding. If A is positive definite that takes a given slip
+        that jams, ``Ann < mu slip Ant``.
+    """
+    m = len(friction)
+    matrix, vector = np.array(A, dtype=float), np.array(b, dtype=float)
+    slip, least = slip or [0] * m, least or [0.0] * (2 * m)
+    menus = [_states(friction[i], slip[i], least[i], abs(least[m + i])) for i in range(m)]
+    tries = sorted(product(*menus), key=_preference)
+    for rtol in (1e-12, 1e-8):
+        for states in tries:
+            x = _settle(matrix, vector, states, rtol)
+            if x is not None:
+                wt = (matrix @ x + vector)[m:]
+                return x.tolist(), [s.name(rate) for s, rate in zip(states, wt, strict=True)]
+    raise ArithmeticError('no impulses with friction satisfy all contacts of this instant')
+
+
+class _State(NamedTuple):
+    """What one contact may do. Its load is p, or |q| of a rough one that slips."""
+
+    grip: Grip | None  # None: frictionless, slips as it likes
+    ray: tuple[float, float]  # p and q per unit of load
+    least: float  # load
+    pressed: bool  # loaded beyond its least, so that wn = 0
+    hold: tuple[float, float]  # if it sticks, |q| is at most the first times p plus the second
+    direction: int  # sign that wt must have, 0 for any
+
+    def name(self, wt: float) -> Grip:
+        if self.grip is not None:
+            return self.grip
+        return Grip.FORWARD if wt > 0.0 else Grip.BACKWARD if wt < 0.0 else Grip.STICK
+
+
+def _states(mu: float, slip: int | None, p: float, q: float) -> list[_State]:
+    """States in the order of preference of a contact with these least impulses."""
+    rough = mu == math.inf
+    loaded = p > 0.0 or (rough and q > 0.0)
+    states = [] if loaded else [_State(Grip.OPEN, (1.0, 0.0), 0.0, False, (0.0, 0.0), 0)]
+    for pressed in (False, True) if loaded else (True,):
+        if mu == 0.0:
+            states.append(_State(None, (1.0, 0.0), p, pressed, (0.0, 0.0), 0))
+            continue
+        if not slip:
+            hold = (0.0, math.inf if pressed or p > 0.0 else q) if rough else (mu, 0.0)
+            states.append(_State(Grip.STICK, (1.0, 0.0), p, pressed, hold, 0))
+        for sign in (slip,) if slip else (1, -1):
+            grip, direction = Grip.FORWARD if sign > 0 else Grip.BACKWARD, 0 if slip else sign
+            if not rough:
+                ray = (1.0, -mu * sign)
+                states.append(_State(grip, ray, p, pressed, (0.0, 0.0), direction))
+            elif p == 0.0:
+                ray = (0.0, -float(sign))
+                states.append(_State(grip, ray, q, pressed, (0.0, 0.0), direction))
+    return states
+
+
+def _preference(states: tuple[_State, ...]) -> tuple[int, int]:
+    slipping = (Grip.FORWARD, Grip.BACKWARD)
+    return sum(s.pressed for s in states), sum(s.grip in slipping for s in states)
+
+
+def _settle(
+    A: NDArray[np.float64], b: NDArray[np.float64], states: tuple[_State, ...], rtol: float
+) -> NDArray[np.float64] | None:
+    """The impulses (2m,) if every contact can do what is supposed, or None."""
+    m = len(states)
+    x = np.zeros(2 * m)
+    columns, rows = [], []
+    for i, s in enumerate(states):
+        ray = np.zeros(2 * m)
+        ray[[i, m + i]] = s.ray
+        if s.pressed:
+            columns.append(ray)
+            rows.append(i)
+        else:
+            x += s.least * ray
+        if s.grip is Grip.STICK:
+            columns.append(np.eye(2 * m)[m + i])
+            rows.append(m + i)
+    if rows:
+        basis = np.array(columns).T
+        # least squares, because friction may be redundant: too many sticking contacts, or rows of 0
+        x += basis @ np.linalg.lstsq((A @ basis)[rows], -(A @ x + b)[rows], rcond=1e-13)[0]
+    w = A @ x + b
+    size = np.abs(A) @ np.abs(x) + np.abs(b)
+    if rows and np.abs(w[rows]).max() > 1e-9 * size.max():
+        return None
+    for i, s in enumerate(states):
+        p, q = float(x[i]), float(x[m + i])
+        load = p if s.ray[0] else q * s.ray[1]
+        if (
+            load < s.least
+            or (not s.pressed and w[i] < -rtol * size[i])
+            or (s.grip is Grip.STICK and abs(q) > s.hold[0] * p + s.hold[1])
+            or s.direction * w[m + i] < -rtol * size[m + i]
+        ):
+            return None
+    return x

@@ -84,3 +84,32 @@ def solve_symmetric(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:
             x[i] = add(x[i], *(neg(mul(L[k][i], x[k])) for k in range(i + 1, n)))
         solutions.append(x)
     return solutions
+
+
+def solve_general(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:
+    """Solve ``A X = B`` by LU without pivoting; leading minors of A must not vanish.
+
+    Parameters
+    ----------
+    A : n by n nested lists
+    columns : sequence of vectors of length n
+        The right-hand sides.
+
+    Returns
+    -------
+    One solution vector for each right-hand side.
+    """
+    n = len(A)
+    U = [list(row) for row in A]
+    B = [list(b) for b in columns]
+    for j in range(n):
+        for i in range(j + 1, n):
+            factor = div(U[i][j], U[j][j])
+            for k in range(j + 1, n):
+                U[i][k] = add(U[i][k], neg(mul(factor, U[j][k])))
+            for b in B:
+                b[i] = add(b[i], neg(mul(factor, b[j])))
+    for b in B:
+        for i in reversed(range(n)):
+            b[i] = div(add(b[i], *(neg(mul(U[i][k], b[k])) for k in range(i + 1, n))), U[i][i])
+    return B

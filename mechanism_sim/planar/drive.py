@@ -1,4 +1,4 @@
-"""What a drive prescribes: the angle of its coordinate as a polynomial in time."""
+"""What a drive does to its coordinate: prescribe its angle, or supply a torque."""
 
 from __future__ import annotations
 
@@ -52,3 +52,23 @@ class DriveLaw:
         turns = int(moved[0] // TWO_PI)
         moved[0] -= turns * TWO_PI
         return turns, [float(c) for c in moved]
+
+
+@dataclass(frozen=True)
+class TorqueLaw:
+    """``torque = constant + per_angle angle + per_speed rate`` for ``t >= valid_from``.
+
+    A direct-current motor of stall torque T and no-load speed w is ``(T, 0, -T/w)``.
+    """
+
+    coordinate: str
+    coefficients: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: [N m, N m/rad, N m s/rad]
+    valid_from: float = 0.0  #: [s]
+
+    def after(self, turns: int) -> tuple[float, float, float]:
+        """The coefficients if angles are counted without so many whole turns."""
+        constant, per_angle, per_speed = self.coefficients
+        return constant + per_angle * float(turns * TWO_PI), per_angle, per_speed
+
+
+Law = DriveLaw | TorqueLaw

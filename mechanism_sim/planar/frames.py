@@ -39,17 +39,23 @@ class Parameters:
 
 
 class Frames:
-    """Angles of the links as symbols, and vectors that turn with them.
+    """Coordinates as symbols, and vectors that turn with the links.
 
     Attributes
     ----------
     q, v, a : dict
-        Symbols of angle [rad], rate [rad/s], acceleration [rad/s^2] of each link.
+        Symbols of each coordinate, angle [rad] or displacement [m], its rate and acceleration.
     """
 
-    def __init__(self, coordinates: tuple[str, ...], parameters: Parameters) -> None:
+    def __init__(
+        self,
+        coordinates: tuple[str, ...],
+        parameters: Parameters,
+        displacements: tuple[str, ...] = (),
+    ) -> None:
         self.parameters = parameters
         self.coordinates = coordinates
+        self.displacements = displacements
         self.q = {n: hy.make_vars(n) for n in coordinates}
         self.v = {n: hy.make_vars(f'{n}_rate') for n in coordinates}
         self.a = {n: hy.make_vars(f'{n}_acceleration') for n in coordinates}
@@ -68,6 +74,12 @@ class Frames:
         y: list[Jet] = []
         for frame, offset in point.items():
             names = (f'{label}.{frame}.x', f'{label}.{frame}.y')
+            if frame in self.displacements:
+                for component, name, u in zip((x, y), names, offset, strict=True):
+                    slope = None if u == 0.0 else _direction(u, self.parameters, name)
+                    s, v = self.q[frame], self.v[frame]
+                    component.append(Jet(mul(slope, s), {frame: slope}, mul(slope, v), None))
+                continue
             arm = tuple(map(self.parameters, names, offset))
             wx, wy = self.world(frame, *arm)
             if frame == GROUND:
@@ -97,6 +109,10 @@ class Frames:
             cg, sg = hy.cos(self.q[g]), hy.sin(self.q[g])
             c, s = cf * cg + sf * sg, sg * cf - cg * sf
         return add(mul(inner, c), mul(None if outer is None else -outer, s))
+
+
+def _direction(u: float, parameters: Parameters, name: str) -> Term:
+    return hy.expression(u) if abs(u) == 1.0 else parameters(name, u)
 
 
 def rotate_quarter(v: Vector2) -> Vector2:

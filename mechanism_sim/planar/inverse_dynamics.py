@@ -27,8 +27,10 @@ class Observation(NamedTuple):
     acceleration: Array  #: (n, N) [rad/s^2]
     gap: Array  #: (m, N) [m]
     normal_force: Array  #: (m, N) [N]
+    friction_force: Array  #: (m, N) [N] on the first-named link, along the tangent
+    friction_power: Array  #: (N,) [W] lost by sliding
     reaction: Array  #: (j, 2, N) [N] of the first-named on the second-named link
-    drive_torque: Array  #: (p, N) [N m]
+    drive_torque: Array  #: (p, N) [N m] prescribed drives first
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
@@ -109,6 +111,8 @@ class InverseDynamics:
             a,
             none,
             none,
+            none,
+            np.zeros(count),
             forces[: 2 * joints].reshape(joints, 2, count),
             torque,
             (torque * v[self._driven]).sum(axis=0),

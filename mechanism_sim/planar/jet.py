@@ -81,6 +81,21 @@ class Jet:
         gradient = {n: div(g, o) for n, g in self.gradient.items()}
         return Jet(div(self.value, o), gradient, div(self.rate, o), div(self.curvature, o))
 
+    def across(self, other: Jet) -> Jet:
+        """``f g' - g f'`` as a rate that belongs to no value: gradient, rate and curvature."""
+        return Jet(
+            None,
+            {
+                n: add(
+                    mul(self.value, other.gradient.get(n)),
+                    neg(mul(other.value, self.gradient.get(n))),
+                )
+                for n in self._names(other)
+            },
+            add(mul(self.value, other.rate), neg(mul(other.value, self.rate))),
+            add(mul(self.value, other.curvature), neg(mul(other.value, self.curvature))),
+        )
+
     def square(self) -> Jet:
         """f^2."""
         twice = None if self.value is None else 2.0 * self.value

@@ -11,7 +11,8 @@ GROUND = 'ground'
 
 Vector2 = tuple[float, float]
 Point = dict[str, Vector2]
-"""A point of the mechanism: sum over frames f of R(theta_f) (x, y); ground's frame is fixed."""
+"""A point of the mechanism as a sum over coordinates: R(theta) (x, y) for the angle of a link,
+s (x, y) for a displacement s; and (x, y) itself for the ground."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,9 @@ class Revolute:
 class Mechanism:
     """Links, joints, and which joints are cut so that the rest is a tree.
 
-    Coordinates are the absolute angles of the links, in the order of `bodies`; the links come in
-    an order in which each is joined to the ground or to an earlier one by a joint that is not cut.
+    A link that no uncut joint ties to the ground, not even by way of others, floats: its centre of
+    gravity is placed by two displacements. Coordinates are the absolute angles of the links, in
+    the order of `bodies`, then the displacements [m] of the floating ones.
     """
 
     bodies: tuple[Body, ...]
@@ -48,10 +50,15 @@ class Mechanism:
     cut: tuple[str, ...]
     gravity: Vector2 = (0.0, 0.0)  #: [m/s^2]
 
-    @property
+    @cached_property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates: those of the links."""
-        return tuple(body.name for body in self.bodies)
+        """Names: of the links for their angles, ``LINK.x`` and ``LINK.y`` for displacements."""
+        return (*(body.name for body in self.bodies), *self.displacements)
+
+    @cached_property
+    def displacements(self) -> tuple[str, ...]:
+        """The coordinates that are displacements."""
+        return tuple(f'{link}.{axis}' for link in self.floating for axis in 'xy')
 
     def joint(self, name: str) -> Revolute:
         """The joint of that name."""
@@ -75,20 +82,37 @@ class Mechanism:
         )
 
     @cached_property
-    def tree_joints(self) -> dict[str, Revolute]:
-        """The joint that carries each link, from the ground outwards."""
+    def _tree(self) -> tuple[dict[str, Revolute], tuple[str, ...]]:
+        """The joint that carries each link, in an order from the ground outwards; and floaters."""
         carried: dict[str, Revolute] = {}
-        for body in self.bodies:
-            for j in self.joints:
-                known = (j.first, j.second)
-                other = known[1] if known[0] == body.name else known[0]
-                reached = other == GROUND or other in carried
-                if body.name in known and j.name not in self.cut and reached:
-                    carried[body.name] = j
+        floating: list[str] = []
+        left = [body.name for body in self.bodies]
+        while left:
+            reached = {GROUND, *carried, *floating}
+            for link, j in ((link, j) for link in left for j in self.joints):
+                ends = (j.first, j.second)
+                if link in ends and j.name not in self.cut and reached & {*ends}:
+                    carried[link] = j
                     break
             else:
-                raise ValueError(f'link {body.name} is not joined to the ground by uncut joints')
-        return carried
+                link = left[0]
+                floating.append(link)
+            left.remove(link)
+        return carried, tuple(floating)
+
+    @property
+    def tree_joints(self) -> dict[str, Revolute]:
+        """The joint that carries each link but the floating ones, from the ground outwards."""
+        return self._tree[0]
+
+    @property
+    def floating(self) -> tuple[str, ...]:
+        """The links that no joint carries."""
+        return self._tree[1]
+
+    def body(self, name: str) -> Body:
+        """The link of that name."""
+        return next(b for b in self.bodies if b.name == name)
 
     def parent(self, link: str) -> str:
         """The link that carries `link` in the tree."""
@@ -96,9 +120,14 @@ class Mechanism:
         return j.second if j.first == link else j.first
 
     def point(self, link: str, at: Vector2 = (0.0, 0.0)) -> Point:
-        """The point `at` (in the link's frame, [m]) as a sum of rotating vectors."""
+        """The point `at` (in the link's frame, [m]) as a sum over coordinates."""
         if link == GROUND:
             return {GROUND: at}
+        if link in self.floating:
+            cog = self.body(link).cog
+            arm = (at[0] - cog[0], at[1] - cog[1])
+            slides = {f'{link}.x': (1.0, 0.0), f'{link}.y': (0.0, 1.0)}
+            return slides | ({link: arm} if arm != (0.0, 0.0) else {})
         j = self.tree_joints[link]
         here, there = (j.on_first, j.on_second) if j.first == link else (j.on_second, j.on_first)
         result = dict(self.point(self.parent(link), there))
@@ -107,11 +136,15 @@ class Mechanism:
             result[link] = offset
         return result
 
-    def locate(self, link: str, angles: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
+    def locate(self, link: str, q: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
         """World coordinates [m] of a point of a link; the default is its proximal joint."""
         x = y = 0.0
-        for frame, (dx, dy) in self.point(link, at).items():
-            angle = 0.0 if frame == GROUND else angles[frame]
+        for name, (dx, dy) in self.point(link, at).items():
+            if name in self.displacements:
+                x += q[name] * dx
+                y += q[name] * dy
+                continue
+            angle = 0.0 if name == GROUND else q[name]
             x += math.cos(angle) * dx - math.sin(angle) * dy
             y += math.sin(angle) * dx + math.cos(angle) * dy
         return x, y

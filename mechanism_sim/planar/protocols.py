@@ -37,12 +37,28 @@ class Gap(Protocol):
 
     @property
     def restitution(self) -> float:
-        """Newton's coefficient of restitution, 0 to 1."""
+        """Coefficient of restitution, 0 to 1."""
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient of friction; infinite for contacts that never slip."""
+
+    @property
+    def hypothesis(self) -> str:
+        """What the coefficient of restitution relates: 'newton', 'poisson' or 'stronge'."""
 
     def value(self, frames: Frames) -> Jet:
         """The distance [m] for small distances; smooth wherever the motion can go.
 
         Its Jacobian times the normal force is the generalised force of the contact.
+        """
+
+    def slip(self, frames: Frames) -> Jet:
+        """Tangential velocity [m/s] of the first-named link on the second at the contact.
+
+        Only gradient, rate and curvature are meant: it need not be the rate of anything. The
+        positive direction is that of the normal turned by +90 degrees. Asked for only where there
+        is friction.
         """
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:

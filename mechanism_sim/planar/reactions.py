@@ -28,11 +28,11 @@ def tree_reactions(
     """
     mechanism = equations.mechanism
     forces = dict(cut_forces)
-    for body in reversed(mechanism.bodies):
+    for name, carrier in reversed(mechanism.tree_joints.items()):
+        body = mechanism.body(name)
         mass = equations.parameters(f'{body.name}.mass', body.mass)
         point = mechanism.point(body.name, body.cog)
         position = equations.frames.position(point, f'{body.name}.cog')
-        carrier = mechanism.tree_joints[body.name]
         needed: list[Term] = []
         for axis, (jet, g) in enumerate(zip(position, mechanism.gravity, strict=True)):
             gravity = equations.parameters(f'gravity.{axis}', g)

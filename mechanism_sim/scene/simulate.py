@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.audit import Audit, Work
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.sampling import Books
 from mechanism_sim.hybrid.solution import Solution, Stats
@@ -89,7 +89,7 @@ def simulate(
     compile_time = time.perf_counter() - wall
     audit = Audit(physics)
     parts: list[Motion] = []
-    works: list[np.ndarray] = []
+    works: list[Work] = []
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
     cpu, wall = time.process_time(), time.perf_counter()
@@ -115,7 +115,7 @@ def simulate(
         machine.level.value,
         physics,
         Motion.joined(parts),
-        Books(np.concatenate(works), impacts),
+        Books(Work(*np.concatenate(works, axis=1)), impacts),
         impacts,
         modes,
         stats,

@@ -35,6 +35,7 @@ class IdealAccelerometer:
             for frame, arm in mechanism.point(link, (at, 0.0)).items()
             if frame in mechanism.coordinates
         ]
+        self._displacements = {mechanism.coordinates.index(d) for d in mechanism.displacements}
         self._link = mechanism.coordinates.index(link)
         self._turn = 0.0 if axis == 'along' else 0.5 * np.pi
 
@@ -46,6 +47,9 @@ class IdealAccelerometer:
         axis = angle[self._link] + self._turn
         reading = np.zeros(len(t))
         for i, (x, y) in self._arms:
+            if i in self._displacements:
+                reading += (x * np.cos(axis) + y * np.sin(axis)) * acceleration[i]
+                continue
             # Components of the arm along the axis and across it, the axis being at `angle`.
             c, s = np.cos(angle[i] - axis), np.sin(angle[i] - axis)
             along, across = x * c - y * s, -(x * s + y * c)

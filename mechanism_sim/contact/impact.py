@@ -1,0 +1,272 @@
+"""Planar impact with Coulomb friction: Newton's, Poisson's and Stronge's hypotheses.
+
+Everywhere the gap rates after a blow are ``vn + Ann p + Ant q`` (normal, negative when closing) and
+``vt + Ant p + Att q`` (tangential), with the normal impulse p >= 0, the tangential impulse q on
+the same body, and the compliances A [1/kg], symmetric and positive definite.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.contact.restitution import newton_impulses
+from mechanism_sim.numerics.complementarity import solve_frictional_lcp
+
+
+class Hypothesis(Enum):
+    """What the coefficient of restitution e is a ratio of.
+
+    NEWTON: normal rates, ``vn+ = -e vn-``. POISSON: normal impulses of restitution and
+    compression. STRONGE: works of the normal force in the two phases, ``-e^2``. They agree where
+    the direction of slip never changes, without friction in particular.
+    """
+
+    NEWTON = 'newton'
+    POISSON = 'poisson'
+    STRONGE = 'stronge'
+
+
+@dataclass(frozen=True)
+class ImpactLaw:
+    """What happens when a contact strikes.
+
+    Attributes
+    ----------
+    restitution : e, 0 to 1
+    friction : Coulomb's coefficient; 0 is the smooth and `math.inf` the rough case of [SB] 5.3
+    hypothesis : what e means
+    """
+
+    restitution: float
+    friction: float = 0.0
+    hypothesis: Hypothesis = Hypothesis.NEWTON
+
+
+class Blow(NamedTuple):
+    """The impulses of one contact at one instant.
+
+    Attributes
+    ----------
+    normal, tangential : [N s]
+    slip : sign of the tangential rate afterwards, 0 if the contact sticks
+    """
+
+    normal: float
+    tangential: float
+    slip: int
+
+
+class _Leg(NamedTuple):
+    """A straight piece of the path of impulses, per unit of its parameter."""
+
+    normal: float  # impulse
+    tangential: float  # impulse
+    rise: float  # of the normal rate
+    slip: int
+    length: float
+
+
+def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: ImpactLaw) -> Blow:
+    """The blow of a single contact, by Routh's method (E. J. Routh, Dynamics of a System of
+    Rigid Bodies, 1905; J. B. Keller, J. Appl. Mech. 53, 1986).
+
+    The normal impulse grows from 0. While the contact slips, ``dq = -mu sign(vt) dp``. When vt
+    reaches 0 (or is 0 from the start) it sticks, ``dq = -Ant/Att dp``, if ``|Ant| <= mu Att``, and
+    else slips on with the sign of Ant, for good. So the path has at most two straight legs, on the
+    last of which vn rises; it ends where the hypothesis says. On the first leg vn may fall
+    (``Ann < mu |Ant|``, the approach jams): it recovers on the second. A contact that does not
+    close (vn >= 0) gets no impulse.
+
+    Smooth (mu = 0): ``p = -(1 + e) vn/Ann``, q = 0 ([SB] 5.4-2 for the smooth case).
+
+    Rough (mu = inf): the limit of a large mu. On the first leg q alone grows until vt = 0; the
+    second leg sticks, and ends for Newton with ``vn+ = -e vn-``, ``vt+ = 0`` ([SB] 5.3.2). If the
+    first leg alone would lift vn above ``-e vn-``, where [SB] 5.4-3 asks for p < 0, then p = 0
+    and q is what lifts it just that far: slip remains.
+
+    Energy: Poisson's and Stronge's hypotheses never raise it. Newton's does not where slip neither
+    stops nor turns, nor for e = 0, but else it may (Kane's paradox): the simplest case is a
+    contact that sticks from the start of the blow or before its end, with Ant != 0. The worst for
+    given compliances is rough and elastic: ``e = 1, mu = inf`` changes it by
+    ``vt (2 Ant vn - Ann vt)/(2 D)`` with ``D = Ann Att - Ant^2``, positive if
+    ``0 < vt/vn < 2 Ant/Ann``.
+
+    Parameters
+    ----------
+    Ann, Ant, Att : [1/kg]
+    vn, vt : rates before [m/s]
+
+    Raises
+    ------
+    ArithmeticError
+        If no finite impulse ends the approach: A is singular and the contact is wedged.
+    """
+    if vn >= 0.0:
+        return Blow(0.0, 0.0, _sign(vt))
+    e, mu, rebound = law.restitution, law.friction, -law.restitution * vn
+    if mu == 0.0:
+        p = (1.0 + e) * -vn / Ann
+        return Blow(p, 0.0, _sign(vt + Ant * p))
+    slide = _slide(Ann, Ant, Att, vt, mu)
+    turn = vn + slide.rise * slide.length if slide.length else vn  # normal rate where slip stops
+    if slide.rise > 0.0 and turn >= rebound:
+        x = (1.0 + e) * -vn / slide.rise
+        return Blow(slide.normal * x, slide.tangential * x, slide.slip)
+    last = _last(Ann, Ant, Att, mu, slide)
+    p, q = slide.normal * slide.length, slide.tangential * slide.length
+    if law.hypothesis is Hypothesis.NEWTON:
+        more = (rebound - turn) / last.rise
+    elif law.hypothesis is Hypothesis.POISSON:
+        if turn < 0.0:
+            more = e * p - (1.0 + e) * turn / last.rise
+        else:
+            more = slide.normal * (rebound - turn) / slide.rise
+    else:
+        # works of the normal force, doubled and times the last rise
+        if turn < 0.0:
+            square = e * e * (turn * turn - last.rise * p * (vn + turn))
+        else:
+            left = slide.normal * (rebound * rebound - turn * turn) / slide.rise
+            square = turn * turn + last.rise * left
+        more = (math.sqrt(square) - turn) / last.rise
+    return Blow(p + more, q + last.tangential * more, last.slip)
+
+
+def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
+    """Impact without collision: the blow of a closed contact (vn = 0) that slips and jams.
+
+    Where ``Ann - mu sign(vt) Ant < 0`` friction presses the bodies together faster than the
+    normal force parts them; no finite force is consistent (P. Painleve, 1895). The normal impulse
+    grows until vt = 0 and then until vn is back at 0. There is no restitution: this is `strike`
+    as vn rises to 0, for Newton's hypothesis or e = 0. A contact that does not jam gets no impulse.
+
+    Energy never rises.
+
+    Parameters
+    ----------
+    Ann, Ant, Att : [1/kg]
+    vt : rate before [m/s]
+    friction : Coulomb's coefficient
+
+    Raises
+    ------
+    ArithmeticError
+        If no finite impulse ends the approach: A is singular and the contact is wedged.
+    """
+    slide = _slide(Ann, Ant, Att, vt, friction)
+    if slide.slip == 0 or slide.rise >= 0.0:
+        return Blow(0.0, 0.0, slide.slip)
+    last = _last(Ann, Ant, Att, friction, slide)
+    more = -slide.rise * slide.length / last.rise
+    return Blow(
+        slide.normal * slide.length + more,
+        slide.tangential * slide.length + last.tangential * more,
+        last.slip,
+    )
+
+
+def _slide(Ann: float, Ant: float, Att: float, vt: float, mu: float) -> _Leg:
+    """The first leg: slip as it was, until vt = 0; a rough contact needs no p for that."""
+    slip = _sign(vt)
+    p, q = (0.0, -float(slip)) if mu == math.inf else (1.0, -mu * slip)
+    slowing = -slip * (Ant * p + Att * q)
+    length = abs(vt) / slowing if slowing > 0.0 else math.inf
+    return _Leg(p, q, Ann * p + Ant * q, slip, length if slip else 0.0)
+
+
+def _last(Ann: float, Ant: float, Att: float, mu: float, slide: _Leg) -> _Leg:
+    """The second leg, without end: stick, or slip on with the sign of Ant."""
+    sticks = Ant == 0.0 or abs(Ant) <= mu * Att
+    slip = 0 if sticks else _sign(Ant)
+    q = -mu * slip if slip else -Ant / Att if Ant else 0.0
+    rise = Ann + Ant * q
+    if rise <= 0.0 or slide.length == math.inf:
+        raise ArithmeticError('a contact is wedged: no finite impulse ends its approach')
+    return _Leg(1.0, q, rise, slip, math.inf)
+
+
+def _sign(x: float) -> int:
+    return 1 if x > 0.0 else -1 if x < 0.0 else 0
+
+
+def strike_together(
+    A: Sequence[Sequence[float]], rate: Sequence[float], laws: Sequence[ImpactLaw]
+) -> list[Blow]:
+    """The blows of m contacts that touch at one instant.
+
+    Rows and columns are ordered normals first, then tangentials; the tangential rows of a
+    frictionless contact may be 0.
+
+    If all laws are Newton's, in Moreau's form (J. J. Moreau, Unilateral contact and dry friction,
+    1988): ``0 <= p, vn+ + e vn- >= 0, p (vn+ + e vn-) = 0`` and Coulomb's law between the whole
+    impulses and vt+. Without friction that is `newton_impulses`.
+
+    If any is not, in two phases (C. Glocker and F. Pfeiffer, Nonlinear Dynamics 7, 1995):
+    compression is the above with e = 0 throughout and yields impulses pc; in expansion a contact
+    gets at least ``e pc``, and more only to end with vn+ = 0; Coulomb's law holds in each phase.
+    There is no tangential restitution. Stronge's hypothesis is defined for a single contact only;
+    here it counts as Poisson's. A contact under Newton's expands, without a least impulse, to
+    ``vn+ >= -e vn-`` if it was closing.
+
+    A rough contact (`math.inf`) sticks if it is pressed; unpressed (p = 0, vn+ at its bound) it may
+    hold with q alone, against the slip that remains, as the limit of a large mu.
+
+    Unlike `strike`, Moreau's form and the phases look at slip at their ends only; for m = 1 the
+    results agree where the direction of slip does not change.
+
+    Energy: without friction and with equal e both forms never raise it. With e = 0 they never do,
+    whatever the friction. Else Moreau's form may: with friction as in `strike`, and without where
+    e differs.
+
+    Parameters
+    ----------
+    A : (2m, 2m) rates per unit impulse [1/kg], symmetric positive semidefinite
+    rate : (2m,) before [m/s]
+    laws : (m,)
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no solution to rounding.
+    """
+    m = len(laws)
+    matrix, before = np.array(A, dtype=float), np.array(rate, dtype=float)
+    friction = [law.friction for law in laws]
+    e = np.array([law.restitution for law in laws])
+    newton = np.array([law.hypothesis is Hypothesis.NEWTON for law in laws])
+    impulses = np.zeros(2 * m)
+    if newton.all() and not any(friction):
+        normals = matrix[:m, :m].tolist()
+        impulses[:m] = newton_impulses(normals, before[:m].tolist(), e.tolist())
+    elif newton.all():
+        b = before.copy()
+        b[:m] *= 1.0 + e
+        impulses[:] = solve_frictional_lcp(matrix, b, friction)[0]
+    else:
+        impulses[:] = solve_frictional_lcp(matrix, before, friction)[0]
+        b = before + matrix @ impulses
+        b[:m] += np.where(newton, e * np.minimum(before[:m], 0.0), 0.0)
+        least = np.where(newton, 0.0, e) * impulses.reshape(2, m)
+        impulses += solve_frictional_lcp(matrix, b, friction, least=least.ravel().tolist())[0]
+    after = before + matrix @ impulses
+    after[np.abs(after) <= 1e-12 * (np.abs(before) + np.abs(matrix) @ np.abs(impulses))] = 0.0
+    return [
+        Blow(float(p), float(q), _sign(float(vt)))
+        for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
+    ]
+
+
+def energy_change(
+    before: Sequence[float], after: Sequence[float], impulses: Sequence[float]
+) -> float:
+    """Change of kinetic energy by impulses [J]: each times the mean of its rates [m/s].
+
+    Exact whatever happens during the blow; the work of a drive is not in it.
+    """
+    return sum(0.5 * p * (u + v) for u, v, p in zip(before, after, impulses, strict=True))

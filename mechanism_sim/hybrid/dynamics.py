@@ -1,0 +1,267 @@
+"""Accelerations and contact forces as expressions of state and flags.
+
+``M a + bias = torques + G^T lambda + J_n^T N + J_t^T T`` with loops that stay closed, gaps that
+are closed where their flag says so, and Coulomb's friction in them. The prescribed coordinates are
+known; everything is solved for the free ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import heyoka as hy
+
+from mechanism_sim.numerics.symbolic import (
+    Matrix,
+    Term,
+    Vector,
+    add,
+    dot,
+    mul,
+    neg,
+    solve_general,
+    solve_symmetric,
+)
+from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.protocols import Gap, Relation
+
+
+class Solved(NamedTuple):
+    """Accelerations of the free coordinates and the forces that belong to them."""
+
+    a: Vector
+    N: Vector  #: (m,) normal forces [N]
+    T: Vector  #: (m,) friction forces on the first-named links [N]
+    closing_forces: Vector  #: of the closures on the first-named links [N]
+
+
+class Dynamics:
+    """The terms of a system with m gaps as expressions.
+
+    Rows are the normals of all gaps and, if any gap has friction, the tangents of all gaps.
+
+    Attributes
+    ----------
+    normal, tangent : jets of the gaps, and of their slip where there is friction
+    relation : jets of the closures
+    rows : jets of all rows
+    J : the rows on the free coordinates
+    response : M^-1 J^T with all loops closed
+    compliance : J M^-1 J^T with all loops closed
+    free_acceleration : second derivatives of the rows without contact forces
+    drive_response : impulse of the drives per unit impulse, by row
+    closed, sticks, slips : flags of the gaps; the latter by index of those that have them
+    active : flag of every row: closed for a normal, sticking for a tangent
+    exact, stabilised : the solution without and with Baumgarte's terms
+    torques : of every powered coordinate the three coefficients of its law
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        gaps: Sequence[Gap],
+        prescribed: Sequence[str],
+        degree: int,
+        relations: Sequence[Relation],
+        powered: Sequence[str],
+    ) -> None:
+        self.equations = eq = Equations(mechanism, gaps, relations)
+        p = eq.parameters
+        self._free = [i for i, c in enumerate(eq.coordinates) if c not in prescribed]
+        self._driven = [eq.coordinates.index(c) for c in prescribed]
+        self._degree = degree
+        self.friction = [gap.friction for gap in gaps]
+        self.frictional = [i for i, mu in enumerate(self.friction) if mu > 0.0]
+        self.sliding = [i for i in self.frictional if self.friction[i] != float('inf')]
+        self.closed = [p.reserve(f'{g.name}.closed') for g in gaps]
+        self.sticks = {i: p.reserve(f'{gaps[i].name}.sticks') for i in self.frictional}
+        self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.sliding}
+        self._alpha = p.reserve('stabilisation')
+        self.torques = [p.reserve(f'{c}.torque.{k}') for c in powered for k in range(3)]
+        self.normal = eq.gap_jets
+        self.tangent = {i: gaps[i].slip(eq.frames) for i in self.frictional}
+        self.relation = eq.relation_jets
+        none = Jet(None, {}, None, None)
+        tangents = [self.tangent.get(i, none) for i in range(len(gaps))]
+        self.rows = [*self.normal, *(tangents if self.frictional else [])]
+        self.active: Vector = [*self.closed]
+        if self.frictional:
+            self.active += [self.sticks.get(i, hy.expression(0.0)) for i in range(len(gaps))]
+        self._reduce(powered)
+        self.exact = self._solve(stabilised=False)
+        self.stabilised = self._solve(stabilised=True)
+        self.free_acceleration = self._second_derivatives(self.exact_free)
+
+    def _free_row(self, jet: Jet) -> Vector:
+        row = jet.row(self.equations.coordinates)
+        return [row[i] for i in self._free]
+
+    def _driven_row(self, jet: Jet) -> Vector:
+        row = jet.row(self.equations.coordinates)
+        return [row[i] for i in self._driven]
+
+    def _reduce(self, powered: Sequence[str]) -> None:
+        """Solve with the mass matrix once, then take out the closures."""
+        eq = self.equations
+        frames = eq.frames
+        free, driven = self._free, self._driven
+        self._a_p: Vector = [
+            frames.a[eq.coordinates[i]] if self._degree > 1 else None for i in driven
+        ]
+        torque: dict[int, Term] = {}
+        for n, c in enumerate(powered):
+            k0, k1, k2 = self.torques[3 * n : 3 * n + 3]
+            torque[eq.coordinates.index(c)] = k0 + k1 * frames.q[c] + k2 * frames.v[c]
+        rhs: Vector = [
+            add(
+                torque.get(i),
+                neg(add(eq.bias[i], dot([eq.M[i][j] for j in driven], self._a_p))),
+            )
+            for i in free
+        ]
+        self.J: Matrix = [self._free_row(jet) for jet in self.rows]
+        G = [self._free_row(jet) for jet in self.relation]
+        M = [[eq.M[i][j] for j in free] for i in free]
+        solved = solve_symmetric(M, [rhs, *self.J, *G])
+        self._unconstrained, W = solved[0], solved[1 : 1 + len(self.J)]
+        self._W_G = solved[1 + len(self.J) :]
+        self._S = [[dot(row, w) for w in self._W_G] for row in G]
+        self._G = G
+        self._closing = (
+            solve_symmetric(self._S, [[neg(dot(row, w)) for row in G] for w in W]) if G else []
+        )
+        self.response: Matrix = [
+            self._with(w, self._W_G, self._closing[k] if G else []) for k, w in enumerate(W)
+        ]
+        self.compliance: Matrix = [[dot(row, w) for w in self.response] for row in self.J]
+        self.exact_free, self._exact_closing = self._free_motion(stabilised=False)
+        M_p = [[eq.M[i][j] for j in free] for i in driven]
+        drives = []
+        for k, jet in enumerate(self.rows):
+            own = self._driven_row(jet)
+            closing = self._closing[k] if G else []
+            reaction = [
+                add(*(mul(self._driven_row(r)[n], x)
+                      for r, x in zip(self.relation, closing, strict=True)))
+                for n in range(len(driven))
+            ]  # fmt: skip
+            drives.append(
+                [
+                    add(dot(M_p[n], self.response[k]), neg(own[n]), neg(reaction[n]))
+                    for n in range(len(driven))
+                ]
+            )
+        self.drive_response: Matrix = drives
+
+    @staticmethod
+    def _with(start: Vector, columns: Matrix, factors: Vector) -> Vector:
+        return [
+            add(x, *(mul(column[i], f) for column, f in zip(columns, factors, strict=True)))
+            for i, x in enumerate(start)
+        ]
+
+    def closing(self, off: Vector) -> Vector:
+        """The shift of the free coordinates that takes `off` from what the closures say."""
+        if not self.relation:
+            return [None] * len(self._free)
+        factors = solve_symmetric(self._S, [[neg(x) for x in off]])[0]
+        return self._with([None] * len(self._free), self._W_G, factors)
+
+    @staticmethod
+    def along(row: Vector, shift: Vector) -> Term:
+        """How much a row changes by a shift of the free coordinates."""
+        return dot(row, shift)
+
+    def _drawn(self, jet: Jet, stabilised: bool) -> Term:
+        """What draws a closed gap back to zero within about a step: Baumgarte's method.
+
+        Its rate alpha is set by the event loop to the reciprocal of the last step.
+        """
+        if not stabilised:
+            return None
+        alpha = self._alpha
+        if jet.value is None:  # only a rate
+            return mul(alpha, jet.rate)
+        return add(mul(2.0 * alpha, jet.rate), mul(alpha * alpha, jet.value))
+
+    def _free_motion(self, stabilised: bool) -> tuple[Vector, Vector]:
+        """Accelerations without contact forces, and the forces of the closures."""
+        a = self._unconstrained
+        if not self.relation:
+            return a, []
+        off = [
+            neg(
+                add(
+                    dot(row, a),
+                    dot(self._driven_row(jet), self._a_p),
+                    jet.curvature,
+                    self._drawn(jet, stabilised),
+                )
+            )
+            for row, jet in zip(self._G, self.relation, strict=True)
+        ]
+        factors = solve_symmetric(self._S, [off])[0]
+        return self._with(a, self._W_G, factors), factors
+
+    def _second_derivatives(self, a: Vector, stabilised: bool = False) -> Vector:
+        return [
+            add(
+                dot(row, a),
+                dot(self._driven_row(jet), self._a_p),
+                jet.curvature,
+                self._drawn(jet, stabilised),
+            )
+            for row, jet in zip(self.J, self.rows, strict=True)
+        ]
+
+    def _solve(self, stabilised: bool) -> Solved:
+        """All forces: ``N`` of closed gaps, ``T`` of those that stick; ``-mu slip N`` slides."""
+        m = len(self.normal)
+        a, closing = self._free_motion(stabilised) if stabilised else (
+            self.exact_free, self._exact_closing,
+        )  # fmt: skip
+        if not m:
+            return Solved(a, [], [], closing)
+        b = self._second_derivatives(a, stabilised)
+        held = self.frictional
+        rows = [*range(m), *(m + i for i in held)]
+        K: Matrix = []
+        for r in rows:
+            line: Vector = []
+            for c in rows:
+                entry = self.compliance[r][c]
+                if c in self.slips:
+                    # a sliding contact pushes along normal and tangent at once
+                    share = self.friction[c] * self.slips[c]
+                    entry = add(entry, neg(mul(share, self.compliance[r][m + c])))
+                flagged = mul(mul(self.active[r], self.active[c]), entry)
+                if r == c:
+                    flagged = add(mul(self.active[r], entry), 1.0 - self.active[r])
+                line.append(flagged)
+            K.append(line)
+        rhs = [neg(mul(self.active[r], b[r])) for r in rows]
+        solve = solve_general if held else solve_symmetric
+        forces = solve(K, [rhs])[0]
+        N = forces[:m]
+        T: Vector = [None] * m
+        for i, stuck in zip(held, forces[m:], strict=True):
+            slide = mul(self.friction[i] * self.slips[i], N[i]) if i in self.slips else None
+            T[i] = add(stuck, neg(slide))
+        factors = [*N, *(T if self.frictional else [])]
+        a = self._with(a, self.response, factors)
+        closing = self._with(closing, self._closing, factors) if self.relation else []
+        return Solved(a, N, T, closing)
+
+    def on_prescribed(self, k: int, solved: Solved) -> Term:
+        """Generalised force of contacts and closures on the k-th prescribed coordinate."""
+        forces = [*solved.N, *(solved.T if self.frictional else [])]
+        return add(
+            *(mul(self._driven_row(j)[k], f) for j, f in zip(self.rows, forces, strict=True)),
+            *(
+                mul(self._driven_row(j)[k], f)
+                for j, f in zip(self.relation, solved.closing_forces, strict=True)
+            ),
+        )
