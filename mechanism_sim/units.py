@@ -19,6 +19,9 @@ EXAMPLES = {
     'm/s^2': '9.81 m/s^2',
     'Hz': '500 Hz',
     's': '20 ms',
+    'N m': '0.1 N m',
+    'N m/rad': '0.1 N m/rad',
+    'N m s/rad': '0.01 N m s/rad',
     '': '0.5',
 }
 

@@ -11,7 +11,7 @@ import numpy as np
 import mechanism_sim as ms
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.physics import LoosePhysics
+from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.planar.drive import DriveLaw
@@ -58,7 +58,7 @@ def with_pin_at(machine, Q, turning=(0.0, 0.0)):
     """
     centred = machine.scene.model_copy(update={'start': 'centred'})
     state = type(machine)(machine.name, centred).initial_state()
-    th2 = machine.law.coefficients[0]
+    th2 = machine.start_of_crank[0]
     l = machine.linkage  # noqa: E741 - the lengths
     x, y = l.ground - l.crank * np.cos(th2) + Q[0], -l.crank * np.sin(th2) + Q[1]
     th3, th4 = (float(angle) for angle in l.close(np.array(x), np.array(y)))
@@ -84,7 +84,7 @@ def event_loop(machine, laws=None, degree=None):
     run = EventLoop(
         system, laws, machine.initial_state(), machine.scene.solver.rtol, 0.0, TURN / 8.0
     )
-    return run, LoosePhysics(system)
+    return run, DynamicPhysics(system)
 
 
 def audited(physics, motion, impacts):

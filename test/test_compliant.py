@@ -490,6 +490,13 @@ def test_the_film_at_rest_carries_nothing():
         assert fy == 0.0
 
 
+def test_the_film_compiles_with_its_parameters_left_open():
+    motion = np.array([1e-5, 2e-5, 1e-3, 3e-3, 100.0, -20.0])
+    filled = compiled_film(ShortBearing(*(hy.par[i] for i in range(4))))
+    pars = [OIL.viscosity, OIL.width, OIL.radius, OIL.clearance]
+    assert filled(motion, pars=pars) == pytest.approx(FILM(motion), rel=1e-14)
+
+
 def test_a_loaded_journal_spirals_from_rest_at_the_centre_to_ocvirks_point():
     names = hy.make_vars('x', 'y', 'vx', 'vy')
     x, y, vx, vy = names

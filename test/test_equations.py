@@ -297,9 +297,7 @@ def test_accelerations_forces_and_torque_of_the_loose_four_bar(skew, closed):
     m, system = skew
     for q, v in states(2.54e-4 if closed else 1e-4, sliding=closed):
         a2 = 90.0
-        seen = system.observe(
-            q[:, None], v[:, None], np.array([[a2]]), np.array([[1 + closed]])
-        )
+        seen = system.observe(q[:, None], v[:, None], np.array([[a2]]), np.array([[1 + closed]]))
         pressed = {'coupler_rocker': 2.54e-4} if closed else {}
         newton = Newton(m, q, v, given={'crank': a2}, pressed=pressed)
         np.testing.assert_allclose(seen.acceleration[:, 0], newton.a, rtol=1e-9)

@@ -64,9 +64,12 @@ def test_every_impact_above_the_cut_of_chatter_is_there_at_its_time(name):
     theirs = ref['approach_speed'] > 1e-4
     assert len(mine) == theirs.sum()
     columns = ('t', 'approach_speed', 'normal_impulse', 'normal_angle', 'energy_loss')
-    for column, tolerance in zip(columns, (1e-12, 1e-9, 1e-9, 1e-9, 1e-11), strict=True):
+    for column, tolerance in zip(columns, (None, 1e-9, 1e-9, 1e-9, 1e-11), strict=True):
         got = np.array([getattr(i, column) for i in mine])
-        assert np.abs(got - ref[column][theirs]).max() < tolerance, column
+        error = np.abs(got - ref[column][theirs])
+        # a rounding of the position moves a slow impact most
+        allowed = tolerance or 3e-13 + 3e-16 / ref['approach_speed'][theirs]
+        assert (error < allowed).all(), column
 
 
 def test_impacts_inside_one_chatter_sequence_follow_one_by_one():

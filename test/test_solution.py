@@ -16,7 +16,10 @@ MOTION = {f'{kind}.{k}' for kind in ('position', 'velocity', 'acceleration') for
 FORCES = {f'reaction.{j}.{axis}' for j in JOINTS for axis in 'xy'} | {'drive_torque'} | {
     f'energy.{k}' for k in ('kinetic', 'potential', 'drive_work', 'dissipated')
 }  # fmt: skip
-GAP = {f'{kind}.coupler_rocker' for kind in ('gap', 'normal_force', 'friction_force', 'closed', 'mode')}
+GAP = {
+    f'{kind}.coupler_rocker'
+    for kind in ('gap', 'normal_force', 'friction_force', 'closed', 'mode')
+}
 
 
 @pytest.fixture(scope='module')
@@ -167,13 +170,15 @@ def test_books_of_a_later_part_start_where_the_earlier_ones_ended(run):
     c, half = run.motion.curve, len(run.motion) // 2
     later = type(run.motion)(
         type(c)(*(x[half:] for x in (c.start, c.start_low, c.duration, c.turns, c.coefficients))),
-        run.motion.closed[half:],
+        run.motion.modes[half:],
+        run.motion.torques[half:],
     )
     begin = c.start[half]
     so_far = run.sample(np.nextafter(begin, 0.0))
     impacts = [i for i in run.impacts if i.t >= begin]
+    work = type(run.books.work)(*(x[half:] for x in run.books.work))
     books = Books(
-        run.books.work[half:], impacts, so_far['energy.drive_work'][0],
+        work, impacts, so_far['energy.drive_work'][0],
         so_far['energy.dissipated'][0],
     )  # fmt: skip
     t = np.linspace(begin, run.duration, 100)

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 #: Modes by number, as in the message ModeChange.
-MODES = {0: 'unknown', 1: 'free_flight', 2: 'following'}
+MODES = {
+    0: 'unknown',
+    1: 'free_flight',
+    2: 'following',
+    3: 'sticking',
+    4: 'sliding_forward',
+    5: 'sliding_backward',
+}
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Planar impact with Coulomb friction: Newton's, Poisson's and Stronge's hypotheses.
 
-Everywhere the gap rates after a blow are ``vn + Ann p + Ant q`` (normal, negative when closing) and
-``vt + Ant p + Att q`` (tangential), with the normal impulse p >= 0, the tangential impulse q on
-the same body, and the compliances A [1/kg], symmetric and positive definite.
+A blow changes the rates of a contact to ``vn + Ann p + Ant q`` (normal, negative when closing) and
+``vt + Ant p + Att q`` (tangential). p >= 0 is the normal impulse, q the tangential one along +t on
+the same body, and A [1/kg] is symmetric and positive definite.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.numerics.complementarity import solve_frictional_lcp
@@ -73,29 +74,28 @@ class _Leg(NamedTuple):
 
 
 def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: ImpactLaw) -> Blow:
-    """The blow of a single contact, by Routh's method (E. J. Routh, Dynamics of a System of
-    Rigid Bodies, 1905; J. B. Keller, J. Appl. Mech. 53, 1986).
+    """The blow of a single contact, by Routh's method.
 
     The normal impulse grows from 0. While the contact slips, ``dq = -mu sign(vt) dp``. When vt
     reaches 0 (or is 0 from the start) it sticks, ``dq = -Ant/Att dp``, if ``|Ant| <= mu Att``, and
-    else slips on with the sign of Ant, for good. So the path has at most two straight legs, on the
-    last of which vn rises; it ends where the hypothesis says. On the first leg vn may fall
-    (``Ann < mu |Ant|``, the approach jams): it recovers on the second. A contact that does not
-    close (vn >= 0) gets no impulse.
+    else slips on with the sign of Ant, for good. So the path of (p, q) has at most two straight
+    legs, and on the last of them vn rises; it ends where the hypothesis says. On the first leg vn
+    may fall (``Ann < mu |Ant|``, the approach jams); it recovers on the second. A contact that
+    does not close (vn >= 0) gets no impulse. (E. J. Routh, Dynamics of a System of Rigid Bodies,
+    1905; J. B. Keller, J. Appl. Mech. 53, 1986; W. J. Stronge, Proc. R. Soc. A 431, 1990.)
 
-    Smooth (mu = 0): ``p = -(1 + e) vn/Ann``, q = 0 ([SB] 5.4-2 for the smooth case).
+    Smooth (mu = 0): ``p = -(1 + e) vn/Ann``, ``q = 0`` ([SB] 5.4-2 for the smooth case).
 
     Rough (mu = inf): the limit of a large mu. On the first leg q alone grows until vt = 0; the
-    second leg sticks, and ends for Newton with ``vn+ = -e vn-``, ``vt+ = 0`` ([SB] 5.3.2). If the
-    first leg alone would lift vn above ``-e vn-``, where [SB] 5.4-3 asks for p < 0, then p = 0
-    and q is what lifts it just that far: slip remains.
+    second leg sticks, and with Newton's hypothesis ends at ``vn+ = -e vn``, ``vt+ = 0`` ([SB]
+    5.3.2). If the first leg alone would lift vn above ``-e vn``, where [SB] 5.4-3 has p < 0, then
+    p = 0 and q lifts it just that far; some slip remains.
 
-    Energy: Poisson's and Stronge's hypotheses never raise it. Newton's does not where slip neither
-    stops nor turns, nor for e = 0, but else it may (Kane's paradox): the simplest case is a
-    contact that sticks from the start of the blow or before its end, with Ant != 0. The worst for
-    given compliances is rough and elastic: ``e = 1, mu = inf`` changes it by
-    ``vt (2 Ant vn - Ann vt)/(2 D)`` with ``D = Ann Att - Ant^2``, positive if
-    ``0 < vt/vn < 2 Ant/Ann``.
+    Poisson's and Stronge's hypotheses never raise the energy, nor does Newton's for e = 0 or where
+    the direction of slip never changes. Else Newton's may (Kane's paradox; T. R. Kane and D. A.
+    Levinson, Dynamics, 1985). A blow that slips first and sticks in the end changes the energy by
+    ``-((1 - e^2) Att vn^2 - 2 Ant vn vt + Ann vt^2)/(2 D)``, ``D = Ann Att - Ant^2``, which can be
+    positive only if ``e^2 > D/(Ann Att)``. No blow that turned its slip was found to beat that.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
         p = (1.0 + e) * -vn / Ann
         return Blow(p, 0.0, _sign(vt + Ant * p))
     slide = _slide(Ann, Ant, Att, vt, mu)
-    turn = vn + slide.rise * slide.length if slide.length else vn  # normal rate where slip stops
+    turn = vn + slide.rise * slide.length  # normal rate where slip stops
     if slide.rise > 0.0 and turn >= rebound:
         x = (1.0 + e) * -vn / slide.rise
         return Blow(slide.normal * x, slide.tangential * x, slide.slip)
@@ -128,7 +128,7 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
         else:
             more = slide.normal * (rebound - turn) / slide.rise
     else:
-        # works of the normal force, doubled and times the last rise
+        # `square` is that of the final normal rate; it grows with the work at twice the rise
         if turn < 0.0:
             square = e * e * (turn * turn - last.rise * p * (vn + turn))
         else:
@@ -141,12 +141,11 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
 def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
     """Impact without collision: the blow of a closed contact (vn = 0) that slips and jams.
 
-    Where ``Ann - mu sign(vt) Ant < 0`` friction presses the bodies together faster than the
-    normal force parts them; no finite force is consistent (P. Painleve, 1895). The normal impulse
-    grows until vt = 0 and then until vn is back at 0. There is no restitution: this is `strike`
-    as vn rises to 0, for Newton's hypothesis or e = 0. A contact that does not jam gets no impulse.
-
-    Energy never rises.
+    Where ``Ann - mu sign(vt) Ant < 0``, friction presses the bodies together faster than the
+    normal force parts them, and no finite force is consistent (P. Painleve, 1895). The normal
+    impulse grows until vt = 0, and then until vn is back at 0; there the contact sticks. This is
+    `strike` for e = 0 as vn rises to 0: there is no restitution, and energy never rises. A contact
+    that does not jam gets no impulse.
 
     Parameters
     ----------
@@ -200,29 +199,33 @@ def strike_together(
 ) -> list[Blow]:
     """The blows of m contacts that touch at one instant.
 
-    Rows and columns are ordered normals first, then tangentials; the tangential rows of a
+    Rows and columns are ordered all normals first, then all tangentials; the tangential rows of a
     frictionless contact may be 0.
 
-    If all laws are Newton's, in Moreau's form (J. J. Moreau, Unilateral contact and dry friction,
-    1988): ``0 <= p, vn+ + e vn- >= 0, p (vn+ + e vn-) = 0`` and Coulomb's law between the whole
-    impulses and vt+. Without friction that is `newton_impulses`.
+    If all laws are Newton's, in Moreau's form: ``p >= 0``, ``vn+ + e vn >= 0``,
+    ``p (vn+ + e vn) = 0``, and Coulomb's law holds between p, q and vt+. (J. J. Moreau, Unilateral
+    contact and dry friction in finite freedom dynamics, 1988.) Without friction that is
+    `newton_impulses`.
 
-    If any is not, in two phases (C. Glocker and F. Pfeiffer, Nonlinear Dynamics 7, 1995):
-    compression is the above with e = 0 throughout and yields impulses pc; in expansion a contact
-    gets at least ``e pc``, and more only to end with vn+ = 0; Coulomb's law holds in each phase.
-    There is no tangential restitution. Stronge's hypothesis is defined for a single contact only;
-    here it counts as Poisson's. A contact under Newton's expands, without a least impulse, to
-    ``vn+ >= -e vn-`` if it was closing.
+    If any is not, in two phases (C. Glocker and F. Pfeiffer, Nonlinear Dynamics 7, 1995).
+    Compression is the above with e = 0 throughout and yields impulses pc. In expansion a contact
+    gets at least ``e pc``, and more only to end with vn+ = 0. Coulomb's law holds in each phase;
+    there is no tangential restitution. Stronge's hypothesis is defined for a single contact only
+    and counts as Poisson's here. A contact under Newton's, among others, expands without a least
+    impulse, so as to end with ``vn+ >= -e vn`` if it was closing.
 
-    A rough contact (`math.inf`) sticks if it is pressed; unpressed (p = 0, vn+ at its bound) it may
-    hold with q alone, against the slip that remains, as the limit of a large mu.
+    Both look at slip at the end of the blow or phase only, `strike` all the way. For m = 1 they
+    agree with it where the direction of slip does not change. A rough contact (mu = inf) that is
+    pressed sticks; else it is the limit of a large mu, as in `strike`.
 
-    Unlike `strike`, Moreau's form and the phases look at slip at their ends only; for m = 1 the
-    results agree where the direction of slip does not change.
+    Energy never rises
 
-    Energy: without friction and with equal e both forms never raise it. With e = 0 they never do,
-    whatever the friction. Else Moreau's form may: with friction as in `strike`, and without where
-    e differs.
+    - in Moreau's form if e = 0 for all; or if nothing has friction and e is the same for all or no
+      contact separates beforehand;
+    - in two phases, Newton's contacts apart, if e is the same for all or nothing has friction.
+
+    Else it may: with friction in Moreau's form as in `strike`, and with friction and different e
+    in two phases.
 
     Parameters
     ----------
@@ -233,7 +236,8 @@ def strike_together(
     Raises
     ------
     ArithmeticError
-        If there is no solution to rounding.
+        If there is no solution to rounding. That takes a singular A, with friction and e > 0 in
+        Moreau's form: the bodies are wedged and cannot part at the rates that e asks for.
     """
     m = len(laws)
     matrix, before = np.array(A, dtype=float), np.array(rate, dtype=float)
@@ -250,16 +254,24 @@ def strike_together(
         impulses[:] = solve_frictional_lcp(matrix, b, friction)[0]
     else:
         impulses[:] = solve_frictional_lcp(matrix, before, friction)[0]
-        b = before + matrix @ impulses
+        b = _rates(matrix, before, impulses)
         b[:m] += np.where(newton, e * np.minimum(before[:m], 0.0), 0.0)
         least = np.where(newton, 0.0, e) * impulses.reshape(2, m)
         impulses += solve_frictional_lcp(matrix, b, friction, least=least.ravel().tolist())[0]
-    after = before + matrix @ impulses
-    after[np.abs(after) <= 1e-12 * (np.abs(before) + np.abs(matrix) @ np.abs(impulses))] = 0.0
+    after = _rates(matrix, before, impulses)
     return [
         Blow(float(p), float(q), _sign(float(vt)))
         for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
     ]
+
+
+def _rates(
+    A: NDArray[np.float64], before: NDArray[np.float64], impulses: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Rates after impulses; those within rounding of zero are zero."""
+    after = before + A @ impulses
+    size = np.abs(before) + np.abs(A).sum(axis=1) * np.abs(impulses).max()
+    return np.where(np.abs(after) > 1e-12 * size, after, 0.0)
 
 
 def energy_change(

@@ -62,14 +62,12 @@ class Base:
 def base_at(time: Fraction, laws: Sequence[Law], turns: Mapping[str, int]) -> Base:
     """The base at `time`; `turns` are those of the coordinates that no law prescribes."""
     whole = dict(turns)
-    local, torques = [], []
+    local = []
     for law in laws:
         if isinstance(law, DriveLaw):
             whole[law.coordinate], coefficients = law.about(time)
             local.append(tuple(coefficients))
-    for law in laws:
-        if isinstance(law, TorqueLaw):
-            torques.append(law.after(whole[law.coordinate]))
+    torques = [law.after(whole[law.coordinate]) for law in laws if isinstance(law, TorqueLaw)]
     return Base(time, whole, tuple(local), tuple(torques))
 
 

@@ -51,6 +51,7 @@ class Contacts:
         integrator: hy.taylor_adaptive_dbl,
         rule: ChatterRule,
         base: Base,
+        rtol: float,
         speed: float,
     ) -> None:
         self.impacts: list[Impact] = []
@@ -70,6 +71,8 @@ class Contacts:
         self._rounding = 2.0 * float(np.spacing(system.mechanism.size))
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
         self._still = 1e3 * float(np.spacing(speed))  # [m/s] slower sliding is none
+        # [m/s] a closed contact that parts slower is at rest: so much a step's error may be
+        self._leaving = max(1e-12, 0.01 * rtol) * speed
         self._floor = [
             0.0 if not guard.friction else -max(SLIP_SCALE * self._still,
                                                 FORCE_SCALE * _ROUNDING_FORCE)
@@ -121,7 +124,7 @@ class Contacts:
         terms = self._terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
             # as good as resting is what would rise no farther than rounding reaches
-            stays = rate <= 0.0 or self._rule.ends(rate, terms.free_acceleration[i], 1.0, -value)
+            stays = rate <= 0.0 or self._rule.ends(rate, terms.acceleration[i], 1.0, -value)
             if self.closed(i) or (value <= self._touching and stays):
                 self._collide(i)
                 return
@@ -153,25 +156,26 @@ class Contacts:
             return
         self._record_modes(before)
 
-    def fallen(self) -> int | None:
+    def fallen(self, seen_now: int | None = None) -> int | None:
         """A guard which is past zero already: the integrator would never see it fall.
 
-        That happens where a step ends within its error of an event.
+        That happens where a step ends within its error of an event. Beside the guard that is
+        `seen_now`, others count only beyond what falls at the same instant.
         """
+        margin = 0.0 if seen_now is None else self._touching
         seen = self._watch().tolist()
         modes, count = self.modes, len(self._floor)
         for i, (x, floor) in enumerate(zip(seen, self._floor, strict=False)):
-            if x <= floor and (
-                i >= len(modes) or modes[i] > 1 or seen[count + i] < 0.0  # 1: free flight
-            ):
+            if i < len(modes) and modes[i] == 1:  # free flight
+                if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
+                    return i
+            elif x <= floor and seen_now is None:
                 return i
         return None
 
     def _watch(self) -> np.ndarray:
         watch = self._system.watch
-        return np.asarray(
-            watch(self._state, pars=self._pars[: watch.nparams], time=self._ta.time)
-        )
+        return np.asarray(watch(self._state, pars=self._pars[: watch.nparams], time=self._ta.time))
 
     def _change(self, gap: int, mode: Mode) -> None:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
@@ -213,7 +217,7 @@ class Contacts:
         ]
         blows, after = _strike(A, rate, laws)
         ended = [
-            self._rule.ends(ra, terms.free_acceleration[i], law.restitution, -terms.value[i])
+            self._rule.ends(ra, terms.acceleration[i], law.restitution, -terms.value[i])
             for i, ra, law in zip(touching, after, laws, strict=False)
         ]
         if any(stop and law.restitution for stop, law in zip(ended, laws, strict=True)):
@@ -234,9 +238,10 @@ class Contacts:
                         terms, i, blow, (rate[k], after[k]), (tangents[0], tangents[1]), stop
                     )
             # neither does one rest less that would rise no farther than rounding reaches
-            low = self._rule.ends(after[k], terms.free_acceleration[i], 1.0, -terms.value[i])
-            self._expect_return(after[k], terms.free_acceleration[i])
-            if low or after[k] <= -1e-9 * rate[k]:
+            low = self._rule.ends(after[k], terms.acceleration[i], 1.0, -terms.value[i])
+            self._expect_return(after[k], terms.acceleration[i])
+            stays = self._leaving if self.closed(i) else self._still
+            if low or after[k] <= max(-1e-9 * rate[k], stays):
                 resting.append(i)
             slips[i] = blow.slip
         if resting or any(self.closed(i) for i in touching):
@@ -250,13 +255,13 @@ class Contacts:
     def _bounce(self, terms: ContactTerms, gap: int) -> None:
         """Impact in one gap alone, the common case: `_collide` without its bookkeeping."""
         rate, e = min(terms.rate[gap], 0.0), self._laws[gap].restitution
-        stop = self._rule.ends(-e * rate, terms.free_acceleration[gap], e, -terms.value[gap])
+        stop = self._rule.ends(-e * rate, terms.acceleration[gap], e, -terms.value[gap])
         after = 0.0 if stop else -e * rate
         blow = Blow((after - rate) / terms.compliance[gap][gap], 0.0, 0)
         if blow.normal > 0.0:
             self._push(terms, gap, blow)
             self._record_impact(terms, gap, blow, (rate, after), (0.0, 0.0), stop)
-        self._expect_return(after, terms.free_acceleration[gap])
+        self._expect_return(after, terms.acceleration[gap])
         if after <= -1e-9 * rate:
             self._rest([gap], [gap], {})
 

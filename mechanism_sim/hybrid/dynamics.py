@@ -255,6 +255,15 @@ class Dynamics:
         closing = self._with(closing, self._closing, factors) if self.relation else []
         return Solved(a, N, T, closing)
 
+    @property
+    def acceleration(self) -> Vector:
+        """Second derivatives of the rows with the forces of the closed gaps."""
+        forces = [*self.exact.N, *(self.exact.T if self.frictional else [])]
+        return [
+            add(free, dot(line, forces))
+            for free, line in zip(self.free_acceleration, self.compliance, strict=True)
+        ]
+
     def on_prescribed(self, k: int, solved: Solved) -> Term:
         """Generalised force of contacts and closures on the k-th prescribed coordinate."""
         forces = [*solved.N, *(solved.T if self.frictional else [])]

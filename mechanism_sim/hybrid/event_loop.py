@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import heyoka as hy
@@ -20,6 +19,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion, Tape
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -35,17 +35,6 @@ STEP_SCALE = 0.1
 """Rate relative to that of the fastest drive whose relative error is `rtol`."""
 
 
-@dataclass(frozen=True)
-class State:
-    """All there is to know at one instant; what follows depends on nothing else."""
-
-    time: Fraction  #: [s], exact
-    turns: tuple[int, ...]  #: whole turns of the free coordinates, 0 for displacements
-    q: tuple[float, ...]  #: free coordinates [rad, m]
-    v: tuple[float, ...]  #: their rates
-    closed: tuple[bool, ...]  #: of every gap
-
-
 class EventLoop:
     """Runs a system through flight, impact and following.
 
@@ -57,7 +46,8 @@ class EventLoop:
     rtol : error per step relative to `STEP_SCALE` of the fastest drive's speed, at least 1 rad/s
     atol : [m] displacement that may be left out when chatter is ended
     max_step : [s] longest Taylor step
-    compact : compile slower but smaller code (for many coordinates)
+    compact : compile smaller but slower code (for many coordinates)
+    fastest : [rad/s] speed that the error refers to; of the first laws or the state if not given
 
     Attributes
     ----------
@@ -73,6 +63,7 @@ class EventLoop:
         atol: float,
         max_step: float,
         compact: bool = False,
+        fastest: float | None = None,
     ) -> None:
         self.events = 0
         self._system = system
@@ -81,7 +72,8 @@ class EventLoop:
         self._max_step = max_step
         driven = [law.coefficients[1] for law in laws if isinstance(law, DriveLaw) and law.degree]
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
-        fastest = max(1.0, *map(abs, driven or turning or [1.0]))
+        known = [fastest] if fastest else driven or turning
+        fastest = max(1.0, *map(abs, known))
         self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
         f = len(system.free)
         self._state, self._pars = self._ta.state[: 2 * f], self._ta.pars
@@ -97,10 +89,12 @@ class EventLoop:
             self._ta,
             ChatterRule(rtol, atol, system.mechanism.size),
             self._base,
+            rtol,
             fastest * system.mechanism.size,
         )
         self._start_base()
         self._pending: tuple[float, float, int | None] | None = None
+        self._taken = (0.0, math.inf)  # stabilisation and longest step of the pending step
         self._last_event = float('-inf')
         self._simultaneous = 0
         self._contacts.start(state.closed)
@@ -155,19 +149,19 @@ class EventLoop:
         reach = min(longest, contacts.horizon)
         limit = self._base.local(until)
         watched = bool(contacts.modes)
+        alpha = float(pars[stabilisation])
         last = len(entries) + most if most is not None else math.inf
         while len(entries) < last:
             if self._pending is None:
                 tau = ta.time
+                self._taken = (alpha, reach)
                 outcome, h = step(reach, True)
-                while outcome in _UNEVENTFUL and watched and contacts.fallen() is not None:
-                    if h < _SHORTEST * longest:
-                        break
+                while watched and self._overlooked(outcome) and h > _SHORTEST * longest:
                     outcome, h = self._again(tau, _SHORTER * h)
                 tape.buffer[len(entries)] = coefficients
                 if outcome == _SUCCESS:
                     guard = None
-                    pars[stabilisation] = 1.0 / h
+                    alpha = pars[stabilisation] = 1.0 / h
                 else:
                     guard = self._ended_by(outcome, tau)
                 if reach is not longest:
@@ -198,14 +192,22 @@ class EventLoop:
             if guard is not None:
                 self._count_event()
                 contacts.handle(guard)
-                ta.reset_cooldowns()
+                self._forget_events()
                 reach = min(longest, contacts.horizon)
             if end > self._next_base:
                 self._rebase()
                 limit = self._base.local(until)
 
+    def _overlooked(self, outcome: hy.taylor_outcome) -> bool:
+        """Whether a step came to its end beyond an event which no guard had seen."""
+        if outcome in _UNEVENTFUL:
+            return self._contacts.fallen() is not None
+        if len(self._system.guards) == 1:
+            return False
+        return self._contacts.fallen(-int(outcome) - 1) is not None
+
     def _again(self, tau: float, longest: float) -> tuple[hy.taylor_outcome, float]:
-        """Take a step anew that came to its end beyond an impact which no guard had seen.
+        """Take a step anew that overlooked an event.
 
         The search for the roots of a guard gives up where one lies much nearer to the start of a
         step than to its end, or on the point where it bisects; and the root of a step that ends
@@ -213,7 +215,7 @@ class EventLoop:
         """
         self._state[:] = self._coefficients[:, 0]
         self._ta.time = tau
-        self._ta.reset_cooldowns()
+        self._forget_events()
         outcome, h = self._step(longest, True)
         return outcome, float(h)
 
@@ -241,7 +243,12 @@ class EventLoop:
                 self._tape.grow()
         self._state[:] = x
         self._ta.time = at
-        self._ta.reset_cooldowns()
+        self._forget_events()
+
+    def _forget_events(self) -> None:
+        """Let the integrator search for events from here as if there had been none."""
+        if self._system.guards:
+            self._ta.reset_cooldowns()
 
     def _count_event(self) -> None:
         self.events += 1
@@ -292,6 +299,54 @@ class EventLoop:
         self._tape.rebase(self._base)
         rates = self._state[len(self._state) // 2 :][list(self._system.angular)]
         self._next_base = self._base.next_after(float(np.abs(rates).max(initial=0.0)))
+
+    # --- pauses -------------------------------------------------------------------------------
+
+    def snapshot(self) -> Snapshot:
+        """What it takes to go on as if there had been no pause.
+
+        A step that is known but not yet part of the solution is taken anew then.
+        """
+        contacts, state, tau = self._contacts, self._state, float(self._ta.time)
+        alpha, horizon = float(self._pars[self._stabilisation]), contacts.horizon
+        if self._pending:
+            state = self._tape.buffer[len(self._tape.entries)][:, 0]
+            tau, (alpha, horizon) = self._pending[0], self._taken
+        return Snapshot(
+            '',
+            self._base.time,
+            tau,
+            {c: self._base.turns[c] for c in self._system.free},
+            tuple(state.tolist()),
+            contacts.modes,
+            alpha,
+            horizon,
+            self._next_base,
+            tuple(self._laws),
+            tuple(self._coming),
+            self._last_event,
+            self._simultaneous,
+            self.events,
+        )
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot of a run of the same system with the same tolerances."""
+        s = snapshot
+        self._laws, self._coming = list(s.laws), deque(s.coming)
+        self._base = base_at(s.base, self._laws, s.turns)
+        self._tape.restart()
+        self._start_base()
+        self._state[:] = s.state
+        self._ta.time = s.tau
+        self._forget_events()
+        self._pars[self._stabilisation] = s.stabilisation
+        self._contacts.set_modes(s.modes)
+        self._contacts.horizon = s.horizon
+        self._contacts.impacts, self._contacts.mode_changes = [], []
+        self._pending = None
+        self._next_base = s.next_base
+        self._last_event, self._simultaneous = s.last_event, s.simultaneous
+        self.events = s.events
 
     # --- the solution -------------------------------------------------------------------------
 

@@ -52,8 +52,8 @@ class Physics(Protocol):
         """
 
 
-class LoosePhysics:
-    """A system with gaps: accelerations and forces follow from state and mode of contact."""
+class DynamicPhysics:
+    """Equations of motion: accelerations and forces follow from state and mode of contact."""
 
     has_forces = True
 
@@ -83,8 +83,8 @@ class LoosePhysics:
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed."""
         values = self.system.gap_values(motion.curve.at(segments, dt).T)
-        gaps = [g.distance(row) for g, row in zip(self.system.gaps, values, strict=True)]
-        return np.where(motion.closed_at(segments, dt), np.inf, np.array(gaps))
+        gaps = self.system.distances(values)
+        return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
     def closure_error(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation

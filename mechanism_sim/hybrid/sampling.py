@@ -53,8 +53,8 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
     work, lost = np.full(len(t), books.drive_work), np.full(len(t), books.dissipated)
     if physics.has_forces:
         since = _work_since_start(physics, motion, k, dt)
-        for total, whole, part in zip((work, lost), books.work, since, strict=True):
-            total += np.concatenate([[0.0], np.cumsum(whole)])[k] + part
+        work += np.concatenate([[0.0], np.cumsum(books.work.drive)])[k] + since.drive
+        lost += np.concatenate([[0.0], np.cumsum(books.work.friction)])[k] + since.friction
         at = [impact.t for impact in books.impacts]
         passed = np.searchsorted(at, t, side='right')
         work += np.cumsum([0.0, *(i.drive_work for i in books.impacts)])[passed]

@@ -12,6 +12,7 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Books, Samples, sample, table
+from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.hybrid.tape import Motion
 
@@ -38,6 +39,7 @@ class Solution:
     impacts, modes : events in the order of time
     energy : the books; ``None`` where masses are not part of the scene
     max_penetration, max_closure_error : [m]
+    snapshot : from where a longer run goes on, not later than the end
     """
 
     scene: str
@@ -52,6 +54,7 @@ class Solution:
     max_penetration: float
     max_closure_error: float
     stop_reason: StopReason
+    snapshot: Snapshot
 
     @property
     def duration(self) -> float:
@@ -66,11 +69,13 @@ class Solution:
     def sample(self, t: Array | float) -> Mapping[str, Array]:
         """Everything at times `t` [s], as arrays (N,) by name.
 
-        ``position.LINK`` [rad], ``velocity.LINK``, ``acceleration.LINK``; with clearance
-        ``gap.JOINT`` [m], ``normal_force.JOINT``, ``friction_force.JOINT`` [N], ``closed.JOINT``
-        (0 or 1), ``mode.JOINT`` (the number of a `Mode`); and where the scene has forces ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named
-        link), ``drive_torque`` [N m], ``energy.kinetic``, ``energy.potential``,
-        ``energy.drive_work``, ``energy.dissipated`` [J].
+        ``position.LINK`` [rad], ``velocity.LINK``, ``acceleration.LINK``, the same of ``LINK.x``
+        and ``LINK.y`` [m] for links that float; with clearance ``gap.JOINT`` [m],
+        ``normal_force.JOINT``, ``friction_force.JOINT`` [N], ``closed.JOINT`` (0 or 1),
+        ``mode.JOINT`` (the number of a `Mode`); and where the scene has forces
+        ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named link),
+        ``drive_torque`` [N m], ``energy.kinetic``, ``energy.potential``, ``energy.drive_work``,
+        ``energy.dissipated`` [J].
 
         Raises
         ------

@@ -42,6 +42,7 @@ class ContactTerms(NamedTuple):
     value: list[float]  #: (m,) [m]
     rate: list[float]  #: (r,) [m/s]
     free_acceleration: list[float]  #: (r,) their derivatives while no gap carries force [m/s^2]
+    acceleration: list[float]  #: (r,) their derivatives with the forces of the gaps now closed
     response: list[list[float]]  #: (r, f) rates gained per unit impulse, closures kept
     compliance: list[list[float]]  #: (r, r) rates of the rows per unit impulse [1/kg]
     drive_response: list[list[float]]  #: (r, p) impulse of the drives per unit impulse
@@ -225,6 +226,7 @@ class System:
                 *(jet.value for jet in d.normal),
                 *(jet.rate for jet in rows),
                 *d.free_acceleration,
+                *d.acceleration,
                 *(x for W in d.response for x in W),
                 *(x for row in d.compliance for x in row),
                 *(x for row in d.drive_response for x in row),
@@ -237,19 +239,21 @@ class System:
         m, f, p = len(self.gaps), len(self.free), len(self.prescribed)
         r = len(self.dynamics.rows)
         if r == 1:
-            value, rate, free = out[:3]
-            compliance, drive, angle = [out[3 + f]], out[4 + f : 4 + f + p], out[4 + f + p :]
+            value, rate, free, acceleration = out[:4]
+            compliance, drive, angle = [out[4 + f]], out[5 + f : 5 + f + p], out[5 + f + p :]
             return ContactTerms(
-                [value], [rate], [free], [out[3 : 3 + f]], [compliance], [drive], angle
-            )
-        h = m + 2 * r
+                [value], [rate], [free], [acceleration], [out[4 : 4 + f]], [compliance], [drive],
+                angle,
+            )  # fmt: skip
+        h = m + 3 * r
         i = h + r * f
         j = i + r * r
         k = j + r * p
         return ContactTerms(
             out[:m],
             out[m : m + r],
-            out[m + r : h],
+            out[m + r : m + 2 * r],
+            out[m + 2 * r : h],
             [out[h + n * f : h + (n + 1) * f] for n in range(r)],
             [out[i + n * r : i + (n + 1) * r] for n in range(r)],
             [out[j + n * p : j + (n + 1) * p] for n in range(r)],
@@ -378,7 +382,7 @@ class System:
             q,
             v,
             a,
-            np.array([g.distance(row) for g, row in zip(self.gaps, gap, strict=True)]),
+            self.distances(gap),
             N,
             T,
             friction[0],
@@ -389,15 +393,22 @@ class System:
             energy[1],
         )
 
+    def distances(self, values: Array) -> Array:
+        """The gaps (m, N) [m] that belong to values in their own measure."""
+        rows = [g.distance(row) for g, row in zip(self.gaps, values, strict=True)]
+        return np.array(rows).reshape(values.shape)
+
     @cached_property
-    def _distances(self) -> hy.cfunc_dbl:
+    def _values_function(self) -> hy.cfunc_dbl:
         frames, d = self.equations.frames, self.dynamics
         values = [dense(jet.value) for jet in (*d.normal, *d.relation)]
         return hy.cfunc(values, vars=list(frames.q.values()))
 
     def _values(self, q: Array) -> Array:
-        pars = np.repeat(self.parameters[: self._distances.nparams, None], q.shape[1], axis=1)
-        return np.asarray(self._distances(np.ascontiguousarray(q), pars=pars))
+        pars = np.repeat(
+            self.parameters[: self._values_function.nparams, None], q.shape[1], axis=1
+        )
+        return np.asarray(self._values_function(np.ascontiguousarray(q), pars=pars))
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""

@@ -90,6 +90,12 @@ class Tape:
         """Number of steps since the start."""
         return self._drained + len(self.entries)
 
+    def restart(self) -> None:
+        """Forget all steps and bases."""
+        self.entries.clear()
+        self._bases.clear()
+        self._drained = 0
+
     def grow(self) -> None:
         """Make room: the buffer is full."""
         self.buffer = np.concatenate([self.buffer, np.empty_like(self.buffer)])

@@ -60,7 +60,7 @@ class BearingClearance:
         """
         x, y = _pin_in_bushing(self.mechanism, self.name, frames)
         c = self._clearance(frames)
-        tangential = x.across(y) / c
+        tangential: Jet = x.across(y) / c
         joint = self.mechanism.joint(self.name)
         radius = self.pin_radius
         for link, arm in ((joint.first, radius), (joint.second, -(radius + self.clearance))):

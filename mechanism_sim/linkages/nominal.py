@@ -6,6 +6,7 @@ sixty-fourth of a turn.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from fractions import Fraction
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.events import Impact, ModeChange
+from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array, FourBar
 from mechanism_sim.numerics.polynomials import (
@@ -23,7 +25,7 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
     shift_powers,
 )
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 
@@ -50,14 +52,16 @@ class NominalRun:
         self._pieces: list[tuple[float, float, int, Array]] = []
         self._previous: Array | None = None
 
-    def change_law(self, law: DriveLaw) -> None:
+    def change_law(self, law: Law) -> None:
         """Let a law replace the present one from ``law.valid_from`` on.
 
         Raises
         ------
         ValueError
-            If the motion is already known beyond that time.
+            If the motion is already known beyond that time, or the law is a torque's.
         """
+        if not isinstance(law, DriveLaw):
+            raise ValueError('a torque needs equations of motion, not closed forms')
         if law.valid_from < self.time:
             raise ValueError(
                 f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
@@ -104,6 +108,22 @@ class NominalRun:
         self._pieces.append((self.time, h, turns, coefficients))
         self.steps += 1
         self.time = end
+
+    def snapshot(self) -> Snapshot:
+        """What it takes to go on."""
+        angles = () if self._previous is None else tuple(self._previous.tolist())
+        return Snapshot(
+            '', Fraction(0), self.time, {}, angles, (), 0.0, math.inf, 0.0, (self._law,),
+            tuple(self._coming), -math.inf, 0, 0,
+        )  # fmt: skip
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot."""
+        self.time = snapshot.tau
+        self._law, *_ = (law for law in snapshot.laws if isinstance(law, DriveLaw))
+        self._coming = deque(law for law in snapshot.coming if isinstance(law, DriveLaw))
+        self._previous = np.array(snapshot.state) if snapshot.state else None
+        self._pieces.clear()
 
     def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
         """Motion since the last call; there are no events."""

@@ -12,6 +12,7 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.planar.drive import DriveLaw as Law
 
 
 class CrankDrive(SimulationNode):
@@ -28,7 +29,8 @@ class CrankDrive(SimulationNode):
         self.declare_parameter('realtime_factor', 0.0)
         self._announced = 0.0
         self._final = False
-        self._law = self.machine.law
+        self._laws = self.machine.laws
+        self._law = 0
         self._drive = self.create_publisher(DriveLaw, 'drive', RESULTS)
         self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
         self.join()
@@ -63,22 +65,33 @@ class CrankDrive(SimulationNode):
         if horizon < min(end, self._announced + 0.1 * (lead if factor <= 0.0 else 0.05 * factor)):
             return
         self._final = horizon >= end
-        message = DriveLaw(
-            coordinate=self._law.coordinate,
-            kind=DriveLaw.PRESCRIBED,
-            law_id=1,
-            valid_from=self._law.valid_from,
-            valid_until=float(horizon),
-            final=self._final,
-            reference_time=self._law.reference_time,
-            coefficients=float64_array(list(self._law.coefficients)),
-        )
-        message.header.stamp = stamp(self._announced)
-        self.send(self._drive, message)
+        while True:
+            later = self._laws[self._law + 1 :]
+            change = later[0].valid_from if later else math.inf
+            self._announce(min(horizon, change), self._final and horizon <= change)
+            if horizon <= change:
+                break
+            self._law += 1
         self._announced = horizon
         self.report(horizon, finished=self._final)
         if self._final and math.isfinite(self.partners_time()):
             self.done = self.partners_finished()
+
+    def _announce(self, until: float, final: bool) -> None:
+        """The present law holds until then."""
+        law = self._laws[self._law]
+        message = DriveLaw(
+            coordinate=law.coordinate,
+            kind=DriveLaw.PRESCRIBED if isinstance(law, Law) else DriveLaw.TORQUE,
+            law_id=self._law + 1,
+            valid_from=law.valid_from,
+            valid_until=float(until),
+            final=final,
+            reference_time=law.reference_time if isinstance(law, Law) else 0.0,
+            coefficients=float64_array(list(law.coefficients)),
+        )
+        message.header.stamp = stamp(self._announced)
+        self.send(self._drive, message)
 
 
 def main(args: list[str] | None = None) -> None:

@@ -29,7 +29,8 @@ from mechanism_sim.nodes import publications
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.planar.drive import DriveLaw as Law
+from mechanism_sim.planar.drive import DriveLaw as MotionLaw
+from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.scene.machine import Run
 
 STEPS_PER_BATCH = 256
@@ -57,6 +58,7 @@ class Linkage(SimulationNode):
         }
         self._next = dict.fromkeys(self._rates, 0)
         self._run: Run | None = None
+        self._law_id = 0
         self._impact_count = 0
         self._physics = self.machine.physics
         self._audit = Audit(self._physics)
@@ -71,13 +73,10 @@ class Linkage(SimulationNode):
     def _follow(self, message: Any) -> None:
         """Advance to where the law is known to hold."""
         if self._run is None:
-            law = Law(
-                message.coordinate,
-                tuple(float(c) for c in message.coefficients),
-                message.reference_time,
-                message.valid_from,
-            )
-            self._run = self.machine.start(law)
+            self._run = self.machine.start(_law(message))
+        elif message.law_id != self._law_id:
+            self._run.change_law(_law(message))
+        self._law_id = message.law_id
         while True:
             before = self._run.steps
             self._run.advance(message.valid_until, message.final, STEPS_PER_BATCH)
@@ -136,6 +135,17 @@ class Linkage(SimulationNode):
         t = t[t < end]
         self._next[topic] = first + len(t)
         return t
+
+
+def _law(message: Any) -> Law:
+    """The law of the drive that a message announces."""
+    coefficients = [float(c) for c in message.coefficients]
+    if message.kind == DriveLaw.TORQUE:
+        constant, per_angle, per_speed = coefficients
+        return TorqueLaw(message.coordinate, (constant, per_angle, per_speed), message.valid_from)
+    return MotionLaw(
+        message.coordinate, tuple(coefficients), message.reference_time, message.valid_from
+    )
 
 
 def main(args: list[str] | None = None) -> None:

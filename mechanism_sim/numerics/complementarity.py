@@ -96,12 +96,13 @@ def solve_frictional_lcp(
     Raises
     ------
     ArithmeticError
-        If there is no solution to rounding. If A is positive definite that takes a given slip
-        that jams, ``Ann < mu slip Ant``.
+        If there is no solution to rounding. If A is positive definite that takes slips that are
+        given and jam: for one contact ``Ann < mu slip Ant``.
     """
     m = len(friction)
     matrix, vector = np.array(A, dtype=float), np.array(b, dtype=float)
-    slip, least = slip or [0] * m, least or [0.0] * (2 * m)
+    slip = [0] * m if slip is None else slip
+    least = [0.0] * (2 * m) if least is None else least
     menus = [_states(friction[i], slip[i], least[i], abs(least[m + i])) for i in range(m)]
     tries = sorted(product(*menus), key=_preference)
     for rtol in (1e-12, 1e-8):
@@ -109,7 +110,7 @@ def solve_frictional_lcp(
             x = _settle(matrix, vector, states, rtol)
             if x is not None:
                 wt = (matrix @ x + vector)[m:]
-                return x.tolist(), [s.name(rate) for s, rate in zip(states, wt, strict=True)]
+                return x.tolist(), [_grip(s, x[i], x[m + i], wt[i]) for i, s in enumerate(states)]
     raise ArithmeticError('no impulses with friction satisfy all contacts of this instant')
 
 
@@ -122,11 +123,6 @@ class _State(NamedTuple):
     pressed: bool  # loaded beyond its least, so that wn = 0
     hold: tuple[float, float]  # if it sticks, |q| is at most the first times p plus the second
     direction: int  # sign that wt must have, 0 for any
-
-    def name(self, wt: float) -> Grip:
-        if self.grip is not None:
-            return self.grip
-        return Grip.FORWARD if wt > 0.0 else Grip.BACKWARD if wt < 0.0 else Grip.STICK
 
 
 def _states(mu: float, slip: int | None, p: float, q: float) -> list[_State]:
@@ -150,6 +146,14 @@ def _states(mu: float, slip: int | None, p: float, q: float) -> list[_State]:
                 ray = (0.0, -float(sign))
                 states.append(_State(grip, ray, q, pressed, (0.0, 0.0), direction))
     return states
+
+
+def _grip(state: _State, p: float, q: float, wt: float) -> Grip:
+    if p == 0.0 and q == 0.0:
+        return Grip.OPEN
+    if state.grip is not None:
+        return state.grip
+    return Grip.FORWARD if wt > 0.0 else Grip.BACKWARD if wt < 0.0 else Grip.STICK
 
 
 def _preference(states: tuple[_State, ...]) -> tuple[int, int]:
@@ -177,20 +181,26 @@ def _settle(
             rows.append(m + i)
     if rows:
         basis = np.array(columns).T
-        # least squares, because friction may be redundant: too many sticking contacts, or rows of 0
+        # least squares: friction may be redundant, with many contacts or rows of 0
         x += basis @ np.linalg.lstsq((A @ basis)[rows], -(A @ x + b)[rows], rcond=1e-13)[0]
     w = A @ x + b
-    size = np.abs(A) @ np.abs(x) + np.abs(b)
+    size = np.abs(A).sum(axis=1) * np.abs(x).max() + np.abs(b)  # of what cancels in w
     if rows and np.abs(w[rows]).max() > 1e-9 * size.max():
         return None
+    slack = rtol * float(np.abs(x).max())
     for i, s in enumerate(states):
         p, q = float(x[i]), float(x[m + i])
-        load = p if s.ray[0] else q * s.ray[1]
+        found = p if s.ray[0] else q * s.ray[1]
+        load = max(found, s.least)
+        hold = s.hold[0] * load + s.hold[1]
         if (
-            load < s.least
+            found < s.least - slack
+            or (s.grip is Grip.STICK and abs(q) > hold + slack)
             or (not s.pressed and w[i] < -rtol * size[i])
-            or (s.grip is Grip.STICK and abs(q) > s.hold[0] * p + s.hold[1])
             or s.direction * w[m + i] < -rtol * size[m + i]
         ):
             return None
+        x[i], x[m + i] = load * s.ray[0], load * s.ray[1]
+        if s.grip is Grip.STICK:
+            x[m + i] = max(-hold, min(q, hold))
     return x

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from math import comb
 
 #: 2 pi to 60 digits, so that whole turns can be taken off without losing any.
@@ -72,3 +74,30 @@ class TorqueLaw:
 
 
 Law = DriveLaw | TorqueLaw
+
+
+def speed_profile(
+    coordinate: str, angle: float, points: Sequence[tuple[float, float]], smooth: bool
+) -> list[DriveLaw]:
+    """The laws of a coordinate whose speed passes given points.
+
+    Between two points the speed goes straight, or smoothly by ``3 s^2 - 2 s^3``; before the first
+    and after the last it is constant.
+
+    Parameters
+    ----------
+    angle : [rad] at time zero
+    points : times [s], rising, and speeds [rad/s]
+    """
+    first, speed = points[0]
+    laws = [DriveLaw(coordinate, (angle, speed))]
+    angle += speed * first
+    for (start, before), (end, after) in pairwise(points):
+        T, rise = end - start, after - before
+        ramp = (0.0, rise / T**2, -0.5 * rise / T**3) if smooth else (0.5 * rise / T,)
+        laws.append(DriveLaw(coordinate, (angle, before, *ramp), start, start))
+        angle += 0.5 * (before + after) * T
+    last, speed = points[-1]
+    laws.append(DriveLaw(coordinate, (angle, speed), last, last))
+    return [law for law, later in zip(laws, [*laws[1:], None], strict=True)
+            if later is None or later.valid_from > law.valid_from]  # fmt: skip

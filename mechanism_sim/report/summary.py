@@ -91,7 +91,7 @@ def render(solution: Solution) -> str:
     ]
     if solution.physics.clearances:
         impulse = sum(impact.normal_impulse for impact in solution.impacts)
-        losses = sum(c.previous == 2 and c.mode == 1 for c in solution.modes)
+        losses = sum(c.previous > 1 and c.mode == 1 for c in solution.modes)
         lines.append(
             f'  {len(solution.impacts)} impacts, normal impulse {impulse * 1e3:.6g} mN s, '
             f'{losses} losses of contact'

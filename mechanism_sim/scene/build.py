@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
+
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.machine import CLOSING_JOINT, Level, Machine
+from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.schema import FourBarScene
 
 
@@ -26,14 +29,15 @@ def build(name: str, scene: FourBarScene) -> Machine:
             f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is '
             f'not shorter than the three other links together ({others:g} m)'
         )
-    if not linkage.assembles_everywhere():
+    _check_drive(name, scene)
+    if not machine.torque_driven and not linkage.assembles_everywhere():
         raise InputError(
             f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
             'crank in line must leave a triangle with coupler and rocker; shorten the crank'
         )
     if machine.level is not Level.NONSMOOTH:
         _check_initial(name, scene)
-    _check_joints(name, scene, lengths)
+    _check_joints(machine, lengths)
     _check_masses(name, machine)
     for sensor, placed in scene.sensors.items():
         if not sensor.isidentifier():
@@ -46,20 +50,54 @@ def build(name: str, scene: FourBarScene) -> Machine:
     return machine
 
 
-def _check_joints(name: str, scene: FourBarScene, lengths: dict[str, float]) -> None:
-    for joint in type(scene.joints).model_fields:
-        clearance = getattr(scene.joints, joint).clearance
-        if clearance is None:
-            continue
-        if joint != CLOSING_JOINT:
+def _check_drive(name: str, scene: FourBarScene) -> None:
+    """One way of driving, and a speed where one is needed."""
+    drive = scene.drive
+    ways = [way for way in ('profile', 'torque', 'motor') if getattr(drive, way) is not None]
+    if len(ways) > 1:
+        raise InputError(
+            f'{name}: drive.{ways[0]} and drive.{ways[1]} exclude each other: keep one'
+        )
+    if drive.profile:
+        if drive.speed is not None:
             raise InputError(
-                f'{name}: joints.{joint}.clearance: only {CLOSING_JOINT} can have clearance yet'
+                f'{name}: drive.speed and drive.profile exclude each other: a profile gives every '
+                'speed, the first at its first point'
             )
-        shortest = min(lengths.values())
+        times = [t for t, _ in drive.profile.points]
+        for before, after in pairwise(times):
+            if after <= before:
+                raise InputError(
+                    f'{name}: drive.profile.points: times must rise, but {after:g} s follows '
+                    f'{before:g} s'
+                )
+    elif drive.speed is None:
+        raise InputError(
+            f"{name}: 'drive.speed' is missing: the speed of the crank, or with a torque or a "
+            "motor its speed at the start, for example '350 rpm'"
+        )
+    if drive.motor and drive.motor.no_load_speed == 0.0:
+        raise InputError(f'{name}: drive.motor.no_load_speed must not be zero')
+
+
+def _check_joints(machine: Machine, lengths: dict[str, float]) -> None:
+    shortest = min(lengths.values())
+    for joint, clearance in machine.clearances.items():
+        where = f'{machine.name}: joints.{joint}.clearance'
         if clearance.radial >= shortest:
             raise InputError(
-                f'{name}: joints.{joint}.clearance.radial = {clearance.radial:g} m is larger than '
-                f'the shortest link ({shortest:g} m)'
+                f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
+                f'({shortest:g} m)'
+            )
+        if clearance.pin_radius and not clearance.friction:
+            raise InputError(
+                f'{where}.pin_radius = {clearance.pin_radius:g} m has no effect without friction: '
+                'give friction too, or leave it out'
+            )
+        if clearance.friction > 10.0 and not math.isinf(clearance.friction):
+            raise InputError(
+                f'{where}.friction = {clearance.friction:g} is more than 10: for contacts that '
+                "never slip write 'friction: rough'"
             )
 
 
@@ -82,8 +120,8 @@ def _check_masses(name: str, machine: Machine) -> None:
         for part in ('mass', 'inertia', 'cog')
     ]
     missing = [key for key, value in given if value is None]
-    if missing and (len(missing) < len(given) or machine.level is Level.NONSMOOTH):
+    if missing and (len(missing) < len(given) or machine.dynamic):
         raise InputError(
-            f"{name}: '{missing[0]}' is missing: forces and clearances need the mass, inertia and "
-            'cog of every moving link'
+            f"{name}: '{missing[0]}' is missing: forces, torques and clearances need the mass, "
+            'inertia and cog of every moving link'
         )

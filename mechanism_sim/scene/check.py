@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.machine import CLOSING_JOINT, Level, Machine
 
 _WHY = {
@@ -11,8 +12,10 @@ _WHY = {
     'or masses not given: closed-form loop closure',
     Level.INVERSE_DYNAMICS: 'the crank is prescribed, every joint is ideal, and forces are asked '
     'for: closed-form loop closure and a linear solve for the forces',
-    Level.NONSMOOTH: f'{CLOSING_JOINT} has clearance: equations of motion with a gap, and an '
-    'event loop for free flight, impact and following',
+    Level.SMOOTH: 'every joint is ideal and a torque moves the crank: equations of motion with a '
+    'closed loop',
+    Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
+    'free flight, impact and following',
 }
 
 
@@ -44,29 +47,38 @@ def check(machine: Machine) -> Report:
         If the machine cannot start where it should; the rest was refused when it was built.
     """
     scene, level = machine.scene, machine.level
-    loose = level is Level.NONSMOOTH
-    if loose:
+    if machine.dynamic:
         machine.initial_state()
-    rest = 'free (integrated)' if loose else 'follows from the closed loop'
-    speed = scene.drive.speed
-    coordinates = {'crank': f'prescribed, {speed:g} rad/s', 'coupler': rest, 'rocker': rest}
-    relations, gaps = [], []
-    clearance = scene.joints.coupler_rocker.clearance
-    if clearance:
+    rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loop'
+    coordinates = dict.fromkeys(machine.mechanism.coordinates, rest)
+    coordinates['crank'] = _drive(machine)
+    relations, gaps, warnings = [], [], []
+    for joint, c in machine.clearances.items():
+        friction = f', friction {c.friction:g}' if c.friction else ''
         gaps.append(
-            f'{CLOSING_JOINT}: pin in bushing, radial clearance {clearance.radial:g} m, Newton '
-            f'restitution {clearance.restitution:g}, start {scene.start}'
+            f'{joint}: pin in bushing, radial clearance {c.radial:g} m, '
+            f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}, start '
+            f'{scene.start}'
         )
-    else:
+        if c.friction and c.restitution and c.hypothesis == 'newton':
+            warnings.append(
+                f"{joint}: Newton's restitution with friction can create energy where sliding "
+                "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
+            )
+    if not gaps:
         relations.append(f'{CLOSING_JOINT}: closes the loop, 2 equations')
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
     if level is Level.KINEMATIC:
         left_out.append('masses, gravity and forces: nobody asks for them')
-    if loose:
-        left_out += ['friction and pin radius: none given', 'crank inertia: its speed is given']
-        left_out.append('clearance in the other joints: none given')
+    if gaps:
+        if not any(c.friction for c in machine.clearances.values()):
+            left_out.append('friction and pin radius: none given')
+        if len(gaps) < len(type(scene.joints).model_fields):
+            left_out.append('clearance in the other joints: none given')
+    if machine.dynamic and 'crank' in machine.system.prescribed:
+        left_out.append('crank inertia: its motion is given')
     return Report(
         machine.name,
         scene.title,
@@ -76,8 +88,22 @@ def check(machine: Machine) -> Report:
         relations,
         gaps,
         left_out,
-        _notes(machine),
+        [*warnings, *_notes(machine)],
     )
+
+
+def _drive(machine: Machine) -> str:
+    """What moves the crank."""
+    law, profile = machine.law, machine.scene.drive.profile
+    if not isinstance(law, DriveLaw):
+        constant, per_angle, per_speed = law.coefficients
+        return (
+            f'free, moved by {constant:g} N m {per_angle:+g} N m/rad times angle {per_speed:+g} '
+            f'N m s/rad times speed, from {machine.start_of_crank[1]:g} rad/s'
+        )
+    if profile:
+        return f'prescribed, {len(profile.points)} speeds joined by {profile.ramp} ramps'
+    return f'prescribed, {machine.scene.drive.speed:g} rad/s'
 
 
 def _notes(machine: Machine) -> list[str]:
@@ -92,7 +118,7 @@ def _notes(machine: Machine) -> list[str]:
         f'the link, {s.sample_rate:g} Hz'
         for name, s in scene.sensors.items()
     ]
-    if machine.level is Level.NONSMOOTH:
+    if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import sysconfig
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -163,7 +164,7 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
     if kind == 'value_error':
         return f'{where} = {value!r} {context["error"]}'
     if kind == 'literal_error':
-        hint = nearest(str(value), str(context['expected']).replace("'", '').split(' or '))
+        hint = nearest(str(value), re.findall(r"'([^']*)'", str(context['expected'])))
         return f'{where} = {value!r} is not possible{hint}; allowed: {context["expected"]}'
     expected = {
         'model_type': 'it must be a list of keys with values',

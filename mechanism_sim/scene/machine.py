@@ -1,33 +1,40 @@
-"""A scene turned into a machine that can run: the level it needs, its equations, its start."""
+"""A scene turned into a machine that can run: the level it needs, its equations, its runs."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from fractions import Fraction
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.event_loop import EventLoop, State
+from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact, ModeChange
-from mechanism_sim.hybrid.physics import LoosePhysics, Physics
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
+from mechanism_sim.hybrid.snapshot import Snapshot, State
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.bearing import BearingClearance, Closure
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
+from mechanism_sim.scene.initial import initial_state
 from mechanism_sim.scene.schema import Clearance, FourBarScene, Link
 
 CLOSING_JOINT = 'coupler_rocker'
-"""The joint where the loop of the four-bar is cut."""
+"""The joint where the loop of a four-bar without clearance is cut."""
+
+_COMPACT_FROM = 8
+"""Free coordinates and contact rows from which on compact code pays: it compiles much faster."""
 
 
 class Level(Enum):
@@ -35,6 +42,7 @@ class Level(Enum):
 
     KINEMATIC = 'kinematic'
     INVERSE_DYNAMICS = 'inverse dynamics'
+    SMOOTH = 'smooth dynamics'
     NONSMOOTH = 'nonsmooth dynamics'
 
 
@@ -54,8 +62,14 @@ class Run(Protocol):
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
         """Go on to `until` [s]."""
 
-    def change_law(self, law: DriveLaw) -> None:
+    def change_law(self, law: Law) -> None:
         """Announce another law of the drive."""
+
+    def snapshot(self) -> Snapshot:
+        """All that is needed to go on from here, bit by bit."""
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from there."""
 
     def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
         """Motion and events since the last call."""
@@ -77,17 +91,36 @@ class Machine:
     @property
     def level(self) -> Level:
         """The cheapest level that is exact for the scene."""
-        if self.scene.joints.coupler_rocker.clearance:
+        if self.clearances:
             return Level.NONSMOOTH
+        if self.torque_driven:
+            return Level.SMOOTH
         known = all(link.mass for link in self.links.values())
         wanted = self.scene.outputs.forces and known
         return Level.INVERSE_DYNAMICS if wanted else Level.KINEMATIC
+
+    @property
+    def torque_driven(self) -> bool:
+        """Whether the crank is moved by a torque, so that its motion is not known beforehand."""
+        return self.scene.drive.torque is not None or self.scene.drive.motor is not None
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the motion comes from equations of motion."""
+        return self.level in (Level.SMOOTH, Level.NONSMOOTH)
 
     @property
     def links(self) -> dict[str, Link]:
         """The moving links."""
         links = self.scene.links
         return {'crank': links.crank, 'coupler': links.coupler, 'rocker': links.rocker}
+
+    @cached_property
+    def clearances(self) -> dict[str, Clearance]:
+        """The joints with clearance."""
+        joints = self.scene.joints
+        found = {name: getattr(joints, name).clearance for name in type(joints).model_fields}
+        return {name: clearance for name, clearance in found.items() if clearance}
 
     @cached_property
     def linkage(self) -> FourBar:
@@ -103,10 +136,19 @@ class Machine:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """Bodies and joints; links without mass properties count as massless."""
+        """Bodies and joints, cut where joints are loose; links without mass data are massless."""
+        return self._cut_at(tuple(self.clearances) or (CLOSING_JOINT,))
+
+    def _cut_at(self, cut: tuple[str, ...]) -> Mechanism:
         links = self.scene.links
+        turning = {'crank': self.scene.drive.flywheel}
         bodies = [
-            Body(name, link.mass or 0.0, link.inertia or 0.0, (link.cog or 0.0, 0.0))
+            Body(
+                name,
+                link.mass or 0.0,
+                (link.inertia or 0.0) + turning.get(name, 0.0),
+                (link.cog or 0.0, 0.0),
+            )
             for name, link in self.links.items()
         ]
         origin = (0.0, 0.0)
@@ -124,74 +166,196 @@ class Machine:
                 ),
                 Revolute('rocker_ground', 'rocker', GROUND, origin, (links.ground.length, 0.0)),
             ),
-            (CLOSING_JOINT,),
+            cut,
             self.scene.gravity,
         )
 
     @cached_property
-    def law(self) -> DriveLaw:
-        """The law of the crank."""
-        start = self.scene.initial.position.crank
-        angle = self.scene.drive.start_angle if start is None else start
-        return DriveLaw('crank', (angle, self.scene.drive.speed))
+    def laws(self) -> tuple[Law, ...]:
+        """The laws of the crank, in the order in which they take over."""
+        drive, given = self.scene.drive, self.scene.initial.position.crank
+        angle = drive.start_angle if given is None else given
+        if drive.torque:
+            t = drive.torque
+            return (TorqueLaw('crank', (t.constant, t.per_angle, t.per_speed)),)
+        if drive.motor:
+            m = drive.motor
+            return (TorqueLaw('crank', (m.stall_torque, 0.0, -m.stall_torque / m.no_load_speed)),)
+        if drive.profile:
+            profile = drive.profile
+            return tuple(speed_profile('crank', angle, profile.points, profile.ramp == 'smooth'))
+        return (DriveLaw('crank', (angle, drive.speed or 0.0)),)
+
+    @property
+    def law(self) -> Law:
+        """The first law of the crank."""
+        return self.laws[0]
+
+    @property
+    def start_of_crank(self) -> tuple[float, float]:
+        """Angle [rad] and speed [rad/s] of the crank at time zero."""
+        if isinstance(self.law, DriveLaw):
+            angle, speed, *_ = *self.law.coefficients, 0.0
+            return angle, speed
+        drive, given = self.scene.drive, self.scene.initial.position.crank
+        return (drive.start_angle if given is None else given), drive.speed or 0.0
 
     @cached_property
     def inverse_dynamics(self) -> InverseDynamics:
         """Forces of the ideal mechanism."""
-        closure = Closure(CLOSING_JOINT, self.mechanism)
-        return InverseDynamics(self.mechanism, [closure], ['crank'])
-
-    @property
-    def _clearance(self) -> Clearance:
-        clearance = self.scene.joints.coupler_rocker.clearance
-        if clearance is None:
-            raise ValueError(f'{CLOSING_JOINT} of {self.name} has no clearance')
-        return clearance
+        ideal = self._cut_at((CLOSING_JOINT,))
+        return InverseDynamics(ideal, [Closure(CLOSING_JOINT, ideal)], ['crank'])
 
     @cached_property
     def system(self) -> System:
-        """The compiled equations of the loose mechanism."""
-        clearance = self._clearance
-        gap = BearingClearance(
-            CLOSING_JOINT, self.mechanism, clearance.radial, clearance.restitution
-        )
-        return System(self.mechanism, [gap], ['crank'], self.law.degree)
+        """The compiled equations of motion."""
+        gaps = [
+            BearingClearance(
+                name, self.mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
+                c.pin_radius,
+            )
+            for name, c in self.clearances.items()
+        ]  # fmt: skip
+        closures = [] if gaps else [Closure(CLOSING_JOINT, self.mechanism)]
+        degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in self.laws)
+        driven = (), ('crank',)
+        prescribed, powered = driven if self.torque_driven else driven[::-1]
+        return System(self.mechanism, gaps, prescribed, degree, closures, powered)
+
+    @cached_property
+    def ideal_system(self) -> System:
+        """The torque-driven mechanism without clearance."""
+        ideal = self._cut_at((CLOSING_JOINT,))
+        return System(ideal, [], (), 1, [Closure(CLOSING_JOINT, ideal)], ('crank',))
 
     @cached_property
     def physics(self) -> Physics:
         """What follows from a motion of this machine."""
-        if self.level is Level.NONSMOOTH:
-            return LoosePhysics(self.system)
+        if self.dynamic:
+            return DynamicPhysics(self.system)
         forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
         return NominalPhysics(self.linkage, self.mechanism, forces)
 
     @property
+    def _fastest(self) -> float:
+        """Largest speed of the crank that is known beforehand [rad/s]."""
+        drive = self.scene.drive
+        speeds = [self.start_of_crank[1]]
+        if drive.profile:
+            speeds += [speed for _, speed in drive.profile.points]
+        return max(map(abs, speeds))
+
+    @property
     def period(self) -> float:
-        """Duration of a crank revolution [s]; infinite for a crank at rest."""
-        speed = abs(self.scene.drive.speed)
-        return 2.0 * math.pi / speed if speed else math.inf
+        """Duration of a crank revolution at the largest speed [s]; infinite for one at rest."""
+        return 2.0 * math.pi / self._fastest if self._fastest else math.inf
+
+    def time_of(self, revolutions: float) -> float:
+        """When the crank has turned so far [s].
+
+        Raises
+        ------
+        InputError
+            If its law does not say, or never turns it so far.
+        """
+        if self.torque_driven:
+            raise InputError(
+                'how fast a torque turns the crank is not known beforehand: give a duration in '
+                'seconds, not revolutions'
+            )
+        wanted, turned = 2.0 * math.pi * revolutions, 0.0
+        laws = [law for law in self.laws if isinstance(law, DriveLaw)]
+        for law, later in zip(laws, [*laws[1:], None], strict=True):
+            end = later.valid_from if later else math.inf
+            t = self._reached(law, wanted - turned, end)
+            if t is not None:
+                return t
+            if later is None:
+                break
+            ends = [law.valid_from - law.reference_time, end - law.reference_time]
+            turned += float(abs(np.diff(polynomial.polyval(ends, law.coefficients))[0]))
+        raise InputError('the crank is at rest: give a duration in seconds, not revolutions')
+
+    @staticmethod
+    def _reached(law: DriveLaw, angle: float, end: float) -> float | None:
+        """When a law has turned by `angle` [rad] since it took over, if before `end` [s]."""
+        if law.degree == 1 and law.valid_from == law.reference_time:
+            speed = abs(law.coefficients[1])
+            t = law.valid_from + angle / speed if speed else math.inf
+            return t if t <= end and t < math.inf else None
+        began = law.valid_from - law.reference_time
+        start = polynomial.polyval(began, law.coefficients)
+        hits = []
+        for sign in (1.0, -1.0):
+            shifted = [law.coefficients[0] - start - sign * angle, *law.coefficients[1:]]
+            roots = polynomial.polyroots(shifted)
+            hits += [
+                float(r.real) for r in roots if abs(r.imag) <= 1e-9 * abs(r) and r.real > began
+            ]
+        times = [law.reference_time + root for root in hits]
+        return min((t for t in times if t <= end), default=None)
 
     @property
     def allowed_penetration(self) -> float:
         """Violation of a gap [m] that tolerance or rounding explain; beyond it a run fails."""
         solver = self.scene.solver
         allowed = max(1e3 * solver.rtol * self.mechanism.size, solver.atol, 1e-12)
-        clearance = self.scene.joints.coupler_rocker.clearance
-        return min(allowed, 0.1 * clearance.radial) if clearance else allowed
+        return min([allowed, *(0.1 * c.radial for c in self.clearances.values())])
 
-    def start(self, law: DriveLaw | None = None) -> Run:
-        """A new run of the machine, under the scene's law or another of the same crank."""
-        law = law or self.law
-        if self.level is not Level.NONSMOOTH:
-            return NominalRun(self.linkage, law)
-        return EventLoop(
-            self.system,
-            [law],
-            self.initial_state(),
-            self.scene.solver.rtol,
-            self.scene.solver.atol,
-            min(self.period / 8.0, 0.1),
-        )
+    def start(self, law: Law | None = None) -> Run:
+        """A new run of the machine, under the scene's laws or another of the same crank."""
+        laws = self.laws if law is None else (law,)
+        run: Run
+        if self.dynamic:
+            solver = self.scene.solver
+            run = EventLoop(
+                self.system,
+                laws[:1],
+                initial_state(self),
+                solver.rtol,
+                solver.atol,
+                min(self.period / 8.0, 0.1),
+                compact=len(self.system.free) + len(self.system.dynamics.rows) >= _COMPACT_FROM,
+                fastest=self._fastest,
+            )
+        elif isinstance(laws[0], DriveLaw):
+            run = NominalRun(self.linkage, laws[0])
+        else:
+            raise TypeError('an ideal four-bar whose crank a torque moves has equations of motion')
+        for later in laws[1:]:
+            run.change_law(later)
+        return run
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Of all that rules the motion, in a few letters."""
+        content = self.scene.model_dump(exclude={'title', 'description', 'outputs', 'sensors'})
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+    def snapshot(self, run: Run) -> Snapshot:
+        """What it takes for another run of this machine to go on where this one stands."""
+        return replace(run.snapshot(), machine=self.fingerprint)
+
+    def resume(self, snapshot: Snapshot) -> Run:
+        """A run that goes on where another of this machine stood, bit by bit.
+
+        Raises
+        ------
+        InputError
+            If the snapshot is of another machine.
+        """
+        if snapshot.machine != self.fingerprint:
+            raise InputError(
+                f'the snapshot is of another machine than {self.name}: give the same scene with '
+                'the same overrides'
+            )
+        run = self.start()
+        run.restore(snapshot)
+        return run
+
+    def initial_state(self) -> State:
+        """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
+        return initial_state(self)
 
     def prepare(self) -> None:
         """Compile all that a run will need, so that it does not wait later."""
@@ -200,65 +364,17 @@ class Machine:
         motion, *_ = run.drain()
         Audit(self.physics).add(motion, [])
 
-    def initial_state(self) -> State:
-        """Where a loose four-bar starts.
 
-        ``centred``: the nominal mechanism, pin at the centre, in flight. ``seated``: the pin rests
-        on the bushing in the direction of the nominal force of the coupler on the rocker; nominal
-        rates. Coordinates given in `initial` replace those.
+def joint_forces(machine: Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Forces in the joints of the ideal mechanism (j, 2) [N], first-named on second-named link.
 
-        Raises
-        ------
-        InputError
-            If given coordinates put the pin outside of its bushing.
-        """
-        clearance = self._clearance
-        _, (angle, speed, *_) = self.law.about(Fraction(0))
-        # In extended precision: after a few dozen impacts the last digit of the start counts.
-        crank = np.array([[angle], [speed], [0.0]], dtype=np.longdouble)
-        q, v, a = (x.astype(float) for x in self.linkage.motion(*crank))
-        seated = self.scene.start == 'seated'
-        if seated:
-            force = self.inverse_dynamics(q, v, a).reaction[2, :, 0]
-            if not force.any():
-                raise InputError(
-                    f'{self.name}: start = seated, but no force presses the pin of '
-                    f"{CLOSING_JOINT} on its bushing; write 'start: centred'"
-                )
-            n = force / np.hypot(*force)
-            q[1:, 0] = self._displaced(angle, q[1:, 0], clearance.radial * n)
-        given = self.scene.initial
-        for i, name in enumerate(('coupler', 'rocker')):
-            position, rate = getattr(given.position, name), getattr(given.velocity, name)
-            if position is not None:
-                q[i + 1, 0] = position
-                seated = False
-            if rate is not None:
-                v[i + 1, 0] = rate
-                seated = False
-        self._check_inside(q, clearance.radial)
-        turns = (0, 0)
-        return State(Fraction(0), turns, tuple(q[1:, 0]), tuple(v[1:, 0]), (seated,))
-
-    def _displaced(self, crank: float, near: Array, Q: Array) -> Array:
-        """Angles of coupler and rocker with the pin displaced by Q [m] from the bushing centre."""
-        l = self.linkage  # noqa: E741 - the lengths
-        angles = np.array(
-            l.close(l.ground - l.crank * np.cos(crank) + Q[0], -l.crank * np.sin(crank) + Q[1])
-        )
-        if np.isnan(angles).any():
-            raise InputError(
-                f'{self.name}: the mechanism cannot be assembled with the pin of {CLOSING_JOINT} '
-                'seated: its clearance is too large'
-            )
-        return angles + 2.0 * np.pi * np.round((near - angles) / (2.0 * np.pi))
-
-    def _check_inside(self, q: Array, clearance: float) -> None:
-        value = self.system.gap_values(q)
-        gap = float(self.system.gaps[0].distance(value[0])[0])
-        if gap < -1e-6 * clearance:
-            raise InputError(
-                f'{self.name}: initial.position puts the pin of {CLOSING_JOINT} '
-                f'{clearance - gap:.6g} m from the centre of its bushing; the radial clearance is '
-                f'{clearance:g} m'
-            )
+    `a` counts only where the crank is prescribed; a torque sets its own acceleration.
+    """
+    law = machine.law
+    if isinstance(law, DriveLaw):
+        return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
+    constant, per_angle, per_speed = law.coefficients
+    torque = constant + per_angle * q[:1] + per_speed * v[:1]
+    none = np.zeros((0, 1))
+    seen = machine.ideal_system.observe(q, v, none, none.astype(np.uint8), torque)
+    return seen.reaction[:, :, 0]

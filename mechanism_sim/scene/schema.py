@@ -31,6 +31,16 @@ Acceleration = Annotated[float, _si('m/s^2'), _FINITE]
 Rate = Annotated[float, _si('Hz'), _POSITIVE]
 Tolerance = Annotated[float, _si(''), Field(ge=1e-16, le=1e-4)]
 Displacement = Annotated[float, _si('m'), _NOT_NEGATIVE]
+Time = Annotated[float, _si('s'), _NOT_NEGATIVE]
+Torque = Annotated[float, _si('N m'), _FINITE]
+TorquePerAngle = Annotated[float, _si('N m/rad'), _FINITE]
+TorquePerSpeed = Annotated[float, _si('N m s/rad'), _FINITE]
+AddedInertia = Annotated[float, _si('kg m^2'), _NOT_NEGATIVE]
+Radius = Annotated[float, _si('m'), _NOT_NEGATIVE]
+Friction = Annotated[
+    float, BeforeValidator(lambda x: float('inf') if x == 'rough' else to_si(x, '')), Field(ge=0.0)
+]
+"""Coulomb's coefficient, or the word ``rough`` for contacts that never slip."""
 Coefficient = Annotated[float, _si(''), Field(ge=0.0, le=1.0)]
 
 
@@ -65,10 +75,13 @@ class FourBarLinks(Part):
 
 
 class Clearance(Part):
-    """A pin loose in its bushing."""
+    """A pin on the first-named link, loose in a bushing on the second-named one."""
 
     radial: Length
     restitution: Coefficient
+    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    friction: Friction = 0.0
+    pin_radius: Radius = 0.0
 
 
 class Joint(Part):
@@ -86,11 +99,37 @@ class FourBarJoints(Part):
     rocker_ground: Joint = Joint()
 
 
+class Profile(Part):
+    """Speeds at given times, joined by ramps; the last one stays."""
+
+    points: list[tuple[Time, Speed]] = Field(min_length=1)
+    ramp: Literal['linear', 'smooth'] = 'linear'  #: smooth: no jumps of acceleration
+
+
+class AffineTorque(Part):
+    """``constant + per_angle * angle + per_speed * speed``; all zero is a free crank."""
+
+    constant: Torque = 0.0
+    per_angle: TorquePerAngle = 0.0
+    per_speed: TorquePerSpeed = 0.0
+
+
+class Motor(Part):
+    """The straight line of a direct-current motor."""
+
+    stall_torque: Torque
+    no_load_speed: Speed
+
+
 class Drive(Part):
-    """What moves the crank."""
+    """What moves the crank: a speed, a profile of speeds, a torque, or a motor."""
 
     coordinate: Literal['crank'] = 'crank'
-    speed: Speed
+    speed: Speed | None = None  #: with a torque or a motor the speed at the start
+    profile: Profile | None = None
+    torque: AffineTorque | None = None
+    motor: Motor | None = None
+    flywheel: AddedInertia = 0.0  #: inertia that turns with the crank
     start_angle: Angle = 0.0
 
 
@@ -103,7 +142,7 @@ class FourBarAngles(Part):
 
 
 class FourBarSpeeds(Part):
-    """Angular velocities set outright; the crank has that of its drive."""
+    """Angular velocities set outright; the crank starts with that of its drive."""
 
     coupler: Speed | None = None
     rocker: Speed | None = None

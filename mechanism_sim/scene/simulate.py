@@ -13,6 +13,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit, Work
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.sampling import Books
+from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.solution import Solution, Stats
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.scene.build import build
@@ -55,9 +56,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
     if asked is not None and not (asked > 0.0 and math.isfinite(asked)):
         raise InputError(f'the length of a run must be positive and finite, not {asked:g}')
     if duration is None:
-        duration = (1.0 if revolutions is None else revolutions) * machine.period
-    if not math.isfinite(duration):
-        raise InputError('the crank is at rest: give a duration in seconds, not revolutions')
+        duration = machine.time_of(1.0 if revolutions is None else revolutions)
     return duration
 
 
@@ -66,6 +65,7 @@ def simulate(
     revolutions: float | None = None,
     duration: float | None = None,
     progress: Progress | None = None,
+    resume: Snapshot | None = None,
 ) -> Solution:
     """Run a machine and keep all of its motion.
 
@@ -74,17 +74,21 @@ def simulate(
     revolutions : of the crank, or
     duration : [s]; without either one revolution
     progress : called after every batch of steps
+    resume : where an earlier run of the same machine stood; the solution begins there, and
+        `revolutions` and `duration` count from the beginning of the earlier run
 
     Raises
     ------
     InputError
-        If the length of the run is not positive.
+        If the length of the run is not positive, or the snapshot is of another machine.
     RunError
         If the integration breaks down, or the finished motion violates a gap.
     """
     end = span(machine, revolutions, duration)
     wall = time.perf_counter()
-    run = machine.start()
+    run = machine.resume(resume) if resume else machine.start()
+    if run.time >= end:
+        raise InputError(f'the snapshot is at {run.time:g} s already: ask for more than that')
     physics = machine.physics
     compile_time = time.perf_counter() - wall
     audit = Audit(physics)
@@ -93,8 +97,15 @@ def simulate(
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
     cpu, wall = time.process_time(), time.perf_counter()
+    snapshot = None
     while run.time < end:
-        run.advance(end, final=True, most=_BATCH)
+        if snapshot is None:
+            steps = run.steps
+            run.advance(end, most=_BATCH)
+            if run.steps - steps < _BATCH:
+                snapshot = machine.snapshot(run)
+        else:
+            run.advance(end, final=True)
         motion, struck, changed = run.drain()
         works.append(audit.add(motion, struck))
         audit.judge(machine.allowed_penetration)
@@ -123,4 +134,5 @@ def simulate(
         audit.max_penetration,
         audit.max_closure_error,
         StopReason.COMPLETE,
+        snapshot or machine.snapshot(run),
     )

@@ -1,0 +1,102 @@
+"""The state between two steps: where a run starts, and what it needs to go on bit by bit."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
+
+
+@dataclass(frozen=True)
+class State:
+    """All there is to know at the start of a run; what follows depends on nothing else."""
+
+    time: Fraction  #: [s], exact
+    turns: tuple[int, ...]  #: whole turns of the free coordinates, 0 for displacements
+    q: tuple[float, ...]  #: free coordinates [rad, m]
+    v: tuple[float, ...]  #: their rates
+    closed: tuple[bool, ...]  #: of every gap
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A run that pauses: with it a run of the same machine continues as if it never had.
+
+    The time of a snapshot is the end of the last step that is complete, at or before the time up
+    to which the run was asked to go: steps are not cut to pause.
+    """
+
+    machine: str  #: fingerprint of what moves
+    base: Fraction  #: [s] from where the integrator counts
+    tau: float  #: [s] since then
+    turns: dict[str, int]
+    state: tuple[float, ...]  #: free coordinates, and their rates
+    modes: tuple[int, ...]
+    stabilisation: float  #: [1/s]
+    horizon: float  #: [s] longest next step
+    next_base: float  #: [s]
+    laws: tuple[Law, ...]
+    coming: tuple[Law, ...]
+    last_event: float  #: [s]
+    simultaneous: int  #: events at that time
+    events: int
+
+    @property
+    def time(self) -> float:
+        """Time [s] from which the run goes on."""
+        return float(self.base + Fraction(self.tau))
+
+    def save(self, path: str | Path) -> None:
+        """Write a JSON file; floats are hexadecimal, so that no digit is lost."""
+        data = asdict(self) | {
+            'base': str(self.base),
+            'laws': [_law_to_json(law) for law in self.laws],
+            'coming': [_law_to_json(law) for law in self.coming],
+        }
+        for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
+            data[key] = float(data[key]).hex()
+        data['state'] = [float(x).hex() for x in self.state]
+        Path(path).write_text(json.dumps(data, indent=1), encoding='utf-8')
+
+    @classmethod
+    def load(cls, path: str | Path) -> Snapshot:
+        """Read what `save` has written.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or is not a snapshot.
+        """
+        try:
+            data = json.loads(Path(path).read_text(encoding='utf-8'))
+            for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
+                data[key] = float.fromhex(data[key])
+            data['base'] = Fraction(data['base'])
+            data['state'] = tuple(float.fromhex(x) for x in data['state'])
+            data['modes'] = tuple(data['modes'])
+            data['laws'] = tuple(_law_from_json(law) for law in data['laws'])
+            data['coming'] = tuple(_law_from_json(law) for law in data['coming'])
+            return cls(**data)
+        except OSError as error:
+            raise InputError(f"the snapshot '{path}' cannot be read: {error.strerror}") from error
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"'{path}' is not a snapshot of a run: {error}") from error
+
+
+def _law_to_json(law: Law) -> dict[str, Any]:
+    data = asdict(law) | {'kind': type(law).__name__}
+    data['coefficients'] = [float(c).hex() for c in law.coefficients]
+    return data
+
+
+def _law_from_json(data: dict[str, Any]) -> Law:
+    kinds: dict[str, Any] = {'DriveLaw': DriveLaw, 'TorqueLaw': TorqueLaw}
+    kind = kinds[data.pop('kind')]
+    data['coefficients'] = tuple(float.fromhex(c) for c in data['coefficients'])
+    law: Law = kind(**data)
+    return law

@@ -1,0 +1,138 @@
+"""Where a machine starts: its pins at the centre of their bushings, or pressed against them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.hybrid.system import Array
+from mechanism_sim.planar.drive import DriveLaw
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene.machine import Machine
+
+
+def initial_state(machine: Machine) -> State:
+    """Where the equations of motion of a four-bar start.
+
+    ``centred``: the nominal mechanism, pins at the centre, in flight. ``seated``: each pin rests
+    on its bushing in the direction of the nominal force of the first-named on the second-named
+    link; nominal rates. Coordinates given in `initial` replace those.
+
+    Raises
+    ------
+    InputError
+        If it cannot be assembled, or given coordinates put a pin outside of its bushing.
+    """
+    angle, speed = machine.start_of_crank
+    acceleration = 0.0
+    if isinstance(machine.law, DriveLaw):
+        # turns are left out: only differences of angles count
+        _, local = machine.law.about(Fraction(0))
+        angle, speed, half, *_ = *local, 0.0, 0.0
+        acceleration = 2.0 * half
+    # In extended precision: after a few dozen impacts the last digit of the start counts.
+    crank = np.array([[angle], [speed], [acceleration]], dtype=np.longdouble)
+    q, v, a = (x.astype(float) for x in machine.linkage.motion(*crank))
+    if np.isnan(q).any():
+        raise InputError(
+            f'{machine.name}: the mechanism cannot be assembled at drive.start_angle = {angle:g} '
+            'rad: crank pin and rocker pivot are out of reach of coupler and rocker'
+        )
+    seated = machine.scene.start == 'seated' and bool(machine.clearances)
+    Q = {name: np.zeros(2) for name in machine.clearances}
+    if seated:
+        Q = _seats(machine, q, v, a)
+        q[1:, 0] = _displaced(machine, angle, q[1:, 0], np.sum([*Q.values()], axis=0))
+    given = machine.scene.initial
+    for i, name in enumerate(('coupler', 'rocker')):
+        for rows, part in ((q, given.position), (v, given.velocity)):
+            wanted = getattr(part, name)
+            if wanted is not None:
+                rows[i + 1, 0] = wanted
+                seated = False
+    values = _coordinates(machine, q[:, 0], v[:, 0], Q)
+    system = machine.system
+    _check_inside(machine, np.array([[values[c][0]] for c in system.coordinates]))
+    free = [values[c] for c in system.free]
+    return State(
+        Fraction(0),
+        (0,) * len(free),
+        tuple(x for x, _ in free),
+        tuple(rate for _, rate in free),
+        (seated,) * len(system.gaps),
+    )
+
+
+def _seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
+    """Where the pins rest [m], from the centres of their bushings."""
+    from mechanism_sim.scene.machine import joint_forces  # noqa: PLC0415 - they need each other
+
+    forces = dict(
+        zip(
+            [j.name for j in machine.mechanism.joints], joint_forces(machine, q, v, a), strict=True
+        )
+    )
+    seats = {}
+    for name, clearance in machine.clearances.items():
+        force = forces[name]
+        if not force.any():
+            raise InputError(
+                f'{machine.name}: start = seated, but no force presses the pin of {name} on its '
+                "bushing; write 'start: centred'"
+            )
+        seats[name] = clearance.radial * force / np.hypot(*force)
+    return seats
+
+
+def _displaced(machine: Machine, crank: float, near: Array, Q: Array) -> Array:
+    """Angles of coupler and rocker with pins displaced by Q [m] in all."""
+    l = machine.linkage  # noqa: E741 - the lengths
+    angles = np.array(
+        l.close(l.ground - l.crank * np.cos(crank) + Q[0], -l.crank * np.sin(crank) + Q[1])
+    )
+    if np.isnan(angles).any():
+        raise InputError(
+            f'{machine.name}: the mechanism cannot be assembled with the pins of '
+            f'{", ".join(machine.clearances)} seated: the clearance is too large'
+        )
+    return angles + 2.0 * np.pi * np.round((near - angles) / (2.0 * np.pi))
+
+
+def _coordinates(
+    machine: Machine, q: Array, v: Array, Q: dict[str, Array]
+) -> dict[str, tuple[float, float]]:
+    """Value and rate of every coordinate, from the angles of the links and the pins' places."""
+    links = tuple(machine.links)
+    found = {name: (float(q[i]), float(v[i])) for i, name in enumerate(links)}
+    mechanism, l = machine.mechanism, machine.linkage  # noqa: E741 - the lengths
+    none = np.zeros(2)
+    u, du = (np.array([np.cos(q), np.sin(q)]).T, np.array([-np.sin(q), np.cos(q)]).T)
+    # the origins of the links, each in its proximal joint
+    crank = -Q.get('ground_crank', none)
+    coupler = crank + l.crank * u[0] - Q.get('crank_coupler', none)
+    rocker = np.array([l.ground, 0.0]) + Q.get('rocker_ground', none)
+    rates = {'crank': none, 'coupler': l.crank * v[0] * du[0], 'rocker': none}
+    for i, (name, origin) in enumerate(zip(links, (crank, coupler, rocker), strict=True)):
+        if name in mechanism.floating:
+            arm = mechanism.body(name).cog[0]
+            place, rate = origin + arm * u[i], rates[name] + arm * v[i] * du[i]
+            for axis, x, w in zip('xy', place, rate, strict=True):
+                found[f'{name}.{axis}'] = (float(x), float(w))
+    return found
+
+
+def _check_inside(machine: Machine, q: Array) -> None:
+    for gap, value in zip(machine.system.gaps, machine.system.gap_values(q), strict=True):
+        clearance = machine.clearances[gap.name].radial
+        distance = float(gap.distance(value)[0])
+        if distance < -1e-6 * clearance:
+            raise InputError(
+                f'{machine.name}: initial.position puts the pin of {gap.name} '
+                f'{clearance - distance:.6g} m from the centre of its bushing; the radial '
+                f'clearance is {clearance:g} m'
+            )
