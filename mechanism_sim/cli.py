@@ -86,6 +86,9 @@ def _parser() -> argparse.ArgumentParser:
     sub = command('analyze', _analyze, 'say what happened in a recorded run')
     sub.add_argument('bag', metavar='BAG')
     sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+    sub = command('bench', _bench, 'measure: the hard cases')
+    sub.add_argument('names', nargs='+', metavar='NAME', help='hard, or names of hard cases')
+    sub.add_argument('--markdown', metavar='FILE', help='also write a table for people')
     return parser
 
 
@@ -215,6 +218,31 @@ def _info(options: argparse.Namespace) -> int:
     else:
         print(render_info(found))
     return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from mechanism_sim.bench.hard import cases, run  # noqa: PLC0415
+    from mechanism_sim.report import hard  # noqa: PLC0415
+    from mechanism_sim.scene.files import nearest  # noqa: PLC0415
+
+    known = {case.name: case for case in cases()}
+    for name in options.names:
+        if name != 'hard' and name not in known:
+            raise InputError(
+                f"there is no case '{name}'{nearest(name, known)}; known are: hard (all), "
+                f'{", ".join(known)}'
+            )
+    chosen = known if 'hard' in options.names else options.names
+    outcomes = []
+    for outcome in run(tuple(known[name] for name in chosen)):
+        outcomes.append(outcome)
+        if not options.json:
+            print(hard.render(outcome), flush=True)
+    if options.markdown:
+        Path(options.markdown).write_text(hard.markdown(outcomes), encoding='utf-8')
+    if options.json:
+        _print_json(hard.to_json(outcomes))
+    return 0 if all(outcome.ok for outcome in outcomes) else 1
 
 
 def _analyze(options: argparse.Namespace) -> int:

@@ -22,6 +22,7 @@ FLOORS = (
     ('sensing',),
     ('scene',),
     ('messages', 'recording', 'middleware'),
+    ('study', 'bench'),
     ('nodes', 'analysis', 'report', 'export'),
     ('cli', '__init__'),
     ('__main__',),
