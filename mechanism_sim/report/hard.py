@@ -22,20 +22,18 @@ def to_json(outcomes: Sequence[Outcome]) -> dict[str, object]:
     """Rows ``name, figure, bound, ok``, one for each figure of each case."""
     rows: list[dict[str, object]] = []
     for o in outcomes:
-        for f in o.figures:
-            rows.append(
-                {
-                    'name': o.case.name,
-                    'measured': f.name,
-                    'figure': f.value if math.isfinite(f.value) else None,
-                    'unit': f.unit,
-                    'bound': f.bound if math.isfinite(f.bound) else None,
-                    'ok': f.ok,
-                }
-            )
-        if o.failure:
-            rows.append({'name': o.case.name, 'measured': o.failure, 'figure': None,
-                         'unit': '', 'bound': None, 'ok': False})  # fmt: skip
+        figures = o.figures or (Figure(o.failure, math.nan),)
+        rows += [
+            {
+                'name': o.case.name,
+                'measured': f.name,
+                'figure': f.value if math.isfinite(f.value) else None,
+                'unit': f.unit,
+                'bound': f.bound if math.isfinite(f.bound) else None,
+                'ok': f.ok,
+            }
+            for f in figures
+        ]
     return {'cases': rows}
 
 
@@ -45,7 +43,7 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
         '# Hard cases',
         '',
         'Where simulators of contact break. Made by',
-        '`mechanism-sim bench hard --markdown docs/hard_cases.md`; `test/hard` runs the same cases.',
+        '`mechanism-sim bench hard --markdown docs/hard_cases.md`; `test/hard` runs the same.',
         '',
     ]
     for o in outcomes:

@@ -287,11 +287,10 @@ class Machine:
         start = polynomial.polyval(began, law.coefficients)
         hits = []
         for sign in (1.0, -1.0):
-            shifted = [law.coefficients[0] - start - sign * angle, *law.coefficients[1:]]
-            roots = polynomial.polyroots(shifted)
-            hits += [
-                float(r.real) for r in roots if abs(r.imag) <= 1e-9 * abs(r) and r.real > began
-            ]
+            shifted = Polynomial(np.array(law.coefficients)) - (start + sign * angle)
+            roots = np.asarray(shifted.trim().roots())
+            real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
+            hits += [float(x) for x in real[real > began]]
         times = [law.reference_time + root for root in hits]
         return min((t for t in times if t <= end), default=None)
 
