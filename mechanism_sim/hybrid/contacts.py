@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import heyoka as hy
 import numpy as np
@@ -418,13 +419,22 @@ def _strike(
 ) -> tuple[list[Blow], list[float]]:
     """Impulses of the contacts, and the rates of all rows after them."""
     m = len(laws)
+    newton = all(law.hypothesis is Hypothesis.NEWTON for law in laws)
     if m == 1 and len(rate) == 2:
         blows = [strike(A[0][0], A[0][1], A[1][1], rate[0], rate[1], laws[0])]
-    elif m == len(rate):
+    elif m == len(rate) and newton:
         impulses = newton_impulses(A, rate, [law.restitution for law in laws])
         blows = [Blow(p, 0.0, 0) for p in impulses]
     else:
-        blows = strike_together(A, rate, laws)
+        if m == len(rate):  # no friction anywhere
+            A = [[*row, *[0.0] * m] for row in A] + [[0.0] * (2 * m)] * m
+            rate = [*rate, *[0.0] * m]
+        try:
+            blows = strike_together(A, rate, laws)
+        except ArithmeticError:
+            # Moreau's form may have no solution with friction; two phases always have one
+            poisson = [replace(law, hypothesis=Hypothesis.POISSON) for law in laws]
+            blows = strike_together(A, rate, poisson)
     impulses = [b.normal for b in blows]
     if len(rate) > m:
         impulses += [b.tangential for b in blows]

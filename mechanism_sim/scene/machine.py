@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.polynomial import polynomial
+from numpy.polynomial import Polynomial, polynomial
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
