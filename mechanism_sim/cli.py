@@ -72,6 +72,11 @@ def _parser() -> argparse.ArgumentParser:
     _length_options(sub)
     sub.add_argument('--sample-rate', type=float, metavar='HZ', help='sample the solution at')
     sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
+    sub.add_argument('--save', metavar='FILE', help='write what it takes to go on from the end')
+    sub.add_argument(
+        '--resume', metavar='FILE',
+        help='go on from what --save wrote; lengths still count from the very beginning',
+    )  # fmt: skip
     sub = command('run', _run, 'run a scene as nodes that publish and record')
     _scene_options(sub)
     _length_options(sub)
@@ -147,6 +152,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _solve(options: argparse.Namespace) -> int:
+    from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import progress, summary, tables  # noqa: PLC0415
     from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
 
@@ -154,8 +160,14 @@ def _solve(options: argparse.Namespace) -> int:
         tables.check_output(options.output, options.sample_rate)
     machine = load_scene(options.scene, _overrides(options))
     end = span(machine, options.revolutions, options.duration)
+    snapshot = Snapshot.load(options.resume) if options.resume else None
     with progress.bar('solve', end, quiet=options.json) as show:
-        solution = simulate(machine, duration=end, progress=show)
+        solution = simulate(machine, duration=end, progress=show, resume=snapshot)
+    if options.save:
+        try:
+            solution.snapshot.save(options.save)
+        except OSError as error:
+            raise InputError(f"'{options.save}' cannot be written: {error.strerror}") from error
     if options.output:
         tables.write(solution, options.output, options.sample_rate)
     if options.json:

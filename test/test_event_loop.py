@@ -606,6 +606,23 @@ def test_many_revolutions_neither_drift_nor_lose_the_crank_angle():
     assert per_ten.min() > 50
 
 
+@pytest.mark.parametrize('before', [1e-6, 1e-9, 1e-11, 1e-13, 1e-15, 1e-17, 0.0])
+def test_contact_is_lost_wherever_the_steps_begin(before):
+    """A loss of contact much nearer to the start of a step than to its end is not overlooked."""
+    first = next(m.t for m in finish(loose(0.5, 'seated').start(), 1.04 * TURN)[2] if m.mode == 1)
+    run = loose(0.5, 'seated').start()
+    t = first - before
+    run.change_law(constant_speed(SPEED * t, SPEED, t))
+    motion, _, modes = finish(run, 1.04 * TURN)
+    lost = next(m.t for m in modes if m.mode == 1)
+    assert lost == pytest.approx(first, abs=1e-11)
+    assert audited(run_physics(), motion, []).min_normal_force > -1e-9
+
+
+def run_physics():
+    return loose(0.5, 'seated').physics
+
+
 # --- several gaps at once ---------------------------------------------------------------------
 
 

@@ -63,6 +63,9 @@ class Contacts:
         self._ta = integrator
         self._f = len(system.free)
         self._state, self._pars = integrator.state[: 2 * self._f], integrator.pars
+        if system.gaps:
+            self._watch = system.watch
+            self._watch_pars = self._pars[: system.watch.nparams]
         self._rule = rule
         self._laws = [
             ImpactLaw(gap.restitution, gap.friction, Hypothesis(gap.hypothesis))
@@ -163,20 +166,20 @@ class Contacts:
         That happens where a step ends within its error of an event. Beside the guard that is
         `seen_now`, others count only beyond what falls at the same instant.
         """
+        seen = self._watch(self._state, pars=self._watch_pars, time=self._ta.time).tolist()
+        modes = self.modes
+        if len(seen) == 2:  # one gap without friction, the common case
+            fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
+            return 0 if fell and seen_now is None else None
         margin = 0.0 if seen_now is None else self._touching
-        seen = self._watch().tolist()
-        modes, count = self.modes, len(self._floor)
+        count = len(self._floor)
         for i, (x, floor) in enumerate(zip(seen, self._floor, strict=False)):
-            if i < len(modes) and modes[i] == 1:  # free flight
+            if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
                     return i
             elif x <= floor and seen_now is None:
                 return i
         return None
-
-    def _watch(self) -> np.ndarray:
-        watch = self._system.watch
-        return np.asarray(watch(self._state, pars=self._pars[: watch.nparams], time=self._ta.time))
 
     def _change(self, gap: int, mode: Mode) -> None:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))

@@ -96,6 +96,14 @@ def render(solution: Solution) -> str:
             f'  {len(solution.impacts)} impacts, normal impulse {impulse * 1e3:.6g} mN s, '
             f'{losses} losses of contact'
         )
+        made = [impact for impact in solution.impacts if impact.energy_loss < -1e-15]
+        if made:
+            lines.append(
+                f'  warning: {len(made)} impacts created '
+                f'{-sum(i.energy_loss for i in made):.3g} J, '
+                "as Newton's restitution with friction can; 'hypothesis: poisson' or 'stronge' "
+                'cannot'
+            )
     if solution.energy:
         e = solution.energy
         lines.append(
@@ -109,7 +117,8 @@ def render(solution: Solution) -> str:
     lines.append(f'  at the end, t = {solution.duration:.9g} s')
     for c in solution.physics.coordinates:
         q, v, a = (data[k][c] for k in ('position', 'velocity', 'acceleration'))  # type: ignore[index]
-        lines.append(f'    {c:8} {q:16.10g} rad {v:16.10g} rad/s {a:16.10g} rad/s^2')
+        unit = 'm' if '.' in c else 'rad'
+        lines.append(f'    {c:9} {q:16.10g} {unit} {v:16.10g} {unit}/s {a:16.10g} {unit}/s^2')
     for joint, (x, y) in data.get('reactions', {}).items():  # type: ignore[attr-defined]
         lines.append(f'    {joint:16} {x:14.9g} {y:14.9g} N')
     if 'drive_torque' in data:
