@@ -48,6 +48,32 @@ def test_motion_and_impacts_are_bit_identical_however_they_are_published(
     assert outcome['impacts'] == len(solved['impacts'])
 
 
+JOINT = 'joints.{}.clearance={{radial: 0.254 mm, restitution: 0.5, {}}}'
+DRIVES = {
+    'profile': ['drive={profile: {points: [[0 s, 100 rpm], [0.2 s, 350 rpm]], ramp: smooth}}'],
+    'torque': ['drive={speed: 350 rpm, torque: {constant: 0.1 N m}, flywheel: 0.01 kg m^2}'],
+    'motor and friction in two joints': [
+        'drive={speed: 350 rpm, motor: {stall_torque: 2 N m, no_load_speed: 400 rpm}}',
+        JOINT.format('coupler_rocker', 'friction: 0.2, pin_radius: 5 mm, hypothesis: poisson'),
+        JOINT.format('crank_coupler', 'friction: rough, hypothesis: stronge'),
+    ],
+}
+
+
+@pytest.mark.parametrize('name', DRIVES)
+def test_every_drive_moves_the_nodes_as_it_moves_the_solution(tmp_path, name):
+    args = [part for text in DRIVES[name] for part in ('--set', text)]
+    args += ['--duration', '0.4']
+    alone = run_json('solve', SCENE, *args)
+    bag = tmp_path / 'run.mcap'
+    outcome = run_json('run', SCENE, *args, '--record', str(bag))
+    assert outcome['code'] == 0
+    assert analyze(bag).digest == alone['digest']
+    laws = [message for _, message, _ in read_bag(bag).messages('/drive')]
+    assert {law.kind for law in laws} == {1 if name == 'profile' else 2}
+    assert max(law.law_id for law in laws) == (2 if name == 'profile' else 1)
+
+
 def test_the_digest_tells_different_runs_apart(solved):
     other = run_json('solve', SCENE, '--revolutions', TURNS, '--rtol', '1e-11')
     assert other['digest'] != solved['digest']

@@ -110,7 +110,7 @@ class Contacts:
         for i, shut in enumerate(closed):
             mode = Mode.FOLLOWING if shut else Mode.FREE_FLIGHT
             if shut and self._laws[i].friction:
-                moves = abs(slips[i]) > self._still and self._laws[i].friction < math.inf
+                moves = abs(slips[i]) > self._still
                 mode = _SLIDING[int(math.copysign(1.0, slips[i])) if moves else 0]
             modes.append(int(mode))
         self.set_modes(tuple(modes))
@@ -232,7 +232,7 @@ class Contacts:
             blows, after = _strike(A, rate, laws)
         resting, slips = [], {}
         for k, (i, blow, stop) in enumerate(zip(touching, blows, ended, strict=True)):
-            if blow.normal > 0.0:
+            if blow.normal > 0.0 or blow.tangential:
                 self._push(terms, i, blow)
                 # a closed contact takes part in the impacts of others
                 if not self.closed(i) or blow.normal * A[k][k] > self._still:
@@ -372,7 +372,7 @@ class Contacts:
         if not self._system.frictional:
             forces = solve_lcp(A, b)
             return {i: Mode.FOLLOWING for i, x in zip(resting, forces, strict=True) if x > 0.0}
-        friction = [self._laws[i].friction for i in resting]
+        friction = [self._system.dynamics.friction[i] for i in resting]
         moving = []
         for i in resting:
             speed = terms.rate[len(self.modes) + i]
@@ -388,7 +388,7 @@ class Contacts:
         """Stop the sliding of a contact by an impact without collision."""
         n, t = gap, len(self.modes) + gap
         A, vt = terms.compliance, terms.rate[t]
-        blow = jam(A[n][n], A[n][t], A[t][t], vt, self._laws[gap].friction)
+        blow = jam(A[n][n], A[n][t], A[t][t], vt, self._system.dynamics.friction[gap])
         self._push(terms, gap, blow)
         rates = (terms.rate[n], terms.rate[n] + A[n][n] * blow.normal + A[n][t] * blow.tangential)
         after = vt + A[n][t] * blow.normal + A[t][t] * blow.tangential

@@ -29,6 +29,10 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Gap, Relation
 
 
+ROUGH = 1e4
+"""Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
+
+
 class Solved(NamedTuple):
     """Accelerations of the free coordinates and the forces that belong to them."""
 
@@ -73,12 +77,11 @@ class Dynamics:
         self._free = [i for i, c in enumerate(eq.coordinates) if c not in prescribed]
         self._driven = [eq.coordinates.index(c) for c in prescribed]
         self._degree = degree
-        self.friction = [gap.friction for gap in gaps]
+        self.friction = [min(gap.friction, ROUGH) for gap in gaps]
         self.frictional = [i for i, mu in enumerate(self.friction) if mu > 0.0]
-        self.sliding = [i for i in self.frictional if self.friction[i] != float('inf')]
         self.closed = [p.reserve(f'{g.name}.closed') for g in gaps]
         self.sticks = {i: p.reserve(f'{gaps[i].name}.sticks') for i in self.frictional}
-        self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.sliding}
+        self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.frictional}
         self._alpha = p.reserve('stabilisation')
         self.torques = [p.reserve(f'{c}.torque.{k}') for c in powered for k in range(3)]
         self.normal = eq.gap_jets

@@ -109,11 +109,11 @@ class System:
         }
         d = self.dynamics
         self.guards = [Guard(i, 0) for i in range(len(gaps))]
-        self.guards += [Guard(i, sign) for i in d.sliding for sign in (1, -1)]
+        self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
         self.parameters = np.array(p.values)
         self.flag_index = [p.names[f'{g.name}.closed'] for g in self.gaps]
         self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
-        self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.sliding]
+        self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
         self.stabilisation_index = p.names['stabilisation']
         self.law_index = [
             [p.names[f'{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
@@ -136,7 +136,7 @@ class System:
         return (
             [float(m > Mode.FREE_FLIGHT) for m in modes],
             [float(modes[i] == Mode.STICKING) for i in self.dynamics.frictional],
-            [sign.get(Mode(modes[i]), 0.0) for i in self.dynamics.sliding],
+            [sign.get(Mode(modes[i]), 0.0) for i in self.dynamics.frictional],
         )
 
     def integrator(
@@ -377,8 +377,8 @@ class System:
         torque = np.zeros((len(self.powered), count)) if torque is None else torque
         modes = np.asarray(modes)
         held = modes[d.frictional] == Mode.STICKING
-        forward = modes[d.sliding] == Mode.SLIDING_FORWARD
-        backward = modes[d.sliding] == Mode.SLIDING_BACKWARD
+        forward = modes[d.frictional] == Mode.SLIDING_FORWARD
+        backward = modes[d.frictional] == Mode.SLIDING_BACKWARD
         flags = [modes > Mode.FREE_FLIGHT, held, forward * 1.0 - backward]
         inputs = np.ascontiguousarray(
             np.concatenate([q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque])

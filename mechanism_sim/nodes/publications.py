@@ -100,6 +100,7 @@ def linkage_states(physics: Physics, s: Samples) -> Iterator[Any]:
             modes=uint8_array(np.ascontiguousarray(s.modes[:, i])),
             gaps=_column(o.gap, i),
             normal_forces=_column(o.normal_force, i),
+            friction_forces=_column(o.friction_force, i),
             drive_torque=float(torque[i]),
             kinetic_energy=float(o.kinetic_energy[i]),
             potential_energy=float(o.potential_energy[i]),
