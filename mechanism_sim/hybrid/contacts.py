@@ -31,7 +31,6 @@ _GRIPS = {
     Grip.FORWARD: Mode.SLIDING_FORWARD,
     Grip.BACKWARD: Mode.SLIDING_BACKWARD,
 }
-_SLIPS = {mode: sign for sign, mode in _SLIDING.items()}
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 
@@ -74,9 +73,9 @@ class Contacts:
         self._names = [gap.name for gap in system.gaps]
         self._rounding = 2.0 * float(np.spacing(system.mechanism.size))
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
-        self._still = 1e3 * float(np.spacing(speed))  # [m/s] slower sliding is none
-        # [m/s] a closed contact that parts slower is at rest: so much a step's error may be
-        self._leaving = max(1e-12, 0.01 * rtol) * speed
+        self._bare = 1e3 * float(np.spacing(speed))  # [m/s] rounding of a rate after an impact
+        # [m/s] what slides or parts slower is at rest: so much a step's error may be
+        self._still = max(1e-12, 0.01 * rtol) * speed
         self._floor = [
             0.0 if not guard.friction else -max(SLIP_SCALE * self._still,
                                                 FORCE_SCALE * _ROUNDING_FORCE)
@@ -106,12 +105,11 @@ class Contacts:
     def start(self, closed: Sequence[bool]) -> None:
         """Begin a run: some gaps are closed by decree, those that touch are resolved."""
         modes = []
-        slips = self._terms().rate[len(closed) :] if closed else []
+        terms = self._terms() if closed else None
         for i, shut in enumerate(closed):
             mode = Mode.FOLLOWING if shut else Mode.FREE_FLIGHT
-            if shut and self._laws[i].friction:
-                moves = abs(slips[i]) > self._still
-                mode = _SLIDING[int(math.copysign(1.0, slips[i])) if moves else 0]
+            if shut and terms and self._laws[i].friction:
+                mode = _SLIDING[self._slip(terms, i)]
             modes.append(int(mode))
         self.set_modes(tuple(modes))
         self._project()
@@ -155,8 +153,7 @@ class Contacts:
             self._change(gap, _SLIDING[-guard.friction])
         else:
             closed = [i for i in range(len(before)) if self.closed(i)]
-            slips = {i: _SLIPS.get(Mode(before[i]), 0) for i in closed} | {gap: 0}
-            self._rest(closed, closed, slips)
+            self._rest(closed, closed)
             return
         self._record_modes(before)
 
@@ -230,12 +227,13 @@ class Contacts:
                 for law, stop in zip(laws, ended, strict=True)
             ]
             blows, after = _strike(A, rate, laws)
-        resting, slips = [], {}
+        resting = []
         for k, (i, blow, stop) in enumerate(zip(touching, blows, ended, strict=True)):
             if blow.normal > 0.0 or blow.tangential:
                 self._push(terms, i, blow)
                 # a closed contact takes part in the impacts of others
-                if not self.closed(i) or blow.normal * A[k][k] > self._still:
+                felt = max(blow.normal, abs(blow.tangential)) * A[k][k]
+                if not self.closed(i) or felt > self._bare:
                     tangents = [x[k + len(touching)] if len(x) > len(touching) else 0.0
                                 for x in (rate, after)]  # fmt: skip
                     self._record_impact(
@@ -244,12 +242,11 @@ class Contacts:
             # neither does one rest less that would rise no farther than rounding reaches
             low = self._rule.ends(after[k], terms.acceleration[i], 1.0, -terms.value[i])
             self._expect_return(after[k], terms.acceleration[i])
-            stays = self._leaving if self.closed(i) else self._still
+            stays = self._still if self.closed(i) else self._bare
             if low or after[k] <= max(-1e-9 * rate[k], stays):
                 resting.append(i)
-            slips[i] = blow.slip
         if resting or any(self.closed(i) for i in touching):
-            self._rest(resting, touching, slips)
+            self._rest(resting, touching)
 
     def _rows(self, gaps: Sequence[int]) -> list[int]:
         """The rows of some gaps: their normals, then, with friction anywhere, their tangents."""
@@ -267,7 +264,7 @@ class Contacts:
             self._record_impact(terms, gap, blow, (rate, after), (0.0, 0.0), stop)
         self._expect_return(after, terms.acceleration[gap])
         if after <= -1e-9 * rate:
-            self._rest([gap], [gap], {})
+            self._rest([gap], [gap])
 
     def _expect_return(self, rebound: float, acceleration: float) -> None:
         """Let the next step be no longer than 100 flights that fall back steadily.
@@ -326,27 +323,25 @@ class Contacts:
 
     # --- contacts that stay -------------------------------------------------------------------
 
-    def _rest(
-        self, resting: list[int], touching: list[int], slips: Mapping[int, int], jams: int = 3
-    ) -> None:
+    def _rest(self, resting: list[int], touching: list[int], jams: int = 3) -> None:
         """Of the contacts without normal speed, those that are pressed together stay closed.
 
-        `slips` says which way they slide, 0 if not at all. Where no force can keep a contact that
-        slides, friction jams it: an impact without collision stops its sliding first.
+        Where no force can keep a contact that slides, friction jams it: an impact without
+        collision stops its sliding first.
         """
         before = self.modes
         terms = self._terms()
         try:
-            found = self._press(terms, resting, slips)
+            found = self._press(terms, resting)
         except ArithmeticError as error:
-            gap = next((i for i in resting if slips.get(i, 0)), None)
+            gap = next((i for i in resting if self._slip(terms, i)), None)
             if gap is None or not jams:
                 raise RunError(
                     f'no forces hold the contacts at t = {self.time:.12g} s: friction jams '
                     f'{", ".join(self._names[i] for i in resting)}; use less friction'
                 ) from error
             self._jam(terms, gap)
-            self._rest(resting, touching, {**slips, gap: 0}, jams - 1)
+            self._rest(resting, touching, jams - 1)
             return
         self.set_modes(
             tuple(
@@ -354,15 +349,60 @@ class Contacts:
                 for i, mode in enumerate(before)
             )
         )
+        if len(before) > 1 or self._system.frictional:
+            self._book_rest(terms, found)
         self._project()
         for i in resting:
             if i not in found:
                 self._separate(i)
+        drawn = self._drawn_in(resting) if len(before) > 1 else []
+        if drawn:
+            self._rest([*resting, *drawn], [*touching, *drawn], jams)
         self._record_modes(before)
 
-    def _press(
-        self, terms: ContactTerms, resting: list[int], slips: Mapping[int, int]
-    ) -> dict[int, Mode]:
+    def _book_rest(self, terms: ContactTerms, found: Mapping[int, Mode]) -> None:
+        """Enter what it takes to bring contacts to rest that nearly are, with the last impact."""
+        if not (self.impacts and self.impacts[-1].t == self.time):
+            return
+        rows = [*found, *(len(self.modes) + i for i, m in found.items() if m == Mode.STICKING)]
+        rate = np.array([terms.rate[r] for r in rows])
+        if np.abs(rate).max(initial=0.0) <= self._bare:
+            return
+        K = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
+        impulse = np.linalg.lstsq(K, -rate, rcond=None)[0]
+        drives = np.array([terms.drive_response[r] for r in rows]).T @ impulse
+        tau, last = self._ta.time, self.impacts[-1]
+        work = sum(x * rate_of(law, tau) for x, law in zip(drives, self.base.laws, strict=True))
+        self.impacts[-1] = last._replace(
+            energy_loss=last.energy_loss - 0.5 * float(rate @ impulse),
+            drive_impulse=last.drive_impulse + float(drives.sum()),
+            drive_work=last.drive_work + float(work),
+        )
+
+    def _drawn_in(self, known: list[int]) -> list[int]:
+        """Open gaps that the contacts now closed draw shut before they have risen at all."""
+        terms = self._terms()
+        drawn = []
+        for i, value in enumerate(terms.value):
+            if self.closed(i) or i in known:
+                continue
+            rate, acceleration = terms.rate[i], terms.acceleration[i]
+            rises = rate > 0.0 and not self._rule.ends(rate, acceleration, 1.0, -value)
+            near = value <= self._touching and rate >= -self._bare
+            if near and acceleration < 0.0 and not rises:
+                drawn.append(i)
+            else:
+                self._expect_return(rate, acceleration)
+        return drawn
+
+    def _slip(self, terms: ContactTerms, gap: int) -> int:
+        """Which way a contact with friction slides, 0 if not at all."""
+        if not self._laws[gap].friction:
+            return 0
+        speed = terms.rate[len(self.modes) + gap]
+        return 0 if abs(speed) <= self._still else int(math.copysign(1.0, speed))
+
+    def _press(self, terms: ContactTerms, resting: list[int]) -> dict[int, Mode]:
         """Mode of those contacts that stay closed."""
         if not resting:
             return {}
@@ -373,10 +413,7 @@ class Contacts:
             forces = solve_lcp(A, b)
             return {i: Mode.FOLLOWING for i, x in zip(resting, forces, strict=True) if x > 0.0}
         friction = [self._system.dynamics.friction[i] for i in resting]
-        moving = []
-        for i in resting:
-            speed = terms.rate[len(self.modes) + i]
-            moving.append(slips.get(i, 0) if abs(speed) > self._still else 0)
+        moving = [self._slip(terms, i) for i in resting]
         forces, grips = solve_frictional_lcp(A, b, friction, moving)
         found = {}
         for i, mu, force, grip in zip(resting, friction, forces, grips, strict=False):
