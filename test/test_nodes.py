@@ -55,7 +55,7 @@ DRIVES = {
     'motor and friction in two joints': [
         'drive={speed: 350 rpm, motor: {stall_torque: 2 N m, no_load_speed: 400 rpm}}',
         JOINT.format('coupler_rocker', 'friction: 0.2, pin_radius: 5 mm, hypothesis: poisson'),
-        JOINT.format('crank_coupler', 'friction: rough, hypothesis: stronge'),
+        JOINT.format('crank_coupler', 'friction: 0.3, hypothesis: stronge'),
     ],
 }
 
