@@ -30,3 +30,13 @@ class ChatterRule:
         """
         height = max(self._allowed * (1.0 - restitution), self._resolved, 2.0 * depth)
         return free_acceleration < 0.0 and rebound * rebound <= -2.0 * free_acceleration * height
+
+
+def remaining_time(rebound: float, acceleration: float, restitution: float) -> float:
+    """How long [s] the bounces last from a rebound [m/s] on, under a steady acceleration.
+
+    Flights of ``2 v/|d|``, each shorter than the one before by the factor e.
+    """
+    if acceleration >= 0.0 or restitution >= 1.0:
+        return 0.0
+    return -2.0 * rebound / (acceleration * (1.0 - restitution))

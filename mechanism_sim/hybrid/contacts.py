@@ -9,7 +9,7 @@ from dataclasses import replace
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.contact.chatter import ChatterRule
+from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import (
     Blow,
     Hypothesis,
@@ -292,6 +292,8 @@ class Contacts:
         stop: bool,
     ) -> None:
         """Enter an impact, given the rates before and after it."""
+        e = self._laws[i].restitution
+        left = remaining_time(-e * normal[0], terms.acceleration[i], e) if stop else 0.0
         tau = self._ta.time
         p, q = blow.normal, blow.tangential
         impulse = list(terms.drive_response[i])
@@ -318,6 +320,7 @@ class Contacts:
                 angular,
                 work,
                 stop,
+                left,
             )
         )
 

@@ -40,6 +40,7 @@ class Impact(NamedTuple):
     drive_impulse: float  #: [N m s] of the drives that hold their law
     drive_work: float  #: [J] of these impulses
     ends_chatter: bool  #: the rest of a chatter sequence is contained in this impact
+    chatter_time: float = 0.0  #: [s] how long that rest would have lasted
 
 
 class ModeChange(NamedTuple):

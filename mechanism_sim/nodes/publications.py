@@ -53,6 +53,7 @@ def impact(event: ImpactEvent, index: int) -> Any:
         energy_loss=event.energy_loss,
         drive_impulse=event.drive_impulse,
         ends_chatter=event.ends_chatter,
+        chatter_time=event.chatter_time,
     )
     message.header.stamp = stamp(event.t)
     return message
