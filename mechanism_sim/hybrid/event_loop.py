@@ -154,7 +154,7 @@ class EventLoop:
         last = len(entries) + most if most is not None else math.inf
         while len(entries) < last:
             if self._pending is None:
-                tau = ta.time
+                tau = ta.time = ta.time  # heyoka keeps what a float of time rounds away: drop it
                 self._taken = (alpha, reach)
                 outcome, h = step(reach, True)
                 fallen = None

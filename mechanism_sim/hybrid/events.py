@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import Enum, IntEnum
+from itertools import groupby
 from typing import NamedTuple
 
 
@@ -50,3 +52,11 @@ class ModeChange(NamedTuple):
     joint: str
     mode: Mode
     previous: Mode
+
+
+def gains(impacts: Iterable[Impact]) -> list[float]:
+    """Energy made [J] at every instant of impacts, negative where it was lost.
+
+    Contacts that strike together pass energy to each other; only their sum says what was made.
+    """
+    return [-sum(i.energy_loss for i in group) for _, group in groupby(impacts, lambda i: i.t)]

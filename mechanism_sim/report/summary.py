@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.events import Impact, gains
 from mechanism_sim.hybrid.solution import Solution
 
 _IMPACT_KEYS = (
@@ -96,11 +96,10 @@ def render(solution: Solution) -> str:
             f'  {len(solution.impacts)} impacts, normal impulse {impulse * 1e3:.6g} mN s, '
             f'{losses} losses of contact'
         )
-        made = [impact for impact in solution.impacts if impact.energy_loss < -1e-15]
+        made = [gain for gain in gains(solution.impacts) if gain > 1e-15]
         if made:
             lines.append(
-                f'  warning: {len(made)} impacts created '
-                f'{-sum(i.energy_loss for i in made):.3g} J, '
+                f'  warning: {len(made)} impacts created {sum(made):.3g} J, '
                 "as Newton's restitution with friction can; 'hypothesis: poisson' or 'stronge' "
                 'cannot'
             )
