@@ -73,6 +73,8 @@ class Contacts:
         self._names = [gap.name for gap in system.gaps]
         self._rounding = 2.0 * float(np.spacing(system.mechanism.size))
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
+        # [m] what approaches within the error of a step strikes at the same instant
+        self._tie = max(self._touching, min(rtol, 1e-9) * system.mechanism.size)
         self._bare = 1e3 * float(np.spacing(speed))  # [m/s] rounding of a rate after an impact
         # [m/s] what slides or parts slower is at rest: so much a step's error may be
         self._still = max(1e-12, 0.01 * rtol) * speed
@@ -148,7 +150,7 @@ class Contacts:
                 self._collide(gap)
                 return
             self._change(gap, Mode.FREE_FLIGHT)
-            self._separate(gap)
+            self._separate([gap])
         elif self.modes[gap] == Mode.STICKING:
             self._change(gap, _SLIDING[-guard.friction])
         else:
@@ -200,7 +202,10 @@ class Contacts:
         touching = [
             i
             for i, value in enumerate(terms.value)
-            if i == gap or self.closed(i) or abs(value) <= self._touching
+            if i == gap
+            or self.closed(i)
+            or abs(value) <= self._touching
+            or (value <= self._tie and terms.rate[i] < 0.0)
         ]
         if len(touching) == 1 and not self.closed(gap) and not self._laws[gap].friction:
             self._bounce(terms, gap)
@@ -355,9 +360,9 @@ class Contacts:
         if len(before) > 1 or self._system.frictional:
             self._book_rest(terms, found)
         self._project()
-        for i in resting:
-            if i not in found:
-                self._separate(i)
+        parting = [i for i in resting if i not in found]
+        if parting:
+            self._separate(parting)
         drawn = self._drawn_in(resting) if len(before) > 1 else []
         if drawn:
             self._rest([*resting, *drawn], [*touching, *drawn], jams)
@@ -434,22 +439,41 @@ class Contacts:
         after = vt + A[n][t] * blow.normal + A[t][t] * blow.tangential
         self._record_impact(terms, gap, blow, rates, (vt, after), stop=True)
 
-    def _separate(self, gap: int) -> None:
-        """Start the flight a few roundings inside, at rest in the normal direction.
+    def _separate(self, gaps: Sequence[int]) -> None:
+        """Start the flight of gaps a few roundings inside, at rest in the normal direction.
 
-        A flight that started on the wrong side of zero would never be seen to end.
+        A flight that started on the wrong side of zero would never be seen to end. Other open
+        gaps that touch at rest are moved along, lest they are pushed out.
         """
         x, f = self._state, self._f
         for roundings in (1.0, 2.0, 4.0, 8.0):
             terms = self._terms()
-            if terms.value[gap] > 0.0 and roundings > 1.0:
+            if roundings > 1.0 and all(terms.value[i] > 0.0 for i in gaps):
                 return
-            scale = 1.0 / terms.compliance[gap][gap]
-            shift = (roundings * self._rounding - terms.value[gap]) * scale
-            kick = -terms.rate[gap] * scale
-            for k, w in enumerate(terms.response[gap]):
-                x[k] += w * shift
-                x[f + k] += w * kick
+            target = roundings * self._rounding
+            moved = list(gaps)
+            if len(self.modes) > 1:
+                moved += [
+                    i
+                    for i, value in enumerate(terms.value)
+                    if not self.closed(i)
+                    and i not in moved
+                    and abs(value) <= self._touching
+                    and abs(terms.rate[i]) <= self._bare
+                ]
+            if len(moved) == 1:
+                (gap,) = moved
+                scale = 1.0 / terms.compliance[gap][gap]
+                shift = [(target - terms.value[gap]) * scale]
+                kick = [-terms.rate[gap] * scale]
+            else:
+                A = np.array([[terms.compliance[i][k] for k in moved] for i in moved])
+                off = [(target - terms.value[i], -terms.rate[i]) for i in moved]
+                shift, kick = np.linalg.lstsq(A, np.array(off), rcond=1e-10)[0].T.tolist()
+            for gap, s, k in zip(moved, shift, kick, strict=True):
+                for n, w in enumerate(terms.response[gap]):
+                    x[n] += w * s
+                    x[f + n] += w * k
 
     def _record_modes(self, before: tuple[int, ...]) -> None:
         for name, old, new in zip(self._names, before, self.modes, strict=True):
