@@ -91,6 +91,17 @@ def _parser() -> argparse.ArgumentParser:
     sub = command('analyze', _analyze, 'say what happened in a recorded run')
     sub.add_argument('bag', metavar='BAG')
     sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+    sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
+    _scene_options(sub)
+    sub.add_argument('--longest', type=int, default=8, metavar='P', help='period to look for')
+    sub.add_argument('--transient', type=int, default=60, metavar='N', help='revolutions to wait')
+    sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
+    _scene_options(sub)
+    sub.add_argument('--revolutions', type=int, default=200, metavar='N', help='to run')
+    sub.add_argument('--skip', type=int, default=20, metavar='K', help='revolutions to leave out')
+    sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
+    _scene_options(sub)
+    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run')
     sub = command('bench', _bench, 'measure: the hard cases')
     sub.add_argument('names', nargs='+', metavar='NAME', help='hard, or names of hard cases')
     sub.add_argument('--markdown', metavar='FILE', help='also write a table for people')
@@ -229,6 +240,56 @@ def _info(options: argparse.Namespace) -> int:
         _print_json(found.to_json())
     else:
         print(render_info(found))
+    return 0
+
+
+def _periodic(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.periodic import find_periodic  # noqa: PLC0415
+
+    if options.longest < 1 or options.transient < 1:
+        raise InputError('--longest and --transient must be at least 1')
+    machine = load_scene(options.scene, _overrides(options))
+    response = find_periodic(machine, options.longest, options.transient)
+    if options.json:
+        _print_json(study.periodic_json(response))
+    elif response is None:
+        print(
+            f'no response that repeats within {options.longest} revolutions after '
+            f"{options.transient}; 'mechanism-sim statistics' says what it is like in the mean"
+        )
+    else:
+        print(study.periodic(response))
+    return 0
+
+
+def _statistics(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.statistics import statistics  # noqa: PLC0415
+
+    machine = load_scene(options.scene, _overrides(options))
+    end = options.revolutions * machine.period
+    with progress.bar('statistics', end, quiet=options.json) as show:
+        found = statistics(machine, options.revolutions, options.skip, show)
+    if options.json:
+        _print_json(study.statistics_json(found))
+    else:
+        print(study.statistics(found))
+    return 0
+
+
+def _contact_loss(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.losses import losses  # noqa: PLC0415
+
+    found = losses(load_scene(options.scene, _overrides(options)), options.revolutions)
+    if options.json:
+        _print_json(study.losses_json(found))
+    else:
+        print(study.losses(found))
     return 0
 
 

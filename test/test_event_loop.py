@@ -689,7 +689,8 @@ def test_two_gaps_that_shake_each_other_keep_the_energy_and_their_distance(e):
     assert len(impacts) > 8
     assert {i.joint for i in impacts} == {'loose', 'loose2'}
     assert abs(audit.energy.residual) < (1e-13 if e == (1.0, 1.0) else 3e-6) * exchanged
-    assert audit.max_penetration < 1e-15
+    # contacts that touch within the error of a step, rtol times the size, strike together
+    assert audit.max_penetration < 1e-12 * 0.45
     assert audit.max_closure_error < 1e-14
     assert audit.min_normal_force > -1e-9
     assert all(i.energy_loss > -1e-15 for i in impacts)

@@ -320,6 +320,33 @@ class EventLoop:
 
     # --- pauses -------------------------------------------------------------------------------
 
+    @property
+    def state(self) -> State:
+        """The present state; after a call of `advance` with `final` that at its end."""
+        f = len(self._system.free)
+        return State(
+            self._base.time + Fraction(self._ta.time),
+            tuple(self._base.turns[c] for c in self._system.free),
+            tuple(self._state[:f].tolist()),
+            tuple(self._state[f:].tolist()),
+            tuple(self._contacts.closed(i) for i in range(len(self._system.gaps))),
+        )
+
+    def restart(self, state: State) -> None:
+        """Begin anew from another state, under the present laws, without compiling anything."""
+        self._tape.restart()
+        turns = dict(zip(self._system.free, state.turns, strict=True))
+        self._base = base_at(state.time, self._laws, turns)
+        self._state[:] = [*state.q, *state.v]
+        self._ta.time = 0.0
+        self._pars[self._stabilisation] = 0.0
+        self._pending = None
+        self._start_base()
+        self._forget_events()
+        self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
+        self._contacts.impacts, self._contacts.horizon = [], math.inf
+        self._contacts.start(state.closed)
+
     def snapshot(self) -> Snapshot:
         """What it takes to go on as if there had been no pause.
 

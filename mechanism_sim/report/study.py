@@ -1,0 +1,104 @@
+"""Studies as text and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from mechanism_sim.study.losses import Losses
+from mechanism_sim.study.periodic import Response
+from mechanism_sim.study.statistics import Statistics
+
+
+def periodic(response: Response) -> str:
+    """A periodic response for people."""
+    sizes = ', '.join(f'{abs(m):.4g}' for m in response.multipliers)
+    return '\n'.join(
+        [
+            f'repeats every {response.period} revolutions, to {response.residual:.2g}; '
+            f'{"stable" if response.stable else "unstable"}',
+            f'  {response.impacts} impacts, {response.impulse * 1e3:.6g} mN s in a period',
+            f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})',
+        ]
+    )
+
+
+def periodic_json(response: Response | None) -> dict[str, object]:
+    """The same as JSON; a machine that does not repeat has ``period: null``."""
+    if response is None:
+        return {'period': None}
+    return {
+        'period': response.period,
+        'residual': response.residual,
+        'stable': response.stable,
+        'impacts': response.impacts,
+        'impulse': response.impulse,
+        'position': list(response.state.q),
+        'velocity': list(response.state.v),
+        'multipliers': [[m.real, m.imag] for m in response.multipliers],
+        'spread': response.spread,
+    }
+
+
+def statistics(found: Statistics) -> str:
+    """Means for people."""
+    kept = found.revolutions - found.skipped
+    lines = [f'{kept} revolutions after {found.skipped}; a revolution:']
+    for m in found.means:
+        line = f'  {m.name:18} {m.mean:12.6g} +- {m.half_width:.2g} {m.unit}'
+        lines.append(line.rstrip())
+    lines.append(f'  I_n (impulse per impact) {found.I_n:.6g} N s')
+    return '\n'.join(lines)
+
+
+def statistics_json(found: Statistics) -> dict[str, object]:
+    """The same as JSON."""
+    return {
+        'revolutions': found.revolutions,
+        'skipped': found.skipped,
+        'I_n': found.I_n,
+        'means': {
+            m.name.replace(' ', '_'): {'mean': m.mean, 'half_width': m.half_width, 'unit': m.unit}
+            for m in found.means
+        },
+    }
+
+
+def losses(found: Sequence[Losses]) -> str:
+    """Criteria and reality for people."""
+    lines = []
+    for joint in found:
+        lines.append(f'{joint.joint}: what the ideal mechanism says')
+        for p in joint.predictions:
+            angles = ', '.join(f'{math.degrees(a):.1f}' for a in p.angles[:6])
+            lines.append(
+                f'  {p.criterion:26} {"loss" if p.predicts_loss else "no loss":8} '
+                f'{p.figure:10.4g} {p.unit} (limit {p.threshold:g})'
+                + (f', at {angles} deg' if angles else '')
+            )
+        really = ', '.join(f'{t:.6g}' for t in joint.turns[:8])
+        more = f' and {len(joint.turns) - 8} more' if len(joint.turns) > 8 else ''
+        lines.append(f'  really lost at            {really or "no time"}{more} revolutions')
+    return '\n'.join(lines)
+
+
+def losses_json(found: Sequence[Losses]) -> list[dict[str, object]]:
+    """The same as JSON."""
+    return [
+        {
+            'joint': joint.joint,
+            'predictions': [
+                {
+                    'criterion': p.criterion,
+                    'predicts_loss': p.predicts_loss,
+                    'figure': p.figure if math.isfinite(p.figure) else None,
+                    'unit': p.unit,
+                    'threshold': p.threshold,
+                    'angles': list(p.angles),
+                }
+                for p in joint.predictions
+            ],
+            'lost_at_revolutions': list(joint.turns),
+        }
+        for joint in found
+    ]

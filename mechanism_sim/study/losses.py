@@ -1,0 +1,69 @@
+"""Where contact is lost, beside what the criteria of the literature say of the ideal mechanism."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.linkages.contact_loss import (
+    ClearanceLink,
+    ForceCycle,
+    Prediction,
+    contact_loss,
+)
+from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.scene.machine import CLOSING_JOINT
+
+
+@dataclass(frozen=True)
+class Losses:
+    """One loose joint: what was predicted, and what happened.
+
+    Attributes
+    ----------
+    predictions : of the criteria of [SB] 3.5 and of the clearance as a link
+    turns : of the crank at every loss of contact
+    """
+
+    joint: str
+    predictions: tuple[Prediction, ...]
+    turns: tuple[float, ...]
+
+
+def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
+    """Criteria and reality for every loose joint.
+
+    The criteria of the clearance link are known for the joint between coupler and rocker only.
+
+    Raises
+    ------
+    InputError
+        If the crank has no constant speed, or there is no clearance.
+    """
+    angle, speed = machine.start_of_crank
+    if machine.torque_driven or len(machine.laws) > 1 or not speed or not machine.clearances:
+        raise InputError(f'{machine.name}: criteria need clearance and a crank at constant speed')
+    solution = simulate(machine, revolutions=revolutions)
+    found = []
+    links = machine.links
+    about = [
+        (x.inertia or 0.0) + (x.mass or 0.0) * (x.cog or 0.0) ** 2
+        for x in (links['coupler'], links['rocker'])
+    ]
+    for joint, clearance in machine.clearances.items():
+        cycle = ForceCycle.nominal(machine.linkage, machine.inverse_dynamics, joint, speed)
+        link = (
+            ClearanceLink.four_bar(clearance.radial, machine.linkage, about[0], about[1])
+            if joint == CLOSING_JOINT
+            else None
+        )
+        predictions = contact_loss(cycle, link, start=angle, turns=revolutions)
+        turns = [
+            m.t * abs(speed) / (2.0 * math.pi)
+            for m in solution.modes
+            if m.joint == joint and m.mode == Mode.FREE_FLIGHT and m.previous > Mode.FREE_FLIGHT
+        ]
+        found.append(Losses(joint, tuple(predictions), tuple(turns)))
+    return found

@@ -1,0 +1,193 @@
+"""Does a machine repeat itself? The periodic response by shooting, and its Floquet multipliers.
+
+[SB] 6.1 waits for the transients to die and calls what is left quasi-steady. Here the response is
+solved for: a fixed point of the map that takes the state at one crank angle to the state p
+revolutions later, by Newton's method. Impacts are part of the map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.planar.drive import TWO_PI, DriveLaw
+from mechanism_sim.scene import Machine
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Response:
+    """A periodic response.
+
+    Attributes
+    ----------
+    period : revolutions after which it repeats
+    residual : largest change of an angle [rad], or of a rate over the crank's speed, in a period
+    state : at the start angle of the crank
+    impacts : in a period
+    impulse : sum of their normal impulses [N s]
+    multipliers : Floquet multipliers, by which a small change of the state grows in a period
+    spread : largest change of a multiplier when the differences behind it are ten times smaller
+    """
+
+    period: int
+    residual: float
+    state: State
+    impacts: int
+    impulse: float
+    multipliers: tuple[complex, ...]
+    spread: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether small changes die out."""
+        return all(abs(m) < 1.0 for m in self.multipliers)
+
+
+class Section:
+    """The map of a machine from one passage of its start angle to a later one."""
+
+    def __init__(self, machine: Machine) -> None:
+        law = machine.law
+        if len(machine.laws) > 1 or not isinstance(law, DriveLaw) or not law.coefficients[1]:
+            raise InputError(
+                f'{machine.name}: a periodic response needs a crank at constant speed'
+            )
+        if not machine.clearances:
+            raise InputError(
+                f'{machine.name}: without clearance every revolution is like the other'
+            )
+        run = machine.start()
+        if not isinstance(run, EventLoop):
+            raise InputError(f'{machine.name}: a compliant machine has no section of states')
+        self._run = run
+        self._period = machine.period
+        self.scale = np.repeat([1.0, abs(law.coefficients[1])], len(machine.system.free))
+
+    def start(self, state: State) -> State:
+        """The state itself, brought into contact where it is meant to be."""
+        self._run.restart(state)
+        return self._run.state
+
+    def map(self, state: State, revolutions: int) -> tuple[State, int, float]:
+        """The state later, the impacts on the way, and the sum of their impulses [N s]."""
+        run = self._run
+        run.restart(replace(state, turns=(0,) * len(state.turns)))
+        impacts, impulse = 0, 0.0
+        for n in range(1, revolutions + 1):
+            run.advance(n * self._period, final=n == revolutions)
+            _, struck, _ = run.drain()
+            impacts += len(struck)
+            impulse += sum(i.normal_impulse for i in struck)
+        end = run.state
+        return replace(end, time=state.time), impacts, impulse
+
+    def difference(self, a: State, b: State) -> Array:
+        """B - a, rates over the speed of the crank."""
+        turned = 2.0 * np.pi * (np.array(b.turns) - np.array(a.turns))
+        angle = np.array(b.q) - np.array(a.q) + turned
+        angle -= float(TWO_PI) * np.round(angle / float(TWO_PI))
+        return np.asarray(np.concatenate([angle, np.array(b.v) - np.array(a.v)]) / self.scale)
+
+    def moved(self, state: State, by: Array) -> State:
+        """The state changed by so much, in the same measure."""
+        f = len(state.q)
+        step = by * self.scale
+        return replace(
+            state,
+            q=tuple((np.array(state.q) + step[:f]).tolist()),
+            v=tuple((np.array(state.v) + step[f:]).tolist()),
+        )
+
+
+def find_periodic(
+    machine: Machine, longest: int = 8, transient: int = 60, tolerance: float = 1e-9
+) -> Response | None:
+    """The periodic response that the machine settles to, if it has one.
+
+    Parameters
+    ----------
+    longest : period that is looked for [revolutions]
+    transient : revolutions to wait first
+    tolerance : residual to reach
+
+    Returns
+    -------
+    ``None`` if the motion does not come back after the transient, or Newton's method does not end.
+
+    Raises
+    ------
+    InputError
+        If the crank has no constant speed, or there is no clearance.
+    """
+    section = Section(machine)
+    state, _, _ = section.map(machine.initial_state(), transient)
+    visited = [state]
+    for _ in range(longest):
+        visited.append(section.map(visited[-1], 1)[0])
+    returns = [float(np.abs(section.difference(state, s)).max()) for s in visited[1:]]
+    best = min(returns)
+    if best > 1e-4:
+        return None
+    # the shortest period that comes back about as well as the best
+    period = next(p for p, r in enumerate(returns, 1) if r <= max(100.0 * best, tolerance))
+    return _refine(section, visited[-1], period, tolerance)
+
+
+def _refine(section: Section, state: State, period: int, tolerance: float) -> Response | None:
+    """Newton's method on what a period changes."""
+    residual = np.inf
+    for _ in range(12):
+        state = section.start(state)
+        end, impacts, impulse = section.map(state, period)
+        change = section.difference(state, end)
+        residual = float(np.abs(change).max())
+        if residual <= tolerance or end.closed != state.closed:
+            break
+        basis, J = jacobian(section, state, period)
+        step = np.linalg.lstsq(J - np.eye(len(J)), -basis.T @ change, rcond=None)[0]
+        state = section.moved(state, basis @ step)
+    if residual > tolerance:
+        return None
+    multipliers, finer = (
+        np.linalg.eigvals(jacobian(section, state, period, h)[1]) for h in (1e-6, 1e-7)
+    )
+    by_size = [sorted(m, key=lambda z: (-abs(z), -z.imag)) for m in (multipliers, finer)]
+    spread = max(abs(a - b) for a, b in zip(*by_size, strict=True))
+    found = tuple(complex(m) for m in by_size[0])
+    return Response(period, residual, state, impacts, impulse, found, float(spread))
+
+
+def jacobian(section: Section, state: State, period: int, h: float = 1e-6) -> tuple[Array, Array]:
+    """How changes of the state grow in a period, by central differences.
+
+    A closed contact leaves fewer directions free: changes are brought back into contact before
+    they are followed.
+
+    Returns
+    -------
+    (2 f, r) basis of the free directions, and (r, r) the map in it
+    """
+    before, after = [], []
+    size = 2 * len(state.q)
+    for direction in np.eye(size):
+        starts, ends = [], []
+        for sign in (1.0, -1.0):
+            start = section.start(section.moved(state, sign * h * direction))
+            starts.append(start)
+            ends.append(section.map(start, period)[0])
+        before.append(section.difference(starts[1], starts[0]) / (2.0 * h))
+        after.append(section.difference(ends[1], ends[0]) / (2.0 * h))
+    D, R = np.array(before).T, np.array(after).T
+    u, s, _ = np.linalg.svd(D)
+    basis = u[:, : int((s > 1e-3 * s[0]).sum())]
+    J = (basis.T @ R) @ np.linalg.pinv(basis.T @ D, rcond=1e-3)
+    if not np.isfinite(J).all():
+        raise RunError('a small change of the state leads to none at all')
+    return basis, np.asarray(J)

@@ -1,0 +1,127 @@
+"""Periodic responses, statistics, and criteria beside what happens."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from four_bars import loose
+from running import run_json
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.study.losses import losses
+from mechanism_sim.study.periodic import Section, find_periodic
+from mechanism_sim.study.statistics import statistics
+
+JOINT = 'joints.coupler_rocker.clearance'
+SCENES = {
+    'three revolutions, no friction': ({'drive.speed': '450 rpm'}, 3),
+    'two revolutions, following': (
+        {'drive.speed': '350 rpm', f'{JOINT}.friction': 0.05, f'{JOINT}.pin_radius': '5 mm'},
+        2,
+    ),
+    'one revolution, impacts': (
+        {'drive.speed': '450 rpm', f'{JOINT}.friction': 0.1, f'{JOINT}.pin_radius': '5 mm'},
+        1,
+    ),
+}
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_a_periodic_response_repeats_in_a_plain_run(name):
+    """A second route: the machine started there, without the map, comes back again and again."""
+    overrides, period = SCENES[name]
+    overrides = overrides | {f'{JOINT}.hypothesis': 'poisson'}
+    machine = ms.load_scene('four_bar_clearance', overrides)
+    response = find_periodic(machine)
+    assert response is not None
+    assert response.period == period
+    assert response.residual < 1e-9
+    assert response.stable
+    run = machine.start()
+    run.restart(response.state)
+    run.advance(10 * period * machine.period, final=True)
+    motion, impacts, _ = run.drain()
+    assert len(impacts) == 10 * response.impacts
+    t = np.linspace(0.0, 0.999 * period * machine.period, 200)
+    first = motion.curve(t)[:, 1:]
+    last = motion.curve(t + 9 * period * machine.period)[:, 1:]
+    assert np.abs(last - first).max() < 1e-7
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_the_largest_multiplier_is_the_rate_at_which_a_change_dies_out(name):
+    overrides, period = SCENES[name]
+    machine = ms.load_scene('four_bar_clearance', overrides | {f'{JOINT}.hypothesis': 'poisson'})
+    response = find_periodic(machine)
+    section = Section(machine)
+    state = section.start(section.moved(response.state, np.array([1e-5, -1e-5, 1e-5, 1e-5])))
+    sizes = []
+    for _ in range(5):
+        state = section.map(state, period)[0]
+        sizes.append(np.abs(section.difference(response.state, state)).max())
+    largest = max(abs(m) for m in response.multipliers)
+    kept = [s for s in sizes if s > 1e-10]
+    assert len(kept) >= 3
+    # complex multipliers make the decay uneven: compared over all periods that rounding leaves
+    rate = (kept[-1] / kept[0]) ** (1.0 / (len(kept) - 1))
+    assert rate == pytest.approx(largest, rel=0.35)
+
+
+def test_chaos_has_no_periodic_response():
+    assert find_periodic(loose(0.5, 'seated'), longest=6, transient=30) is None
+
+
+def test_statistics_count_what_the_solution_counts():
+    machine = loose(0.5, 'seated')
+    found = statistics(machine, 60, 20)
+    solution = ms.simulate(machine, revolutions=60)
+    T = machine.period
+    later = [i for i in solution.impacts if 20 * T <= i.t < 60 * T]
+    means = {m.name: m for m in found.means}
+    assert means['impacts'].mean * 40 == pytest.approx(len(later))
+    impulse = sum(i.normal_impulse for i in later)
+    assert means['impulse'].mean * 40 == pytest.approx(impulse)
+    assert found.I_n == pytest.approx(impulse / len(later))
+    lost = sum(i.energy_loss for i in later)
+    assert means['dissipated'].mean * 40 == pytest.approx(lost)
+    t = np.linspace(20 * T, 60 * T, 200001)
+    open_share = np.mean(solution.sample(t)['gap.coupler_rocker'] > 1e-12)
+    assert means['share of flight'].mean == pytest.approx(open_share, abs=5e-3)
+
+
+def test_confidence_intervals_cover_a_much_longer_run():
+    short = statistics(loose(0.5, 'seated'), 320, 20)
+    long = statistics(loose(0.5, 'seated', rtol=1e-11), 3020, 20)
+    inside = [
+        abs(a.mean - b.mean) <= 1.5 * (a.half_width + b.half_width)
+        for a, b in zip(short.means, long.means, strict=True)
+    ]
+    assert all(inside)
+
+
+def test_criteria_stand_beside_the_losses_that_happen():
+    (joint,) = losses(loose(0.5, 'seated'), 2.25)
+    assert joint.turns[0] == pytest.approx(1.035819, abs=1e-6)
+    free = next(p for p in joint.predictions if p.criterion == 'free link')
+    assert free.predicts_loss
+    assert np.degrees(free.angles[0]) == pytest.approx(0.035819 * 360.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    'study', [find_periodic, statistics, losses], ids=lambda study: study.__name__
+)
+def test_studies_refuse_what_they_cannot_say(study):
+    with pytest.raises(InputError, match=r'constant speed|clearance'):
+        study(ms.load_scene('four_bar_nominal'))
+    torque = {'drive': {'speed': 36.0, 'torque': {'constant': 0.1}}}
+    with pytest.raises(InputError, match='constant speed'):
+        study(ms.load_scene('four_bar_clearance', torque))
+
+
+def test_commands_print_json():
+    scene = ('four_bar_clearance', '--set', 'drive.speed=450 rpm')
+    assert run_json('periodic', *scene)['period'] == 3
+    assert run_json('statistics', *scene, '--revolutions', '40')['means']['impacts']['mean'] > 10.0
+    (joint,) = run_json('contact-loss', *scene)
+    assert joint['lost_at_revolutions']
