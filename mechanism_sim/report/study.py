@@ -73,7 +73,7 @@ def losses(found: Sequence[Losses]) -> str:
             angles = ', '.join(f'{math.degrees(a):.1f}' for a in p.angles[:6])
             lines.append(
                 f'  {p.criterion:26} {"loss" if p.predicts_loss else "no loss":8} '
-                f'{p.figure:10.4g} {p.unit} (limit {p.threshold:g})'
+                f'{p.figure:10.4g} {p.unit if p.unit != "1" else ""} (limit {p.threshold:g})'
                 + (f', at {angles} deg' if angles else '')
             )
         really = ', '.join(f'{t:.6g}' for t in joint.turns[:8])
