@@ -246,14 +246,14 @@ def test_friction_opposes_slip_within_coulombs_bound(mu, N, slip):
     assert T * slip <= 0.0
     assert abs(T) <= mu * N
     assert law.tangential_force(N, -slip) == -T
-    if abs(slip) > 0.02:
-        assert abs(T) == pytest.approx(mu * N, rel=1e-14)
+    if abs(slip) > 0.1:
+        assert abs(T) == pytest.approx(mu * N, rel=1e-4)
 
 
 def test_a_loaded_contact_creeps():
     law = SmoothedCoulomb(0.3, 1e-3)
     share = 0.5
-    force = law.tangential_force(100.0, law.creep_speed * np.arctanh(share))
+    force = law.tangential_force(100.0, law.creep_speed * share / np.sqrt(1.0 - share**2))
     assert force == pytest.approx(-share * 0.3 * 100.0, rel=1e-14)
 
 

@@ -272,6 +272,7 @@ class Floor:
     name = 'floor'
     friction = 0.0
     hypothesis = 'newton'
+    law = None
 
     def __init__(self, restitution):
         self.restitution = restitution

@@ -171,6 +171,7 @@ def test_books_of_a_later_part_start_where_the_earlier_ones_ended(run):
     later = type(run.motion)(
         type(c)(*(x[half:] for x in (c.start, c.start_low, c.duration, c.turns, c.coefficients))),
         run.motion.modes[half:],
+        run.motion.approach[half:],
         run.motion.torques[half:],
     )
     begin = c.start[half]

@@ -23,6 +23,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, ContactTerms, Guard, System
+from mechanism_sim.hybrid.tape import Status
 from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp, solve_lcp
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
@@ -31,6 +32,7 @@ _GRIPS = {
     Grip.FORWARD: Mode.SLIDING_FORWARD,
     Grip.BACKWARD: Mode.SLIDING_BACKWARD,
 }
+INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has no series at zero
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 
@@ -75,6 +77,7 @@ class Contacts:
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
         # [m] what approaches within the error of a step strikes at the same instant
         self._tie = max(self._touching, min(rtol, 1e-9) * system.mechanism.size)
+        self._slowest = 1e-6 * speed  # [m/s] to which the damping of a touch may refer
         self._bare = 1e3 * float(np.spacing(speed))  # [m/s] rounding of a rate after an impact
         # [m/s] what slides or parts slower is at rest: so much a step's error may be
         self._still = max(1e-12, 0.01 * rtol) * speed
@@ -83,6 +86,7 @@ class Contacts:
                                                 FORCE_SCALE * _ROUNDING_FORCE)
             for guard in system.guards
         ]  # fmt: skip
+        self.approach = (1.0,) * len(system.approach_index)
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(system.gaps))
 
     @property
@@ -90,9 +94,13 @@ class Contacts:
         """Present time [s]."""
         return self.base.at(float(self._ta.time))
 
-    def set_modes(self, modes: tuple[int, ...]) -> None:
-        """Set the modes that hold from now on."""
+    def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
+        """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
         self.modes = modes
+        if approach is not None:
+            self.approach = approach
+            self._pars[self._system.approach_index] = approach
+        self.status = Status(modes, self.approach)
         self.flying = int(Mode.FREE_FLIGHT) in modes
         s = self._system
         for index, values in zip(
@@ -110,7 +118,7 @@ class Contacts:
         terms = self._terms() if closed else None
         for i, shut in enumerate(closed):
             mode = Mode.FOLLOWING if shut else Mode.FREE_FLIGHT
-            if shut and terms and self._laws[i].friction:
+            if shut and terms and self._laws[i].friction and not self._system.compliant:
                 mode = _SLIDING[self._slip(terms, i)]
             modes.append(int(mode))
         self.set_modes(tuple(modes))
@@ -123,7 +131,7 @@ class Contacts:
 
     def settle(self) -> None:
         """Resolve the gaps that touch without an event having said so."""
-        if not self.modes:
+        if not self.modes or self._system.compliant:
             return
         terms = self._terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
@@ -145,7 +153,9 @@ class Contacts:
 
     def _respond(self, guard: Guard) -> None:
         gap, before = guard.gap, self.modes
-        if not guard.friction:
+        if self._system.compliant:
+            self._touch(gap)
+        elif not guard.friction:
             if not self.closed(gap):
                 self._collide(gap)
                 return
@@ -179,6 +189,20 @@ class Contacts:
             elif x <= floor and seen_now is None:
                 return i
         return None
+
+    def _touch(self, gap: int) -> None:
+        """A compliant contact begins, or ends: a hair beyond zero, at the speed it has."""
+        terms = self._terms()
+        rate, opens = terms.rate[gap], self.closed(gap)
+        speeds = list(self.approach)
+        if not opens:
+            speeds[gap] = max(-rate, self._slowest)
+        mode = int(Mode.FREE_FLIGHT if opens else Mode.FOLLOWING)
+        self.set_modes((*self.modes[:gap], mode, *self.modes[gap + 1 :]), tuple(speeds))
+        target = self._rounding if opens else -INSIDE
+        shift = (target - terms.value[gap]) / terms.compliance[gap][gap]
+        for k, w in enumerate(terms.response[gap]):
+            self._state[k] += w * shift
 
     def _change(self, gap: int, mode: Mode) -> None:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import heyoka as hy
 
+from mechanism_sim.contact.compliant import SmoothedCoulomb
 from mechanism_sim.numerics.symbolic import (
     Matrix,
     Term,
@@ -37,7 +38,7 @@ class Solved(NamedTuple):
 
     a: Vector
     N: Vector  #: (m,) normal forces [N]
-    T: Vector  #: (m,) friction forces on the first-named links [N]
+    T: Vector  #: (m,) friction forces on the first-named links [N]; both along the rows
     closing_forces: Vector  #: of the closures on the first-named links [N]
 
 
@@ -84,6 +85,11 @@ class Dynamics:
         self._alpha = p.reserve('stabilisation')
         self.torques = [p.reserve(f'{c}.torque.{k}') for c in powered for k in range(3)]
         self.normal = eq.gap_jets
+        self.laws = [gap.law for gap in gaps]
+        self.compliant = any(law is not None for law in self.laws)
+        if self.compliant and None in self.laws:
+            raise ValueError('either all contacts of a system are compliant or none is')
+        self.approach = [p.reserve(f'{g.name}.approach', 1.0) for g in gaps if g.law]
         self.tangent = {i: gaps[i].slip(eq.frames) for i in self.frictional}
         self.relation = eq.relation_jets
         none = Jet(None, {}, None, None)
@@ -92,6 +98,9 @@ class Dynamics:
         self.active: Vector = [*self.closed]
         if self.frictional:
             self.active += [self.sticks.get(i, hy.expression(0.0)) for i in range(len(gaps))]
+        if self.compliant:  # nothing is kept closed
+            self.active = [hy.expression(0.0)] * len(self.active)
+        self._gaps = tuple(gaps)
         self._reduce(powered)
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
@@ -227,6 +236,12 @@ class Dynamics:
         )  # fmt: skip
         if not m:
             return Solved(a, [], [], closing)
+        if self.compliant:
+            N, T = self._pushed()
+            a = self._with(a, self.response, [*N, *(T if self.frictional else [])])
+            factors = [*N, *(T if self.frictional else [])]
+            closing = self._with(closing, self._closing, factors) if self.relation else []
+            return Solved(a, N, T, closing)
         b = self._second_derivatives(a, stabilised)
         held = self.frictional
         rows = [*range(m), *(m + i for i in held)]
@@ -248,14 +263,42 @@ class Dynamics:
         solve = solve_general if held else solve_symmetric
         forces = solve(K, [rhs])[0]
         N = forces[:m]
-        T: Vector = [None] * m
+        friction: Vector = [None] * m
         for i, stuck in zip(held, forces[m:], strict=True):
             slide = mul(self.friction[i] * self.slips[i], N[i]) if i in self.slips else None
-            T[i] = add(stuck, neg(slide))
-        factors = [*N, *(T if self.frictional else [])]
+            friction[i] = add(stuck, neg(slide))
+        factors = [*N, *(friction if self.frictional else [])]
         a = self._with(a, self.response, factors)
         closing = self._with(closing, self._closing, factors) if self.relation else []
-        return Solved(a, N, T, closing)
+        return Solved(a, N, friction, closing)
+
+    def compressed(self, i: int) -> tuple[Term, Term, Term]:
+        """Depth of a closed compliant contact, its rate, and ``|dy/d distance|``.
+
+        Open contacts count as 1 m deep: no power of zero has a Taylor series.
+        """
+        s, jet = self.closed[i], self.normal[i]
+        value = s * jet.value
+        stretch = self._gaps[i].stretch(value)
+        depth = self._gaps[i].depth(value) + (1.0 - s)
+        return depth, neg(mul(s, jet.rate)) / stretch, stretch
+
+    def _pushed(self) -> tuple[Vector, Vector]:
+        """Forces of compliant contacts along their rows."""
+        N: Vector = []
+        T: Vector = []
+        for i, push in enumerate(self.laws):
+            if push is None:
+                raise ValueError('a compliant contact has a law')
+            depth, rate, stretch = self.compressed(i)
+            force = self.closed[i] * push.normal_force(depth, rate, self.approach[i])
+            N.append(force / stretch)
+            if i in self.tangent:
+                law = SmoothedCoulomb(self.friction[i], self._gaps[i].creep_speed)
+                T.append(law.tangential_force(force, self.tangent[i].rate))
+            else:
+                T.append(None)
+        return N, T
 
     @property
     def acceleration(self) -> Vector:

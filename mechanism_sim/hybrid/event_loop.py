@@ -200,7 +200,7 @@ class EventLoop:
                     return
                 self._pending = None
             if h > 0.0:
-                entries.append((tau, h, contacts.modes, tape.base))
+                entries.append((tau, h, contacts.status, tape.base))
                 if len(entries) == len(tape.buffer):
                     tape.grow()
             if guard is not None:
@@ -256,7 +256,7 @@ class EventLoop:
         slot = self._tape.buffer[len(self._tape.entries)]
         x = np.polynomial.polynomial.polyval(at - tau, slot.T)
         if at > tau:
-            self._tape.entries.append((tau, at - tau, self._contacts.modes, self._tape.base))
+            self._tape.entries.append((tau, at - tau, self._contacts.status, self._tape.base))
             if len(self._tape.entries) == len(self._tape.buffer):
                 self._tape.grow()
         self._state[:] = x
@@ -364,6 +364,7 @@ class EventLoop:
             {c: self._base.turns[c] for c in self._system.free},
             tuple(state.tolist()),
             contacts.modes,
+            contacts.approach,
             alpha,
             horizon,
             self._next_base,
@@ -385,7 +386,7 @@ class EventLoop:
         self._ta.time = s.tau
         self._forget_events()
         self._pars[self._stabilisation] = s.stabilisation
-        self._contacts.set_modes(s.modes)
+        self._contacts.set_modes(s.modes, s.approach)
         self._contacts.horizon = s.horizon
         self._contacts.impacts, self._contacts.mode_changes = [], []
         self._pending = None

@@ -78,6 +78,7 @@ class DynamicPhysics:
             np.zeros_like(q[driven]) if steady else curve.at(segments, dt, 2).T[driven],
             motion.modes_at(segments, dt),
             constant + per_angle * q[powered] + per_speed * v[powered],
+            motion.approach_at(segments, dt),
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:

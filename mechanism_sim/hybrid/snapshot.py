@@ -37,6 +37,7 @@ class Snapshot:
     turns: dict[str, int]
     state: tuple[float, ...]  #: free coordinates, and their rates
     modes: tuple[int, ...]
+    approach: tuple[float, ...]  #: [m/s] of the first touch of compliant contacts
     stabilisation: float  #: [1/s]
     horizon: float  #: [s] longest next step
     next_base: float  #: [s]
@@ -60,7 +61,8 @@ class Snapshot:
         }
         for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
             data[key] = float(data[key]).hex()
-        data['state'] = [float(x).hex() for x in self.state]
+        for key in ('state', 'approach'):
+            data[key] = [float(x).hex() for x in data[key]]
         Path(path).write_text(json.dumps(data, indent=1), encoding='utf-8')
 
     @classmethod
@@ -77,7 +79,8 @@ class Snapshot:
             for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
                 data[key] = float.fromhex(data[key])
             data['base'] = Fraction(data['base'])
-            data['state'] = tuple(float.fromhex(x) for x in data['state'])
+            for key in ('state', 'approach'):
+                data[key] = tuple(float.fromhex(x) for x in data[key])
             data['modes'] = tuple(data['modes'])
             data['laws'] = tuple(_law_from_json(law) for law in data['laws'])
             data['coming'] = tuple(_law_from_json(law) for law in data['coming'])

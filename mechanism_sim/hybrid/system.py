@@ -109,12 +109,14 @@ class System:
         }
         d = self.dynamics
         self.guards = [Guard(i, 0) for i in range(len(gaps))]
-        self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
+        if not d.compliant:
+            self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
         self.parameters = np.array(p.values)
         self.flag_index = [p.names[f'{g.name}.closed'] for g in self.gaps]
         self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
         self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
         self.stabilisation_index = p.names['stabilisation']
+        self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
         self.law_index = [
             [p.names[f'{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
@@ -123,7 +125,12 @@ class System:
     @property
     def lone(self) -> bool:
         """Whether there is one gap, and no friction in it: the case that is made fastest."""
-        return len(self.guards) == 1
+        return len(self.guards) == 1 and not self.compliant
+
+    @property
+    def compliant(self) -> bool:
+        """Whether contacts push back by a law of force instead of being kept closed."""
+        return self.dynamics.compliant
 
     @property
     def frictional(self) -> bool:
@@ -175,8 +182,9 @@ class System:
             (force_now,) = self._driven([dense(self.dynamics.stabilised.N[0])])
             force = [1e-30 * force_now]
         impulses = [(hy.make_vars('impulse'), f) for f in force]
+        # the constant's rate, which is nothing, names the last parameter: heyoka wants no others
         return hy.taylor_adaptive(
-            [*sys, (constant, hy.expression(0.0)), *impulses],
+            [*sys, (constant, TINY * hy.par[len(self.parameters) - 1]), *impulses],
             [0.0] * len(sys) + [scale * rtol / tolerance] + [0.0] * len(impulses),
             pars=self.parameters,
             tol=tolerance,
@@ -193,6 +201,8 @@ class System:
             s = d.closed[gap]
             if not friction:
                 force = s * (FORCE_SCALE * dense(solved.N[gap]))
+                if d.compliant:
+                    force = s * d.compressed(gap)[0]
                 result.append((1.0 - s) * dense(d.normal[gap].value) + force + TINY)
                 continue
             # off the cone of friction while sticking; while sliding until it ends
@@ -332,19 +342,31 @@ class System:
             for k, c in enumerate(self.prescribed)
         ]
         friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
+        kinetic, potential = energies(eq)
+        forces_N = list(solved.N)
+        for i, law in enumerate(d.laws):
+            if law is not None:
+                depth, rate, stretch = d.compressed(i)
+                push = mul(solved.N[i], stretch)
+                lost = push - d.closed[i] * law.normal_force(depth, hy.expression(0.0), 1.0)
+                friction.append(lost * rate)
+                potential = add(potential, d.closed[i] * law.elastic_energy(depth))
+                forces_N[i] = push
         outputs: list[Term] = [
             *(a[c] for c in self.coordinates),
             *(jet.value for jet in d.normal),
             *(jet.value for jet in d.relation),
-            *solved.N,
+            *forces_N,
             *solved.T,
             add(*friction),
             *torques,
             *(x for force in reactions.values() for x in force),
-            *energies(eq),
+            kinetic,
+            potential,
         ]
         replace: dict[str | hy.expression, hy.expression] = {}
-        for k, flag in enumerate((*d.closed, *d.sticks.values(), *d.slips.values())):
+        flags = (*d.closed, *d.sticks.values(), *d.slips.values(), *d.approach)
+        for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
         for k, c in enumerate(self.powered):
@@ -362,7 +384,13 @@ class System:
         )
 
     def observe(
-        self, q: Array, v: Array, a_p: Array, modes: NDArray[np.uint8], torque: Array | None = None
+        self,
+        q: Array,
+        v: Array,
+        a_p: Array,
+        modes: NDArray[np.uint8],
+        torque: Array | None = None,
+        approach: Array | None = None,
     ) -> Observation:
         """Accelerations, forces and energies at N instants.
 
@@ -372,6 +400,7 @@ class System:
         a_p : (p, N) prescribed accelerations
         modes : (m, N) of the gaps
         torque : (k, N) [N m] on the powered coordinates
+        approach : (m, N) [m/s] of the first touch of compliant contacts
         """
         d, count = self.dynamics, q.shape[1]
         torque = np.zeros((len(self.powered), count)) if torque is None else torque
@@ -380,6 +409,8 @@ class System:
         forward = modes[d.frictional] == Mode.SLIDING_FORWARD
         backward = modes[d.frictional] == Mode.SLIDING_BACKWARD
         flags = [modes > Mode.FREE_FLIGHT, held, forward * 1.0 - backward]
+        if self.compliant:
+            flags.append(np.ones_like(modes, float) if approach is None else approach)
         inputs = np.ascontiguousarray(
             np.concatenate([q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque])
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ class Motion:
 
     curve: PiecewisePolynomial  #: of the n coordinates, in the order of the mechanism
     modes: NDArray[np.uint8]  #: (m, gaps)
+    approach: Array  #: (m, gaps) [m/s] of the first touch of compliant contacts, else (m, 0)
     torques: Array  #: (m, k, 3) coefficients of the torque laws of k powered coordinates
 
     def __len__(self) -> int:
@@ -39,6 +41,10 @@ class Motion:
         """Flags (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
         return self.modes_at(segments, dt) > Mode.FREE_FLIGHT
 
+    def approach_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Speeds of the first touch (gaps, N) [m/s]."""
+        return np.repeat(self.approach[segments], _each(dt), axis=0).T
+
     def torques_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Coefficients of the torque laws (k, 3, N)."""
         return np.repeat(self.torques[segments], _each(dt), axis=0).transpose(1, 2, 0)
@@ -56,12 +62,20 @@ class Motion:
                 np.concatenate([c.coefficients for c in curves]),
             ),
             np.concatenate([part.modes for part in parts]),
+            np.concatenate([part.approach for part in parts]),
             np.concatenate([part.torques for part in parts]),
         )
 
 
 def _each(dt: Array | Nodes) -> int:
     return len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
+
+
+class Status(NamedTuple):
+    """The contacts while a step is taken."""
+
+    modes: tuple[int, ...]
+    approach: tuple[float, ...]
 
 
 class Tape:
@@ -73,13 +87,13 @@ class Tape:
     Attributes
     ----------
     buffer : (capacity, 2 f, order + 1), always with room for one more step
-    entries : of every step its start since the base, its length [s], its modes, its base
+    entries : of every step its start since the base, its length [s], its status, its base
     base : index of the present base
     """
 
     def __init__(self, system: System, coefficients: Array) -> None:
         self.buffer = np.empty((256, *coefficients.shape))
-        self.entries: list[tuple[float, float, tuple[int, ...], int]] = []
+        self.entries: list[tuple[float, float, Status, int]] = []
         self.base = -1
         self._system = system
         self._bases: list[Base] = []
@@ -112,7 +126,7 @@ class Tape:
         integrator's own.
         """
         system, count = self._system, len(self.entries)
-        taus, hs, modes, bases = zip(*self.entries, strict=True) if count else ((),) * 4
+        taus, hs, status, bases = zip(*self.entries, strict=True) if count else ((),) * 4
         f, order = len(system.free), self.buffer.shape[2]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         free = [system.coordinates.index(c) for c in system.free]
@@ -140,7 +154,8 @@ class Tape:
                 np.array(turns, dtype=np.int64)[of],
                 coefficients,
             ),
-            np.array(modes, dtype=np.uint8).reshape(count, len(system.gaps)),
+            np.array([s.modes for s in status], np.uint8).reshape(count, len(system.gaps)),
+            np.array([s.approach for s in status]).reshape(count, len(system.approach_index)),
             self._torques(of),
         )
         # The next step may be in its slot already: it becomes the first.

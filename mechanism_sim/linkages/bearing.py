@@ -8,10 +8,11 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.symbolic import dense, mul
+from mechanism_sim.numerics.symbolic import Term, dense, mul
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,8 @@ class BearingClearance:
     friction: float = 0.0
     hypothesis: str = 'newton'
     pin_radius: float = 0.0  #: [m]
+    law: ForceLaw | None = None
+    creep_speed: float = 1e-3  #: [m/s]
 
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""
@@ -51,6 +54,14 @@ class BearingClearance:
         c = self._clearance(frames)
         gap: Jet = -((x.square() + y.square()) - c * c) / (2.0 * c)
         return gap
+
+    def stretch(self, value: Term) -> Term:
+        """``|Q|/c = sqrt(1 - 2 y/c)`` of a value y."""
+        return hy.sqrt(1.0 - (2.0 / self.clearance) * value)
+
+    def depth(self, value: Term) -> Term:
+        """``|Q| - c = -2 y/(1 + |Q|/c)`` [m]: no difference of nearly equal numbers."""
+        return -2.0 * value / (1.0 + self.stretch(value))
 
     def slip(self, frames: Frames) -> Jet:
         """Velocity of the pin's surface along the bushing's, ``Q'.t + rp w1 - (rp + c) w2`` [m/s].

@@ -10,12 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism, Vector2
+from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,16 @@ class GuideClearance:
     restitution: float
     friction: float = 0.0
     hypothesis: str = 'newton'
+    law: ForceLaw | None = None
+    creep_speed: float = 1e-3  #: [m/s]
+
+    def stretch(self, value: Term) -> Term:
+        """The value is the distance."""
+        return hy.expression(1.0)
+
+    def depth(self, value: Term) -> Term:
+        """The value is the distance."""
+        return -value
 
     @property
     def _outwards(self) -> float:

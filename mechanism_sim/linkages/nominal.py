@@ -113,7 +113,7 @@ class NominalRun:
         """What it takes to go on."""
         angles = () if self._previous is None else tuple(self._previous.tolist())
         return Snapshot(
-            '', Fraction(0), self.time, {}, angles, (), 0.0, math.inf, 0.0, (self._law,),
+            '', Fraction(0), self.time, {}, angles, (), (), 0.0, math.inf, 0.0, (self._law,),
             tuple(self._coming), -math.inf, 0, 0,
         )  # fmt: skip
 
@@ -138,7 +138,8 @@ class NominalRun:
             turns,
             np.array([p[3] for p in pieces]).reshape(count, 3, len(_NODES)),
         )
-        return Motion(curve, np.zeros((count, 0), np.uint8), np.zeros((count, 0, 3))), [], []
+        none = np.zeros((count, 0))
+        return Motion(curve, np.zeros((count, 0), np.uint8), none, np.zeros((count, 0, 3))), [], []
 
 
 class NominalPhysics:

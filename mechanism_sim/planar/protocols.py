@@ -6,11 +6,12 @@ their derivatives along, so that Jacobian rows and curvature terms follow by the
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 
@@ -26,6 +27,20 @@ class Relation(Protocol):
 
     def values(self, frames: Frames) -> list[Jet]:
         """The components that vanish [m]."""
+
+
+class ForceLaw(Protocol):
+    """How a contact pushes back when it is compressed; a law of `contact.compliant`."""
+
+    @property
+    def damping(self) -> Any:
+        """How much it does so more while closing than while opening; zero for an elastic one."""
+
+    def normal_force(self, depth: Any, rate: Any, approach: Any) -> Any:
+        """Force [N] at a depth [m], its rate [m/s], and the rate of the first touch."""
+
+    def elastic_energy(self, depth: Any) -> Any:
+        """Energy stored at a depth [J]."""
 
 
 class Gap(Protocol):
@@ -46,6 +61,20 @@ class Gap(Protocol):
     @property
     def hypothesis(self) -> str:
         """What the coefficient of restitution relates: 'newton', 'poisson' or 'stronge'."""
+
+    @property
+    def law(self) -> ForceLaw | None:
+        """Law of a compliant contact; ``None`` for a rigid one."""
+
+    @property
+    def creep_speed(self) -> float:
+        """Speed [m/s] of sliding at which friction of a compliant contact is nearly Coulomb's."""
+
+    def stretch(self, value: Term) -> Term:
+        """Derivative of the value by the distance, at a value that may be negative."""
+
+    def depth(self, value: Term) -> Term:
+        """How deep the links overlap [m], at a negative value."""
 
     def value(self, frames: Frames) -> Jet:
         """The distance [m] for small distances; smooth wherever the motion can go.

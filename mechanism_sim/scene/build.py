@@ -35,7 +35,7 @@ def build(name: str, scene: FourBarScene) -> Machine:
             f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
             'crank in line must leave a triangle with coupler and rocker; shorten the crank'
         )
-    if machine.level is not Level.NONSMOOTH:
+    if machine.level not in (Level.NONSMOOTH, Level.COMPLIANT):
         _check_initial(name, scene)
     _check_joints(machine, lengths)
     _check_masses(name, machine)
@@ -89,6 +89,15 @@ def _check_joints(machine: Machine, lengths: dict[str, float]) -> None:
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
                 f'({shortest:g} m)'
             )
+        if clearance.contact is None and machine.level is Level.COMPLIANT:
+            raise InputError(
+                f"{where} has no 'contact', but another joint has: either all loose joints are "
+                'compliant or none is'
+            )
+        if clearance.contact and math.isinf(clearance.friction):
+            raise InputError(f'{where}.friction = rough is for rigid contacts only')
+        if clearance.contact and clearance.contact.law == 'flores' and not clearance.restitution:
+            raise InputError(f'{where}: the law of Flores needs a restitution above 0')
         if clearance.pin_radius and not clearance.friction:
             raise InputError(
                 f'{where}.pin_radius = {clearance.pin_radius:g} m has no effect without friction: '

@@ -57,7 +57,7 @@ def initial_state(machine: Machine) -> State:
                 seated = False
     values = _coordinates(machine, q[:, 0], v[:, 0], Q)
     system = machine.system
-    _check_inside(machine, np.array([[values[c][0]] for c in system.coordinates]))
+    _check_inside(machine, np.array([[values[c][0]] for c in system.coordinates]), seated)
     free = [values[c] for c in system.free]
     return State(
         Fraction(0),
@@ -85,7 +85,10 @@ def _seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
                 f'{machine.name}: start = seated, but no force presses the pin of {name} on its '
                 "bushing; write 'start: centred'"
             )
-        seats[name] = clearance.radial * force / np.hypot(*force)
+        size = float(np.hypot(*force))
+        contact = clearance.contact
+        depth = (size / contact.stiffness) ** (1.0 / contact.exponent) if contact else 0.0
+        seats[name] = (clearance.radial + depth) * force / size
     return seats
 
 
@@ -126,11 +129,11 @@ def _coordinates(
     return found
 
 
-def _check_inside(machine: Machine, q: Array) -> None:
+def _check_inside(machine: Machine, q: Array, seated: bool) -> None:
     for gap, value in zip(machine.system.gaps, machine.system.gap_values(q), strict=True):
         clearance = machine.clearances[gap.name].radial
         distance = float(gap.distance(value)[0])
-        if distance < -1e-6 * clearance:
+        if distance < -1e-6 * clearance and not (seated and gap.law):
             raise InputError(
                 f'{machine.name}: initial.position puts the pin of {gap.name} '
                 f'{clearance - distance:.6g} m from the centre of its bushing; the radial '

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -13,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.polynomial import Polynomial, polynomial
 
+from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
@@ -27,6 +29,7 @@ from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
+from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.scene.initial import initial_state
 from mechanism_sim.scene.schema import Clearance, FourBarScene, Link
 
@@ -44,6 +47,7 @@ class Level(Enum):
     INVERSE_DYNAMICS = 'inverse dynamics'
     SMOOTH = 'smooth dynamics'
     NONSMOOTH = 'nonsmooth dynamics'
+    COMPLIANT = 'compliant contact'
 
 
 class Run(Protocol):
@@ -92,7 +96,8 @@ class Machine:
     def level(self) -> Level:
         """The cheapest level that is exact for the scene."""
         if self.clearances:
-            return Level.NONSMOOTH
+            asked = any(c.contact for c in self.clearances.values())
+            return Level.COMPLIANT if asked else Level.NONSMOOTH
         if self.torque_driven:
             return Level.SMOOTH
         known = all(link.mass for link in self.links.values())
@@ -107,7 +112,7 @@ class Machine:
     @property
     def dynamic(self) -> bool:
         """Whether the motion comes from equations of motion."""
-        return self.level in (Level.SMOOTH, Level.NONSMOOTH)
+        return self.level in (Level.SMOOTH, Level.NONSMOOTH, Level.COMPLIANT)
 
     @property
     def links(self) -> dict[str, Link]:
@@ -212,7 +217,7 @@ class Machine:
         gaps = [
             BearingClearance(
                 name, self.mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
-                c.pin_radius,
+                c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
             )
             for name, c in self.clearances.items()
         ]  # fmt: skip
@@ -362,6 +367,21 @@ class Machine:
         run.advance(1e-6 * min(self.period, 1.0), final=True, most=1)
         motion, *_ = run.drain()
         Audit(self.physics).add(motion, [])
+
+
+def force_law(clearance: Clearance) -> ForceLaw | None:
+    """The law of a compliant contact; ``None`` for a rigid one."""
+    contact, e = clearance.contact, clearance.restitution
+    if contact is None:
+        return None
+    if contact.law == 'hertz':
+        return Hertz(contact.stiffness, contact.exponent)
+    laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
+        'hunt_crossley': HuntCrossley,
+        'lankarani_nikravesh': LankaraniNikravesh,
+        'flores': Flores,
+    }
+    return laws[contact.law](contact.stiffness, e, contact.exponent)
 
 
 def joint_forces(machine: Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:

@@ -74,6 +74,15 @@ class FourBarLinks(Part):
     rocker: Link
 
 
+class Contact(Part):
+    """A compliant contact: a law of force instead of a rigid one."""
+
+    law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores']
+    stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]  #: [N/m^exponent]
+    exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
+    creep_speed: Annotated[float, _si('m/s'), _POSITIVE] = 1e-3  #: of smoothed friction
+
+
 class Clearance(Part):
     """A pin on the first-named link, loose in a bushing on the second-named one."""
 
@@ -82,6 +91,7 @@ class Clearance(Part):
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     friction: Friction = 0.0
     pin_radius: Radius = 0.0
+    contact: Contact | None = None  #: without one the contact is rigid
 
 
 class Joint(Part):

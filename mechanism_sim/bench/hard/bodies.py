@@ -17,9 +17,11 @@ from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.mechanism import Body, Mechanism
+from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.scene import Machine, load_scene
 
 THESIS = 'four_bar_clearance'
@@ -53,6 +55,16 @@ class Floor:
     at: tuple[float, float] | None = None  #: a corner of the body [m], not a disc
     hypothesis: str = 'newton'
     name: str = 'floor'
+    law: ForceLaw | None = None
+    creep_speed: float = 1e-3  #: [m/s]
+
+    def stretch(self, value: Term) -> Term:
+        """The value is the distance."""
+        return hy.expression(1.0)
+
+    def depth(self, value: Term) -> Term:
+        """The value is the distance."""
+        return -value
 
     def _point(self, frames: Frames) -> tuple[Jet, Jet]:
         point = {f'{self.body}.x': (1.0, 0.0), f'{self.body}.y': (0.0, 1.0)}
