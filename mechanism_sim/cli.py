@@ -102,6 +102,10 @@ def _parser() -> argparse.ArgumentParser:
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     _scene_options(sub)
     sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run')
+    sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
+    _scene_options(sub)
+    sub.add_argument('--angles', type=int, default=24, metavar='N', help='around the turn')
+    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run each')
     sub = command('bench', _bench, 'measure: the hard cases')
     sub.add_argument('names', nargs='+', metavar='NAME', help='hard, or names of hard cases')
     sub.add_argument('--markdown', metavar='FILE', help='also write a table for people')
@@ -290,6 +294,21 @@ def _contact_loss(options: argparse.Namespace) -> int:
         _print_json(study.losses_json(found))
     else:
         print(study.losses(found))
+    return 0
+
+
+def _starts(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.starts import starts  # noqa: PLC0415
+
+    machine = load_scene(options.scene, _overrides(options))
+    with progress.bar('starts', float(max(options.angles, 1)), quiet=options.json) as show:
+        found = starts(machine, options.angles, options.revolutions, show)
+    if options.json:
+        _print_json(study.starts_json(found))
+    else:
+        print(study.starts(found))
     return 0
 
 

@@ -11,6 +11,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.study.losses import losses
 from mechanism_sim.study.periodic import Section, find_periodic
+from mechanism_sim.study.starts import starts
 from mechanism_sim.study.statistics import statistics
 
 JOINT = 'joints.coupler_rocker.clearance'
@@ -108,8 +109,21 @@ def test_criteria_stand_beside_the_losses_that_happen():
     assert np.degrees(free.angles[0]) == pytest.approx(0.035819 * 360.0, abs=0.1)
 
 
+def test_start_angles_say_how_long_a_seated_pin_follows():
+    machine = loose(0.5, 'seated')
+    found = starts(machine, 8, 2.0)
+    assert [s.angle for s in found] == pytest.approx(np.arange(8) * np.pi / 4.0)
+    assert found[0].followed == pytest.approx(1.035819, abs=1e-6)
+    other = ms.simulate(
+        loose(0.5, 'seated', drive__start_angle=float(found[3].angle)), revolutions=2.0
+    )
+    lost = next((m.t for m in other.modes if m.mode == 1), np.inf)
+    assert found[3].followed == pytest.approx(lost / machine.period)
+    assert found[3].impacts == len(other.impacts)
+
+
 @pytest.mark.parametrize(
-    'study', [find_periodic, statistics, losses], ids=lambda study: study.__name__
+    'study', [find_periodic, statistics, losses, starts], ids=lambda study: study.__name__
 )
 def test_studies_refuse_what_they_cannot_say(study):
     with pytest.raises(InputError, match=r'constant speed|clearance'):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from mechanism_sim.study.losses import Losses
 from mechanism_sim.study.periodic import Response
+from mechanism_sim.study.starts import Start
 from mechanism_sim.study.statistics import Statistics
 
 
@@ -101,4 +102,27 @@ def losses_json(found: Sequence[Losses]) -> list[dict[str, object]]:
             'lost_at_revolutions': list(joint.turns),
         }
         for joint in found
+    ]
+
+
+def starts(found: Sequence[Start]) -> str:
+    """Start angles for people, the best one named."""
+    lines = ['start angle   follows for   impacts']
+    for s in found:
+        followed = f'{s.followed:.4f} rev' if math.isfinite(s.followed) else 'all of it'
+        lines.append(f'{math.degrees(s.angle):8.1f} deg  {followed:>12}  {s.impacts:8d}')
+    best = max(found, key=lambda s: s.followed)
+    lines.append(f'contact lasts longest from {math.degrees(best.angle):.1f} deg')
+    return '\n'.join(lines)
+
+
+def starts_json(found: Sequence[Start]) -> list[dict[str, object]]:
+    """The same as JSON; ``followed`` is null where contact was kept."""
+    return [
+        {
+            'angle': s.angle,
+            'followed': s.followed if math.isfinite(s.followed) else None,
+            'impacts': s.impacts,
+        }
+        for s in found
     ]

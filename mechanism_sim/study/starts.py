@@ -1,0 +1,58 @@
+"""Trial and error over the start angle ([SB] 6.1): how long a seated pin follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.scene import Machine, simulate
+
+
+@dataclass(frozen=True)
+class Start:
+    """A seated start at one crank angle.
+
+    Attributes
+    ----------
+    angle : of the crank [rad]
+    followed : revolutions until contact was first lost in any joint; infinite if it was kept
+    impacts : in all revolutions
+    """
+
+    angle: float
+    followed: float
+    impacts: int
+
+
+def starts(
+    machine: Machine,
+    angles: int = 24,
+    revolutions: float = 3.0,
+    progress: Callable[[float, int], None] | None = None,
+) -> list[Start]:
+    """Seated starts at so many crank angles around the turn, in the order of the angles.
+
+    Raises
+    ------
+    InputError
+        If the crank has no constant speed, there is no clearance, or less than one angle.
+    """
+    if machine.torque_driven or len(machine.laws) > 1 or not machine.clearances:
+        raise InputError(f'{machine.name}: this needs clearance and a crank at constant speed')
+    if angles < 1:
+        raise InputError('at least one start angle is needed')
+    found = []
+    for k in range(angles):
+        angle = 2.0 * math.pi * k / angles
+        drive = machine.scene.drive.model_copy(update={'start_angle': angle})
+        scene = machine.scene.model_copy(update={'drive': drive, 'start': 'seated'})
+        solution = simulate(type(machine)(machine.name, scene), revolutions=revolutions)
+        lost = [m.t for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
+        followed = min(lost) / machine.period if lost else math.inf
+        found.append(Start(angle, followed, len(solution.impacts)))
+        if progress:
+            progress(float(k + 1), len(solution.impacts))
+    return found
