@@ -18,6 +18,7 @@ EXAMPLES = {
     'rad/s^2': '20 rad/s^2',
     'm/s^2': '9.81 m/s^2',
     'm/s': '1 mm/s',
+    'Pa s': '0.03 Pa s',
     'Hz': '500 Hz',
     's': '20 ms',
     'N m': '0.1 N m',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heyoka as hy
 import numpy as np
 import pytest
 from four_bars import TURN
@@ -17,6 +18,7 @@ from mechanism_sim.contact.compliant import (
     LankaraniNikravesh,
     true_restitution,
 )
+from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 
@@ -138,3 +140,57 @@ def test_level_refusals_and_command_line():
     )  # fmt: skip
     assert found['level'] == 'compliant contact'
     assert abs(found['energy']['residual']) < 1e-10
+
+
+FILM = {'law': 'film', 'viscosity': 0.03, 'width': 0.02, 'radius': 0.01}
+
+
+def test_a_film_carries_the_forces_of_the_ideal_mechanism():
+    overrides = {f'{CLEARANCE}.contact': FILM, f'{CLEARANCE}.radial': 1e-4}
+    solution = ms.simulate(ms.load_scene('four_bar_clearance', overrides), revolutions=0.6)
+    assert abs(solution.energy.residual) < 1e-11
+    assert solution.energy.dissipated > 1e-4
+    ideal = ms.simulate(ms.load_scene('four_bar_nominal'), revolutions=0.6)
+    t = np.linspace(0.2, 0.599, 60) * TURN
+    mine, theirs = solution.sample(t), ideal.sample(t)
+    for axis in 'xy':
+        key = f'reaction.coupler_rocker.{axis}'
+        assert np.abs(mine[key] - theirs[key]).max() < 0.02
+    # the journal rides off its centre by less than the clearance, and not by nothing
+    away = np.abs(mine['position.rocker'] - theirs['position.rocker']).max()
+    assert 1e-6 < away < 1e-4 / 0.1
+
+
+def test_a_film_moves_the_links_as_the_textbook_equations_integrated_by_scipy():
+    SPEED, g = 36.6519, 9.8145
+    IA3, IO4 = 2.950e-3 + 0.2439 * 0.185**2, 3.176e-3 + 0.2334 * 0.134**2
+    names = hy.make_vars('x', 'y', 'vx', 'vy', 'journal', 'bushing')
+    film = ShortBearing(0.03, 0.02, 0.01, 1e-4)
+    compiled = hy.cfunc([*film.force(*names), *film.moments(*names)], vars=names)
+    overrides = {f'{CLEARANCE}.contact': FILM, f'{CLEARANCE}.radial': 1e-4}
+    machine = ms.load_scene('four_bar_clearance', overrides)
+    state = machine.initial_state()
+
+    def rate(t, y):
+        th2, th3, th4, w3, w4 = SPEED * t, *y
+        u2, u3, u4 = (np.exp(1j * th) for th in (th2, th3, th4))
+        Q = 0.064 * u2 + 0.309 * u3 - 0.387 - 0.312 * u4
+        V = 1j * (0.064 * SPEED * u2 + 0.309 * w3 * u3 - 0.312 * w4 * u4)
+        fx, fy, on_pin, on_bushing = compiled([Q.real, Q.imag, V.real, V.imag, w3, w4])
+        v3, v4 = 1j * u3, 1j * u4
+        a3 = 0.2439 * 0.185 * (0.064 * SPEED**2 * np.sin(th2 - th3) - g * np.cos(th3))
+        a3 += 0.309 * (v3.real * fx + v3.imag * fy) + on_pin
+        a4 = -0.2334 * 0.134 * g * np.cos(th4)
+        a4 += -0.312 * (v4.real * fx + v4.imag * fy) + on_bushing
+        return [w3, w4, a3 / IA3, a4 / IO4]
+
+    end = 0.02
+    path = solve_ivp(rate, (0.0, end), [*state.q, *state.v], 'Radau', rtol=1e-9, atol=1e-11)
+    found = ms.simulate(machine, duration=end).sample(end)
+    assert found['position.coupler'][0] == pytest.approx(path.y[0, -1], abs=1e-8)
+    assert found['position.rocker'][0] == pytest.approx(path.y[1, -1], abs=1e-8)
+
+
+def test_a_film_needs_its_oil():
+    with pytest.raises(InputError, match='viscosity'):
+        compliant('film')

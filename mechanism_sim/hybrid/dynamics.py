@@ -27,7 +27,7 @@ from mechanism_sim.numerics.symbolic import (
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Gap, Relation
+from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 
 ROUGH = 1e4
 """Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
@@ -71,6 +71,7 @@ class Dynamics:
         degree: int,
         relations: Sequence[Relation],
         powered: Sequence[str],
+        elements: Sequence[ForceElement] = (),
     ) -> None:
         self.equations = eq = Equations(mechanism, gaps, relations)
         p = eq.parameters
@@ -101,6 +102,10 @@ class Dynamics:
         if self.compliant:  # nothing is kept closed
             self.active = [hy.expression(0.0)] * len(self.active)
         self._gaps = tuple(gaps)
+        self._pushes: dict[str, Term] = {}
+        for element in elements:
+            for c, force in element.generalised(eq.frames).items():
+                self._pushes[c] = add(self._pushes.get(c), force)
         self._reduce(powered)
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
@@ -129,6 +134,7 @@ class Dynamics:
         rhs: Vector = [
             add(
                 torque.get(i),
+                self._pushes.get(eq.coordinates[i]),
                 neg(add(eq.bias[i], dot([eq.M[i][j] for j in driven], self._a_p))),
             )
             for i in free
@@ -313,6 +319,7 @@ class Dynamics:
         """Generalised force of contacts and closures on the k-th prescribed coordinate."""
         forces = [*solved.N, *(solved.T if self.frictional else [])]
         return add(
+            self._pushes.get(self.equations.coordinates[self._driven[k]]),
             *(mul(self._driven_row(j)[k], f) for j, f in zip(self.rows, forces, strict=True)),
             *(
                 mul(self._driven_row(j)[k], f)

@@ -21,7 +21,7 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Gap, Relation
+from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 
 Array = NDArray[np.float64]
@@ -69,6 +69,7 @@ class System:
     degree : degree of these laws as polynomials in time
     relations : closures of loops
     powered : names of the coordinates on which a drive's torque acts
+    elements : forces between links that need no gap
 
     Attributes
     ----------
@@ -89,6 +90,7 @@ class System:
         degree: int,
         relations: Sequence[Relation] = (),
         powered: Sequence[str] = (),
+        elements: Sequence[ForceElement] = (),
     ) -> None:
         self.mechanism = mechanism
         self.gaps = tuple(gaps)
@@ -101,7 +103,8 @@ class System:
         self.prescribed_index = [self.coordinates.index(c) for c in self.prescribed]
         self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
-        self.dynamics = Dynamics(mechanism, gaps, prescribed, degree, relations, powered)
+        self.dynamics = Dynamics(mechanism, gaps, prescribed, degree, relations, powered, elements)
+        self.elements = tuple(elements)
         self.equations = self.dynamics.equations
         p = self.equations.parameters
         self._laws = {
@@ -332,6 +335,8 @@ class System:
                 add(mul(N, x.value), mul(T, y.value)),
                 add(mul(N, y.value), neg(mul(T, x.value))),
             )
+        for element in self.elements:
+            cut[element.name] = element.on_second(eq.frames)
         forces = iter(solved.closing_forces)
         for relation in self.relations:
             cut[relation.name] = (neg(next(forces)), neg(next(forces)))
@@ -342,6 +347,7 @@ class System:
             for k, c in enumerate(self.prescribed)
         ]
         friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
+        friction += [element.power_lost(eq.frames) for element in self.elements]
         kinetic, potential = energies(eq)
         forces_N = list(solved.N)
         for i, law in enumerate(d.laws):
@@ -455,7 +461,7 @@ class System:
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""
-        return self._values(q)[: len(self.gaps)]
+        return self._values(q)[: len(self.gaps)] if self.gaps else np.zeros((0, q.shape[1]))
 
     def closures(self, q: Array) -> Array:
         """What is left open where loops close (k, N) [m] at coordinates q (n, N)."""

@@ -8,7 +8,8 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.symbolic import Term, dense, mul
+from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
@@ -93,6 +94,56 @@ class BearingClearance:
         """The gap ``c - |Q|`` [m] that belongs to values of ``(c^2 - Q.Q)/(2 c)``."""
         c = self.clearance
         return 2.0 * value / (1.0 + np.sqrt(np.maximum(0.0, 1.0 - 2.0 * value / c)))
+
+
+@dataclass(frozen=True)
+class FilmBearing:
+    """A journal on the first-named link, carried by an oil film in the second-named link."""
+
+    name: str
+    mechanism: Mechanism
+    film: ShortBearing
+
+    def _motion(self, frames: Frames) -> tuple[Jet, Jet, list[Term]]:
+        """Q in components, and what the film asks for: Q, Q', spins of journal and bushing."""
+        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
+        joint = self.mechanism.joint(self.name)
+        spins = [frames.v.get(link, hy.expression(0.0)) for link in (joint.first, joint.second)]
+        return x, y, [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
+
+    def generalised(self, frames: Frames) -> dict[str, Term]:
+        """``F.dQ`` and the moments on journal and bushing, by coordinate."""
+        x, y, motion = self._motion(frames)
+        fx, fy = self.film.force(*motion)
+        joint = self.mechanism.joint(self.name)
+        found: dict[str, Term] = {}
+        for jet, force in ((x, fx), (y, fy)):
+            for c, slope in jet.gradient.items():
+                found[c] = add(found.get(c), mul(force, slope))
+        for link, moment in zip((joint.first, joint.second), self._moments(motion), strict=True):
+            if link != GROUND:
+                found[link] = add(found.get(link), moment)
+        return found
+
+    def _moments(self, motion: list[Term]) -> tuple[Term, Term]:
+        """Moments on the links about the centres of journal and bushing [N m]."""
+        on_journal, on_bushing = self.film.moments(*motion)
+        return on_journal, on_bushing
+
+    def on_second(self, frames: Frames) -> tuple[Term, Term]:
+        """Minus the force on the journal."""
+        fx, fy = self.film.force(*self._motion(frames)[2])
+        return neg(fx), neg(fy)
+
+    def power_lost(self, frames: Frames) -> Term:
+        """``-(F.Q' + moments.spins)``."""
+        x, y, motion = self._motion(frames)
+        fx, fy = self.film.force(*motion)
+        moments = self._moments(motion)
+        return neg(
+            add(mul(fx, x.rate), mul(fy, y.rate), mul(moments[0], motion[4]),
+                mul(moments[1], motion[5]))
+        )  # fmt: skip
 
 
 def _pin_in_bushing(mechanism: Mechanism, joint: str, frames: Frames) -> tuple[Jet, Jet]:

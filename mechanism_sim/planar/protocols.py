@@ -29,6 +29,23 @@ class Relation(Protocol):
         """The components that vanish [m]."""
 
 
+class ForceElement(Protocol):
+    """A force between two links that needs no gap, such as that of an oil film."""
+
+    @property
+    def name(self) -> str:
+        """Name of the joint."""
+
+    def generalised(self, frames: Frames) -> dict[str, Term]:
+        """Generalised forces by coordinate [N m, N]."""
+
+    def on_second(self, frames: Frames) -> tuple[Term, Term]:
+        """Force of the first-named on the second-named link [N]."""
+
+    def power_lost(self, frames: Frames) -> Term:
+        """What it dissipates [W]."""
+
+
 class ForceLaw(Protocol):
     """How a contact pushes back when it is compressed; a law of `contact.compliant`."""
 

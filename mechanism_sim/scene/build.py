@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.machine import Level, Machine
-from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.scene.schema import Clearance, FourBarScene
 
 
 def build(name: str, scene: FourBarScene) -> Machine:
@@ -94,6 +94,7 @@ def _check_joints(machine: Machine, lengths: dict[str, float]) -> None:
                 f"{where} has no 'contact', but another joint has: either all loose joints are "
                 'compliant or none is'
             )
+        _check_contact(where, clearance, machine)
         if clearance.contact and math.isinf(clearance.friction):
             raise InputError(f'{where}.friction = rough is for rigid contacts only')
         if clearance.contact and clearance.contact.law == 'flores' and not clearance.restitution:
@@ -108,6 +109,26 @@ def _check_joints(machine: Machine, lengths: dict[str, float]) -> None:
                 f'{where}.friction = {clearance.friction:g} is more than 10: for contacts that '
                 "never slip write 'friction: rough'"
             )
+
+
+def _check_contact(where: str, clearance: Clearance, machine: Machine) -> None:
+    """What each law of contact needs, and no more."""
+    contact = clearance.contact
+    if contact is None:
+        return
+    film = contact.law == 'film'
+    for key in ('viscosity', 'width', 'radius') if film else ('stiffness',):
+        if getattr(contact, key) is None:
+            raise InputError(
+                f"{where}.contact: '{key}' is missing: the law {contact.law} needs it"
+            )
+    if film and clearance.friction:
+        raise InputError(f'{where}.friction has no meaning with a film: its oil has its own')
+    films = [
+        c.contact is not None and c.contact.law == 'film' for c in machine.clearances.values()
+    ]
+    if any(films) and not all(films):
+        raise InputError(f'{where}: either all loose joints have a film or none has')
 
 
 def _check_initial(name: str, scene: FourBarScene) -> None:

@@ -45,7 +45,7 @@ def initial_state(machine: Machine) -> State:
         )
     seated = machine.scene.start == 'seated' and bool(machine.clearances)
     Q = {name: np.zeros(2) for name in machine.clearances}
-    if seated:
+    if seated and machine.system.gaps:
         Q = _seats(machine, q, v, a)
         q[1:, 0] = _displaced(machine, angle, q[1:, 0], np.sum([*Q.values()], axis=0))
     given = machine.scene.initial
@@ -87,7 +87,8 @@ def _seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
             )
         size = float(np.hypot(*force))
         contact = clearance.contact
-        depth = (size / contact.stiffness) ** (1.0 / contact.exponent) if contact else 0.0
+        soft = contact.stiffness if contact else None
+        depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
         seats[name] = (clearance.radial + depth) * force / size
     return seats
 

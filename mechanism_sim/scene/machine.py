@@ -15,6 +15,7 @@ import numpy as np
 from numpy.polynomial import Polynomial, polynomial
 
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
+from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
@@ -23,7 +24,7 @@ from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.linkages.bearing import BearingClearance, Closure
+from mechanism_sim.linkages.bearing import BearingClearance, Closure, FilmBearing
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
@@ -214,18 +215,23 @@ class Machine:
     @cached_property
     def system(self) -> System:
         """The compiled equations of motion."""
-        gaps = [
+        films = [
+            FilmBearing(name, self.mechanism, film)
+            for name, c in self.clearances.items()
+            if (film := oil_film(c))
+        ]
+        gaps = [] if films else [
             BearingClearance(
                 name, self.mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
                 c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
             )
             for name, c in self.clearances.items()
         ]  # fmt: skip
-        closures = [] if gaps else [Closure(CLOSING_JOINT, self.mechanism)]
+        closures = [] if gaps or films else [Closure(CLOSING_JOINT, self.mechanism)]
         degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in self.laws)
         driven = (), ('crank',)
         prescribed, powered = driven if self.torque_driven else driven[::-1]
-        return System(self.mechanism, gaps, prescribed, degree, closures, powered)
+        return System(self.mechanism, gaps, prescribed, degree, closures, powered, films)
 
     @cached_property
     def ideal_system(self) -> System:
@@ -319,7 +325,8 @@ class Machine:
                 solver.rtol,
                 solver.atol,
                 min(self.period / 8.0, 0.1),
-                compact=len(self.system.free) + len(self.system.dynamics.rows) >= _COMPACT_FROM,
+                compact=self.system.elements != ()
+                or len(self.system.free) + len(self.system.dynamics.rows) >= _COMPACT_FROM,
                 fastest=self._fastest,
             )
         elif isinstance(laws[0], DriveLaw):
@@ -369,10 +376,20 @@ class Machine:
         Audit(self.physics).add(motion, [])
 
 
+def oil_film(clearance: Clearance) -> ShortBearing | None:
+    """The film of a lubricated bearing; ``None`` for a dry one."""
+    contact = clearance.contact
+    if contact is None or contact.law != 'film':
+        return None
+    given = (contact.viscosity, contact.width, contact.radius)
+    viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
+    return ShortBearing(viscosity, width, radius, clearance.radial)
+
+
 def force_law(clearance: Clearance) -> ForceLaw | None:
     """The law of a compliant contact; ``None`` for a rigid one."""
     contact, e = clearance.contact, clearance.restitution
-    if contact is None:
+    if contact is None or contact.law == 'film' or contact.stiffness is None:
         return None
     if contact.law == 'hertz':
         return Hertz(contact.stiffness, contact.exponent)

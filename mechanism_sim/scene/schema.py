@@ -77,10 +77,15 @@ class FourBarLinks(Part):
 class Contact(Part):
     """A compliant contact: a law of force instead of a rigid one."""
 
-    law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores']
-    stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]  #: [N/m^exponent]
+    law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
+    stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = (
+        None  #: [N/m^exponent]
+    )
     exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
     creep_speed: Annotated[float, _si('m/s'), _POSITIVE] = 1e-3  #: of smoothed friction
+    viscosity: Annotated[float, _si('Pa s'), _POSITIVE] | None = None  #: of the oil
+    width: Length | None = None  #: of the bearing along its axis
+    radius: Length | None = None  #: of the journal
 
 
 class Clearance(Part):
