@@ -43,7 +43,8 @@ def slider_crank(name):
         system = System(mechanism, gaps, ('crank',), 1)
         laws, q, v = [DriveLaw('crank', (q[0], v[0]))], q[1:], v[1:]
     state = State(Fraction(0), (0,) * len(q), q, v, (False,) * 4)
-    return EventLoop(system, laws, state, 1e-12, 0.0, 1e-3, fastest=150.0), DynamicPhysics(system)
+    run = EventLoop(system, laws, state, 1e-12, 0.0, 1e-3, compact=True, fastest=150.0)
+    return run, DynamicPhysics(system)
 
 
 #: name, until [s], allowed difference of angles [rad]; modes of the reference begin with the last
