@@ -326,7 +326,7 @@ def test_gap_and_mode_free_terms_of_the_engine_at_a_contact(skew):
     for q, v in states(2.54e-4):
         index, pars = system.law_index[0], system.parameters.copy()
         pars[index] = [q[0], v[0], 45.0]
-        out = system.contact_function(np.array([*q[1:], *v[1:]]), pars=pars, time=0.0)
+        out = system.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
         terms = system.contact_terms(out.tolist())
         newton = Newton(m, q, v, given={'crank': 90.0})
         Q = newton.point('coupler', (0.309, 0.0)) - newton.point('rocker', (0.312, 0.0))
@@ -362,7 +362,7 @@ def test_drive_impulse_at_an_impact_is_the_change_of_angular_momentum(skew):
     for q, v in states(2.54e-4):
         pars = system.parameters.copy()
         pars[system.law_index[0]] = [q[0], v[0], 0.0]
-        out = system.contact_function(np.array([*q[1:], *v[1:]]), pars=pars, time=0.0)
+        out = system.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
         terms = system.contact_terms(out.tolist())
         p = 0.03
         dv3 = terms.response[0][0] * p
@@ -503,7 +503,7 @@ def test_projection_brings_a_closed_gap_to_zero_by_an_impulse_along_the_normal(s
         pars = system.parameters.copy()
         pars[system.law_index[0]] = [q[0], v[0], 45.0]
         pars[system.flag_index] = 1.0
-        x = system.projection(np.array([*q[1:], *v[1:]]), pars=pars, time=0.0)
+        x = system.projection(np.array([*q[1:], *v[1:], *pars, 0.0]))
         p, w = np.array([q[0], *x[:2]]), np.array([v[0], *x[2:]])
         newton = Newton(m, p, w)
         Q = newton.point('coupler', (0.309, 0.0)) - newton.point('rocker', (0.312, 0.0))

@@ -366,7 +366,7 @@ def test_bounces_far_shorter_than_a_step_are_not_lost(e, longest, monkeypatch):
 
     None is lost even at first: the step after a bounce is not much longer than the flight.
     """
-    monkeypatch.delattr(EventLoop, '_again')
+    monkeypatch.delattr(EventLoop, '_back_to')
     run = arm_over_floor(e, 0.0, -0.001, longest=longest)
     motion, impacts, modes = finish(run, 0.05)
     limit = 2.0 * 0.001 / (0.5 * 9.81) * e / (1.0 - e)

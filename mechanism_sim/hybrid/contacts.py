@@ -22,8 +22,8 @@ from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
-from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, ContactTerms, Guard, System
-from mechanism_sim.hybrid.tape import Status
+from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, Array, ContactTerms, Guard, System
+from mechanism_sim.hybrid.tape import Status, floats
 from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp, solve_lcp
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
@@ -63,10 +63,11 @@ class Contacts:
         self._system = system
         self._ta = integrator
         self._f = len(system.free)
-        self._state, self._pars = integrator.state[: 2 * self._f], integrator.pars
-        if system.gaps:
-            self._watch = system.watch
-            self._watch_pars = self._pars[: system.watch.nparams]
+        self._state = floats(integrator.state)[: 2 * self._f]
+        self._pars = floats(integrator.pars)
+        self._now = np.empty(2 * self._f + len(self._pars) + 1)
+        now = floats(self._now)
+        self._now_state, self._now_pars = now[: 2 * self._f], now[2 * self._f : -1]
         self._rule = rule
         self._laws = [
             ImpactLaw(gap.restitution, gap.friction, Hypothesis(gap.hypothesis))
@@ -99,14 +100,25 @@ class Contacts:
         self.modes = modes
         if approach is not None:
             self.approach = approach
-            self._pars[self._system.approach_index] = approach
+            self._set(self._system.approach_index, approach)
         self.status = Status(modes, self.approach)
         self.flying = int(Mode.FREE_FLIGHT) in modes
         s = self._system
         for index, values in zip(
             (s.flag_index, s.stick_index, s.slip_index), s.flags(modes), strict=True
         ):
-            self._pars[index] = values
+            self._set(index, values)
+
+    def _set(self, index: Sequence[int], values: Sequence[float]) -> None:
+        for i, value in zip(index, values, strict=True):
+            self._pars[i] = value
+
+    def _at_present(self, function: hy.cfunc_dbl) -> Array:
+        """A function of the system, now."""
+        self._now_state[:], self._now_pars[:] = self._state, self._pars
+        self._now[-1] = self._ta.time
+        values: Array = function(self._now)
+        return values
 
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
@@ -175,7 +187,7 @@ class Contacts:
         That happens where a step ends within its error of an event. Beside the guard that is
         `seen_now`, others count only beyond what falls at the same instant.
         """
-        seen = self._watch(self._state, pars=self._watch_pars, time=self._ta.time).tolist()
+        seen = self._at_present(self._system.watch).tolist()
         modes = self.modes
         if len(seen) == 2:  # one gap without friction, the common case
             fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
@@ -208,15 +220,11 @@ class Contacts:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
 
     def _terms(self) -> ContactTerms:
-        function = self._system.contact_function
-        out = function(self._state, pars=self._pars[: function.nparams], time=self._ta.time)
+        out = self._at_present(self._system.contact_function)
         return self._system.contact_terms(out.tolist())
 
     def _project(self) -> None:
-        function = self._system.projection
-        self._state[:] = function(
-            self._state, pars=self._pars[: function.nparams], time=self._ta.time
-        )
+        self._state[:] = floats(self._at_present(self._system.projection))
 
     # --- impacts ------------------------------------------------------------------------------
 

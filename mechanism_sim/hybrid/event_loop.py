@@ -10,9 +10,10 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import NamedTuple
 
-import heyoka as hy
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.errors import RunError
@@ -21,18 +22,22 @@ from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.hybrid.tape import Motion, Tape
+from mechanism_sim.hybrid.tape import Motion, Tape, floats
 from mechanism_sim.planar.drive import DriveLaw, Law
 
-_SUCCESS = hy.taylor_outcome.success
-_TIME_LIMIT = hy.taylor_outcome.time_limit
 _MAX_SIMULTANEOUS = 100
 _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
 _NEAR = 0.05  # of a step: roots nearer to its start may get lost
 
-STEP_SCALE = 0.1
-"""Rate relative to that of the fastest drive whose relative error is `rtol`."""
+
+class _Pending(NamedTuple):
+    """A step that is known but not yet part of the solution."""
+
+    tau: float  #: [s] where it begins
+    h: float  #: [s]
+    guard: int | None  #: that ended it
+    taken: tuple[float, float]  #: with which stabilisation [1/s] and longest step [s]
 
 
 class EventLoop:
@@ -43,7 +48,7 @@ class EventLoop:
     system : the compiled equations
     laws : one for each prescribed coordinate, then one for each powered coordinate
     state : where to start; open gaps that touch are resolved at once
-    rtol : error per step relative to `STEP_SCALE` of the fastest drive's speed, at least 1 rad/s
+    rtol : error per step relative to the fastest drive's speed, at least 1 rad/s
     atol : [m] displacement that may be left out when chatter is ended
     max_step : [s] longest Taylor step
     compact : compile smaller but slower code (for many coordinates)
@@ -74,16 +79,19 @@ class EventLoop:
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
         known = [fastest] if fastest else driven or turning
         fastest = max(1.0, *map(abs, known))
-        self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
-        f = len(system.free)
+        self._fired: list[int] = []
+        self._ta = system.integrator(rtol, fastest, self._fired.append, compact)
+        f, width = len(system.free), self._ta.order + 1
         self._state, self._pars = self._ta.state[: 2 * f], self._ta.pars
-        self._coefficients = self._ta.tc[: 2 * f]
+        series = floats(self._ta.tc)
+        self._coefficients = series[: 2 * f * width]
+        self._guard_series = series[-width:] if system.lone else series[:0]
         self._step = self._ta.step
         self._stabilisation = system.stabilisation_index
         self._state[:] = [*state.q, *state.v]
         turns = dict(zip(system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
-        self._tape = Tape(system, self._coefficients)
+        self._tape = Tape(system, self._ta.order)
         self._contacts = Contacts(
             system,
             self._ta,
@@ -93,8 +101,7 @@ class EventLoop:
             fastest * system.mechanism.size,
         )
         self._start_base()
-        self._pending: tuple[float, float, int | None] | None = None
-        self._taken = (0.0, math.inf)  # stabilisation and longest step of the pending step
+        self._pending: _Pending | None = None
         self._last_event = float('-inf')
         self._simultaneous = 0
         self._contacts.start(state.closed)
@@ -107,7 +114,7 @@ class EventLoop:
     @property
     def time(self) -> float:
         """Time [s] up to which the solution is known."""
-        tau = self._pending[0] if self._pending else self._ta.time
+        tau = self._pending.tau if self._pending else self._ta.time
         return self._base.at(tau)
 
     def change_law(self, law: Law) -> None:
@@ -144,64 +151,60 @@ class EventLoop:
             jumps in angle or speed.
         """
         contacts, tape, ta, step = self._contacts, self._tape, self._ta, self._step
-        coefficients, pars, stabilisation = self._coefficients, self._pars, self._stabilisation
-        entries, longest = tape.entries, self._max_step
+        coefficients, pars, fired = self._coefficients, self._pars, self._fired
+        slots, entries, longest = tape.slots, tape.entries, self._max_step
         reach = min(longest, contacts.horizon)
         limit = self._base.local(until)
-        watched, following = bool(contacts.modes), self._system.lone
-        force = self._ta.tc[-1]
-        alpha = float(pars[stabilisation])
+        watched, lone = bool(contacts.modes), self._system.lone
+        watch = self._guard_series  # the derivative of its state is the guard
+        stabilisation, alpha = self._stabilisation, float(pars[self._stabilisation])
         last = len(entries) + most if most is not None else math.inf
+        pending = self._pending
         while len(entries) < last:
-            if self._pending is None:
+            if pending is None:
                 tau = ta.time = ta.time  # heyoka keeps what a float of time rounds away: drop it
-                self._taken = (alpha, reach)
-                outcome, h = step(reach, True)
-                fallen = None
-                if following and not contacts.flying:
-                    start, slope = force[1], force[2]
+                taken = (alpha, reach)
+                h = step(reach, True)[1]
+                guard = fired.pop() if fired else None
+                if lone:
+                    start, slope = watch[1], watch[2]
                     if start < _NEAR * h * abs(slope):
-                        if start < 0.0:  # it let go within the error of the last step's end
+                        if start < 0.0 and slope < 0.0:
+                            # it fell within the error of the last step's end
                             self._back_to(tau)
-                            outcome, h, fallen = _SUCCESS, 0.0, 0
+                            h, guard = 0.0, 0
                         else:
-                            fallen = self._overlooked(outcome)
+                            h, guard = self._look_again(tau, h, guard)
                 elif watched:
-                    fallen = self._overlooked(outcome)
-                while fallen is not None and h > _SHORTEST * longest:
-                    outcome, h = self._again(tau, _SHORTER * h)
-                    fallen = self._overlooked(outcome)
-                tape.buffer[len(entries)] = coefficients
-                if outcome == _SUCCESS and h:
-                    guard = fallen
+                    h, guard = self._look_again(tau, h, guard)
+                if not h > 0.0 and guard is None:
+                    raise self._breakdown(tau)
+                slots[len(entries)][:] = coefficients
+                if guard is None and (h < reach or reach is longest):
                     alpha = pars[stabilisation] = 1.0 / h
-                elif outcome == _SUCCESS:
-                    guard = fallen
-                else:
-                    guard = self._ended_by(outcome, tau)
-                    guard = fallen if guard is None else guard
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
+                end = tau + h
             else:
-                tau, h, guard = self._pending
-                self._pending = None
-            end = tau + h
+                tau, h, guard, taken = pending
+                end = tau + h
             if end > limit or self._coming:
-                self._pending = (tau, h, guard)
+                pending = self._pending = _Pending(tau, h, guard, taken)
                 change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
                 if change <= limit and change < end:
                     self._cut(change)
                     self._switch_law(self._coming.popleft())
-                    limit = self._base.local(until)
+                    pending, limit = None, self._base.local(until)
                     continue
                 if end > limit:
                     if final:
                         self._cut(limit)
                     return
-                self._pending = None
+            if pending is not None:
+                pending = self._pending = None
             if h > 0.0:
                 entries.append((tau, h, contacts.status, tape.base))
-                if len(entries) == len(tape.buffer):
+                if len(entries) == len(slots):
                     tape.grow()
             if guard is not None:
                 self._count_event()
@@ -212,54 +215,48 @@ class EventLoop:
                 self._rebase()
                 limit = self._base.local(until)
 
-    def _overlooked(self, outcome: hy.taylor_outcome) -> int | None:
-        """A guard beyond whose fall a step came to its end without having seen it."""
-        if outcome == _SUCCESS or outcome == _TIME_LIMIT:  # noqa: PLR1714, SIM109 - twice as fast
-            return self._contacts.fallen()
-        if len(self._system.guards) == 1:
-            return None
-        return self._contacts.fallen(-int(outcome) - 1)
-
-    def _again(self, tau: float, longest: float) -> tuple[hy.taylor_outcome, float]:
-        """Take a step anew that overlooked an event.
+    def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
+        """Length and guard of a step, taken anew where it overlooked an event.
 
         The search for the roots of a guard gives up where one lies much nearer to the start of a
         step than to its end, or on the point where it bisects; and the root of a step that ends
         within its own error of an impact lies just behind it.
         """
-        self._back_to(tau)
-        outcome, h = self._step(longest, True)
-        return outcome, float(h)
+        fired, fallen = self._fired, self._overlooked(guard)
+        while fallen is not None and h > _SHORTEST * self._max_step:
+            self._back_to(tau)
+            h = self._step(_SHORTER * h, True)[1]
+            guard = fired.pop() if fired else None
+            fallen = self._overlooked(guard)
+        return h, guard if fallen is None or guard is not None else fallen
+
+    def _overlooked(self, guard: int | None) -> int | None:
+        """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""
+        if guard is None or len(self._system.guards) > 1:
+            return self._contacts.fallen(guard)
+        return None
 
     def _back_to(self, tau: float) -> None:
         """Undo the last step, which began at `tau`."""
-        self._state[:] = self._coefficients[:, 0]
+        self._state[:] = self._ta.tc[: len(self._state), 0]
         self._ta.time = tau
         self._forget_events()
 
-    def _ended_by(self, outcome: hy.taylor_outcome, tau: float) -> int | None:
-        """The guard that ended a step; ``None`` if it was the longest step."""
-        if outcome == _TIME_LIMIT:
-            return None
-        guard = -int(outcome) - 1
-        if not 0 <= guard < len(self._system.guards):
-            raise RunError(
-                f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
-                'became infinite; the mechanism may be at a singular position'
-            )
-        return guard
+    def _breakdown(self, tau: float) -> RunError:
+        return RunError(
+            f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
+            'became infinite; the mechanism may be at a singular position'
+        )
 
     def _cut(self, at: float) -> None:
         """End the pending step early, at local time `at`, on its own polynomials."""
-        tau = self._pending[0] if self._pending else at
-        self._pending = None
-        slot = self._tape.buffer[len(self._tape.entries)]
-        x = np.polynomial.polynomial.polyval(at - tau, slot.T)
-        if at > tau:
-            self._tape.entries.append((tau, at - tau, self._contacts.status, self._tape.base))
-            if len(self._tape.entries) == len(self._tape.buffer):
-                self._tape.grow()
-        self._state[:] = x
+        if self._pending:
+            tau, tape, self._pending = self._pending.tau, self._tape, None
+            self._state[:] = polyval(at - tau, tape.next.T)
+            if at > tau:
+                tape.entries.append((tau, at - tau, self._contacts.status, tape.base))
+                if len(tape.entries) == len(tape.slots):
+                    tape.grow()
         self._ta.time = at
         self._forget_events()
 
@@ -355,8 +352,8 @@ class EventLoop:
         contacts, state, tau = self._contacts, self._state, float(self._ta.time)
         alpha, horizon = float(self._pars[self._stabilisation]), contacts.horizon
         if self._pending:
-            state = self._tape.buffer[len(self._tape.entries)][:, 0]
-            tau, (alpha, horizon) = self._pending[0], self._taken
+            tau, (alpha, horizon) = self._pending.tau, self._pending.taken
+            state = self._tape.next[:, 0]
         return Snapshot(
             '',
             self._base.time,

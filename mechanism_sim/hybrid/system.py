@@ -8,9 +8,9 @@ one lets go. A gap with friction has two more flags, whether it sticks and which
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -150,20 +150,22 @@ class System:
         )
 
     def integrator(
-        self, rtol: float, scale: float = 1.0, compact: bool = False
+        self, rtol: float, scale: float, fell: Callable[[int], object], compact: bool = False
     ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
-        State: free coordinates, their rates, a constant that only sets the step, and the impulse
-        of a lone contact. heyoka ties its order p to its tolerance, ``tol = exp(-2 (p - 1))``, and
-        steps so that the last term is about `tol` of the largest state variable. A quarter more
-        than the order it would take for `rtol` makes fewer and cheaper steps; the constant, as the
-        largest state variable, keeps the error where it should be.
+        State: free coordinates, their rates, a constant that only sets the step, and, of a lone
+        contact, a state whose derivative is its guard. heyoka ties its order p to its tolerance,
+        ``tol = exp(-2 (p - 1))``, and steps so that the last term is about `tol` of the largest
+        state variable. A quarter more than the order it would take for `rtol` makes fewer and
+        cheaper steps; the constant, as the largest state variable, keeps the error where it should
+        be.
 
         Parameters
         ----------
         rtol : wanted error of a step relative to `scale`
         scale : size of the largest rate [rad/s]
+        fell : called with the index of the guard that ends a step
         compact : compile slower but smaller code (for many coordinates)
         """
         order = math.ceil(1.25 * (1.0 - 0.5 * math.log(rtol)))
@@ -173,22 +175,28 @@ class System:
         a = [dense(x) for x in self.dynamics.stabilised.a]
         driven = self._driven([*a, *self._guards])
         a, guards = driven[: len(a)], driven[len(a) :]
+
+        def told(index: int) -> Callable[[Any, int], bool]:
+            def stop(_integrator: Any, _direction: int) -> bool:
+                fell(index)
+                return False
+
+            return stop
+
         sys = [(frames.q[c], frames.v[c]) for c in self.free]
         sys += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
         events = [
-            hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0) for g in guards
+            hy.t_event(
+                g, direction=hy.event_direction.negative, cooldown=0.0, callback=told(index)
+            )
+            for index, g in enumerate(guards)
         ]
-        # The impulse of a lone contact, too small to matter: its Taylor series tells the force at
-        # the start of a step for nothing.
-        force = a[:0]
-        if self.lone:
-            (force_now,) = self._driven([dense(self.dynamics.stabilised.N[0])])
-            force = [1e-30 * force_now]
-        impulses = [(hy.make_vars('impulse'), f) for f in force]
+        # too small to matter: its Taylor series tells the guard at the start of a step for nothing
+        watch = [(hy.make_vars('watch'), 1e-30 * guards[0])] if self.lone else []
         # the constant's rate, which is nothing, names the last parameter: heyoka wants no others
         return hy.taylor_adaptive(
-            [*sys, (constant, TINY * hy.par[len(self.parameters) - 1]), *impulses],
-            [0.0] * len(sys) + [scale * rtol / tolerance] + [0.0] * len(impulses),
+            [*sys, (constant, TINY * hy.par[len(self.parameters) - 1]), *watch],
+            [0.0] * len(sys) + [scale * rtol / tolerance] + [0.0] * len(watch),
             pars=self.parameters,
             tol=tolerance,
             t_events=events,
@@ -230,23 +238,29 @@ class System:
                 replace[symbol[name]] = dense(value)
         return list(hy.subs(list(expressions), replace))
 
-    def _on_free_state(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
-        """Compiled function of the integrator's state, parameters and time."""
+    def _on_now(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
+        """Compiled function of one vector: free coordinates, rates, parameters and time.
+
+        A call with parameters and time apart takes more than twice as long.
+        """
         frames = self.equations.frames
-        variables = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
-        return hy.cfunc(self._driven([dense(o) for o in outputs]), vars=variables)
+        replace = {hy.par[i]: hy.make_vars(f'parameter_{i}') for i in range(len(self.parameters))}
+        replace[hy.time] = hy.make_vars('now')
+        state = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
+        expressions = self._driven([dense(o) for o in outputs])
+        return hy.cfunc(list(hy.subs(expressions, replace)), vars=[*state, *replace.values()])
 
     @cached_property
     def watch(self) -> hy.cfunc_dbl:
-        """The guards, and the rates of the gaps."""
-        return self._on_free_state([*self._guards, *(jet.rate for jet in self.dynamics.normal)])
+        """The guards, and the rates of the gaps, at free coordinates, rates, parameters, time."""
+        return self._on_now([*self._guards, *(jet.rate for jet in self.dynamics.normal)])
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
-        """Terms of the gaps, to be read by `contact_terms`."""
+        """Terms of the gaps, to be read by `contact_terms`; of the same vector as `watch`."""
         d, rows = self.dynamics, self.dynamics.rows
         normals = [gap.normal(self.equations.frames) for gap in self.gaps]
-        return self._on_free_state(
+        return self._on_now(
             [
                 *(jet.value for jet in d.normal),
                 *(jet.rate for jet in rows),
@@ -289,7 +303,8 @@ class System:
     def projection(self) -> hy.cfunc_dbl:
         """The state with loops and closed gaps brought to zero, in value and rate.
 
-        Along M^-1 J^T; what sticks loses its tangential velocity too.
+        Along M^-1 J^T; what sticks loses its tangential velocity too. Of the same vector as
+        `watch`.
         """
         d, frames = self.dynamics, self.equations.frames
         outputs: list[Term] = []
@@ -318,7 +333,7 @@ class System:
                 add(symbol[c], shift[i], *(mul(W[i], x) for W, x in zip(d.response, impulses)))  # noqa: B905 - of positions only the normal rows
                 for i, c in enumerate(self.free)
             ]
-        return self._on_free_state(outputs)
+        return self._on_now(outputs)
 
     @cached_property
     def _observe(self) -> hy.cfunc_dbl:

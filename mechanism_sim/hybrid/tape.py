@@ -78,31 +78,48 @@ class Status(NamedTuple):
     approach: tuple[float, ...]
 
 
+_BLOCK = 256  # steps
+
+
+def floats(array: Array) -> memoryview[float]:
+    """A flat view, read and written as plain floats: far faster than elements of an array."""
+    return array.data.cast('B').cast('d')
+
+
 class Tape:
     """Taylor coefficients of the steps since the last `drain`.
 
-    A step is first written to its slot ``buffer[len(entries)]``, then appended to `entries`; the
-    event loop does so itself, being the innermost of all loops.
+    A step is first written to its slot ``slots[len(entries)]``, then appended to `entries`; the
+    event loop does so itself, being the innermost of all loops. Memory is used again after every
+    `drain`, for fresh memory costs more than the step.
 
     Attributes
     ----------
-    buffer : (capacity, 2 f, order + 1), always with room for one more step
+    slots : views of (2 f) (order + 1) floats, always with room for one more step
     entries : of every step its start since the base, its length [s], its status, its base
     base : index of the present base
     """
 
-    def __init__(self, system: System, coefficients: Array) -> None:
-        self.buffer = np.empty((256, *coefficients.shape))
+    def __init__(self, system: System, order: int) -> None:
+        self.slots: list[memoryview[float]] = []
         self.entries: list[tuple[float, float, Status, int]] = []
         self.base = -1
+        self._shape = (2 * len(system.free), order + 1)
+        self._blocks: list[Array] = []
         self._system = system
         self._bases: list[Base] = []
         self._drained = 0
+        self.grow()
 
     @property
     def count(self) -> int:
         """Number of steps since the start."""
         return self._drained + len(self.entries)
+
+    @property
+    def next(self) -> Array:
+        """The coefficients (2 f, order + 1) of the step that comes after those entered."""
+        return np.asarray(self.slots[len(self.entries)]).reshape(self._shape)
 
     def restart(self) -> None:
         """Forget all steps and bases."""
@@ -111,8 +128,11 @@ class Tape:
         self._drained = 0
 
     def grow(self) -> None:
-        """Make room: the buffer is full."""
-        self.buffer = np.concatenate([self.buffer, np.empty_like(self.buffer)])
+        """Make room for more steps."""
+        block = np.zeros((_BLOCK, *self._shape))
+        self._blocks.append(block)
+        row, flat = block[0].size, floats(block)
+        self.slots += [flat[i : i + row] for i in range(0, block.size, row)]
 
     def rebase(self, base: Base) -> None:
         """Steps entered from now on count from `base`."""
@@ -127,10 +147,11 @@ class Tape:
         """
         system, count = self._system, len(self.entries)
         taus, hs, status, bases = zip(*self.entries, strict=True) if count else ((),) * 4
-        f, order = len(system.free), self.buffer.shape[2]
+        f, order = len(system.free), self._shape[1]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         free = [system.coordinates.index(c) for c in system.free]
-        raw = self.buffer[:count]
+        used = self._blocks[: count // _BLOCK + 1]
+        raw = (used[0] if len(used) == 1 else np.concatenate(used))[:count]
         coefficients[:, free, 0] = raw[:, :f, 0]
         coefficients[:, free, 1:] = raw[:, f:, :] / np.arange(1.0, order + 1.0)
         tau, of = np.array(taus), np.array(bases, dtype=np.intp)
@@ -159,7 +180,7 @@ class Tape:
             self._torques(of),
         )
         # The next step may be in its slot already: it becomes the first.
-        self.buffer[0] = self.buffer[count]
+        self.slots[0][:] = self.slots[count]
         self._drained += count
         self.entries.clear()
         self._bases = self._bases[-1:]
