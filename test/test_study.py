@@ -16,7 +16,7 @@ from mechanism_sim.study.statistics import statistics
 
 JOINT = 'joints.coupler_rocker.clearance'
 SCENES = {
-    'three revolutions, no friction': ({'drive.speed': '450 rpm'}, 3),
+    'two revolutions, no friction': ({'drive.speed': '480 rpm'}, 2),
     'two revolutions, following': (
         {'drive.speed': '350 rpm', f'{JOINT}.friction': 0.05, f'{JOINT}.pin_radius': '5 mm'},
         2,
@@ -134,8 +134,8 @@ def test_studies_refuse_what_they_cannot_say(study):
 
 
 def test_commands_print_json():
-    scene = ('four_bar_clearance', '--set', 'drive.speed=450 rpm')
-    assert run_json('periodic', *scene)['period'] == 3
+    scene = ('four_bar_clearance', '--set', 'drive.speed=480 rpm')
+    assert run_json('periodic', *scene)['period'] == 2
     assert run_json('statistics', *scene, '--revolutions', '40')['means']['impacts']['mean'] > 10.0
     (joint,) = run_json('contact-loss', *scene)
     assert joint['lost_at_revolutions']
