@@ -447,13 +447,13 @@ def test_jets_of_sums_products_and_quotients_against_differences():
     parameters = Parameters()
     frames = Frames(('p', 'r'), parameters)
     x, y = frames.position({'p': (0.3, 0.1), 'r': (-0.2, 0.7), GROUND: (0.5, -0.4)}, 'point')
-    jets = [x * y, x - y, -(x * x), (x + 2.0) * 3.0, y / 4.0, x.square() * y - 1.5]
+    jets = [x * y, x - y, -(x * x), (x + 2.0) * 3.0, y / 4.0, x.half_square() * y - 1.5]
 
     def numbers(q):
         p, r = (complex(np.exp(1j * a)) for a in q)
         z = p * (0.3 + 0.1j) + r * (-0.2 + 0.7j) + 0.5 - 0.4j
         a, b = z.real, z.imag
-        return np.array([a * b, a - b, -a * a, (a + 2) * 3, b / 4, a * a * b - 1.5])
+        return np.array([a * b, a - b, -a * a, (a + 2) * 3, b / 4, 0.5 * a * a * b - 1.5])
 
     q, v, h = np.array([0.7, -1.9]), np.array([3.0, -2.0]), 1e-4
     terms = [

@@ -202,7 +202,7 @@ class Dynamics:
         alpha = self._alpha
         if jet.value is None:  # only a rate
             return mul(alpha, jet.rate)
-        return add(mul(2.0 * alpha, jet.rate), mul(alpha * alpha, jet.value))
+        return mul(alpha, add(2.0 * jet.rate, mul(alpha, jet.value)))
 
     def _free_motion(self, stabilised: bool) -> tuple[Vector, Vector]:
         """Accelerations without contact forces, and the forces of the closures."""
@@ -258,9 +258,9 @@ class Dynamics:
                 entry = self.compliance[r][c]
                 if c in self.slips:
                     # a sliding contact pushes along normal and tangent at once
-                    share = self.friction[c] * self.slips[c]
-                    entry = add(entry, neg(mul(share, self.compliance[r][m + c])))
-                flagged = mul(mul(self.active[r], self.active[c]), entry)
+                    share = mul(self.slips[c], mul(self.friction[c], self.compliance[r][m + c]))
+                    entry = add(entry, neg(share))
+                flagged = mul(self.active[r], mul(self.active[c], entry))
                 if r == c:
                     flagged = add(mul(self.active[r], entry), 1.0 - self.active[r])
                 line.append(flagged)
@@ -271,7 +271,7 @@ class Dynamics:
         N = forces[:m]
         friction: Vector = [None] * m
         for i, stuck in zip(held, forces[m:], strict=True):
-            slide = mul(self.friction[i] * self.slips[i], N[i]) if i in self.slips else None
+            slide = mul(self.slips[i], mul(self.friction[i], N[i])) if i in self.slips else None
             friction[i] = add(stuck, neg(slide))
         factors = [*N, *(friction if self.frictional else [])]
         a = self._with(a, self.response, factors)

@@ -7,6 +7,8 @@ and when, therefore cannot change the motion.
 from __future__ import annotations
 
 import math
+import sys
+from array import array
 from collections import deque
 from collections.abc import Sequence
 from fractions import Fraction
@@ -17,7 +19,7 @@ from numpy.polynomial.polynomial import polyval
 
 from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.clock import base_at, take_off_turns
+from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.snapshot import Snapshot, State
@@ -28,7 +30,12 @@ from mechanism_sim.planar.drive import DriveLaw, Law
 _MAX_SIMULTANEOUS = 100
 _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
+_ROW = 64  # steps after which the directions of the drives are computed anew
 _NEAR = 0.05  # of a step: roots nearer to its start may get lost
+
+
+STEP_SCALE = 0.1
+"""Rate relative to that of the fastest drive whose relative error is `rtol`."""
 
 
 class _Pending(NamedTuple):
@@ -48,7 +55,7 @@ class EventLoop:
     system : the compiled equations
     laws : one for each prescribed coordinate, then one for each powered coordinate
     state : where to start; open gaps that touch are resolved at once
-    rtol : error per step relative to the fastest drive's speed, at least 1 rad/s
+    rtol : error per step relative to `STEP_SCALE` of the fastest drive's speed, at least 1 rad/s
     atol : [m] displacement that may be left out when chatter is ended
     max_step : [s] longest Taylor step
     compact : compile smaller but slower code (for many coordinates)
@@ -80,12 +87,15 @@ class EventLoop:
         known = [fastest] if fastest else driven or turning
         fastest = max(1.0, *map(abs, known))
         self._fired: list[int] = []
-        self._ta = system.integrator(rtol, fastest, self._fired.append, compact)
+        self._ta = system.integrator(rtol, STEP_SCALE * fastest, self._fired.append, compact)
         f, width = len(system.free), self._ta.order + 1
-        self._state, self._pars = self._ta.state[: 2 * f], self._ta.pars
+        self._state, self._pars = self._ta.state[: 2 * f], floats(self._ta.pars)
         series = floats(self._ta.tc)
         self._coefficients = series[: 2 * f * width]
-        self._guard_series = series[-width:] if system.lone else series[:0]
+        watch = 2 * f + 1  # after the state and the constant
+        self._guard_series = series[watch * width :] if system.lone else (0.0, 1.0, 0.0)
+        self._turning = [system.prescribed.index(c) for c in system.turning]
+        self._directions = floats(self._ta.state)[watch + system.lone :]
         self._step = self._ta.step
         self._stabilisation = system.stabilisation_index
         self._state[:] = [*state.q, *state.v]
@@ -102,9 +112,11 @@ class EventLoop:
         )
         self._start_base()
         self._pending: _Pending | None = None
+        self._since = 0  # steps since the directions were computed
         self._last_event = float('-inf')
         self._simultaneous = 0
         self._contacts.start(state.closed)
+        self._go_on()
 
     @property
     def steps(self) -> int:
@@ -152,25 +164,52 @@ class EventLoop:
         """
         contacts, tape, ta, step = self._contacts, self._tape, self._ta, self._step
         coefficients, pars, fired = self._coefficients, self._pars, self._fired
-        slots, entries, longest = tape.slots, tape.entries, self._max_step
-        reach = min(longest, contacts.horizon)
-        limit = self._base.local(until)
-        watched, lone = bool(contacts.modes), self._system.lone
-        watch = self._guard_series  # the derivative of its state is the guard
-        stabilisation, alpha = self._stabilisation, float(pars[self._stabilisation])
-        last = len(entries) + most if most is not None else math.inf
-        pending = self._pending
-        while len(entries) < last:
+        slots, lengths = tape.slots, tape.lengths
+        enter_tau, enter_length = tape.taus.append, lengths.append
+        timed, lone = self._system.timed, self._system.lone
+        watched, watch = bool(contacts.modes), self._guard_series
+        quick = (lone or not watched) and not timed
+        stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
+        longest, reach = self._max_step, min(self._max_step, contacts.horizon)
+        limit, next_base, pending = self._base.local(until), self._next_base, self._pending
+        tau, count = ta.time, len(lengths)
+        last = count + most if most is not None else sys.maxsize
+        while count < last:
             if pending is None:
-                tau = ta.time = ta.time  # heyoka keeps what a float of time rounds away: drop it
+                if self._since >= _ROW:
+                    self._turn(tau)
+                if quick and reach is longest and not self._coming:
+                    # The innermost of all loops: steps that just follow each other.
+                    stop = min(limit, next_base)
+                    row = min(count + _ROW - self._since, last, len(slots) - 1)
+                    for slot in slots[count:row]:
+                        h = step(longest, True)[1]
+                        end = tau + h
+                        if fired or not end <= stop or watch[1] < _NEAR * h * abs(watch[2]):
+                            break
+                        slot[:] = coefficients
+                        enter_tau(tau)
+                        enter_length(h)
+                        tau, alpha = end, 1.0 / h
+                        pars[stabilisation] = alpha
+                    else:
+                        self._since += row - count
+                        count = row
+                        if count == len(slots) - 1:
+                            tape.grow()
+                        continue
+                    self._since += len(lengths) - count
+                    count = len(lengths)
+                else:
+                    if timed:
+                        ta.time = tau
+                    h = step(reach, True)[1]
                 taken = (alpha, reach)
-                h = step(reach, True)[1]
                 guard = fired.pop() if fired else None
                 if lone:
-                    start, slope = watch[1], watch[2]
-                    if start < _NEAR * h * abs(slope):
-                        if start < 0.0 and slope < 0.0:
-                            # it fell within the error of the last step's end
+                    if watch[1] < _NEAR * h * abs(watch[2]):
+                        if watch[1] < 0.0 and not contacts.flying:
+                            # it let go within the error of the last step's end
                             self._back_to(tau)
                             h, guard = 0.0, 0
                         else:
@@ -179,22 +218,22 @@ class EventLoop:
                     h, guard = self._look_again(tau, h, guard)
                 if not h > 0.0 and guard is None:
                     raise self._breakdown(tau)
-                slots[len(entries)][:] = coefficients
+                slots[count][:] = coefficients
                 if guard is None and (h < reach or reach is longest):
                     alpha = pars[stabilisation] = 1.0 / h
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
-                end = tau + h
             else:
                 tau, h, guard, taken = pending
-                end = tau + h
+            end = tau + h
             if end > limit or self._coming:
                 pending = self._pending = _Pending(tau, h, guard, taken)
                 change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
                 if change <= limit and change < end:
                     self._cut(change)
                     self._switch_law(self._coming.popleft())
-                    pending, limit = None, self._base.local(until)
+                    tau, count, pending = 0.0, len(lengths), None
+                    limit, next_base = self._base.local(until), self._next_base
                     continue
                 if end > limit:
                     if final:
@@ -203,17 +242,24 @@ class EventLoop:
             if pending is not None:
                 pending = self._pending = None
             if h > 0.0:
-                entries.append((tau, h, contacts.status, tape.base))
-                if len(entries) == len(slots):
+                enter_tau(tau)
+                enter_length(h)
+                self._since += 1
+                count += 1
+                if count == len(slots) - 1:
                     tape.grow()
+            tau = end
             if guard is not None:
+                ta.time = end
                 self._count_event()
                 contacts.handle(guard)
-                self._forget_events()
+                self._go_on()
                 reach = min(longest, contacts.horizon)
-            if end > self._next_base:
+            if end > next_base:
+                ta.time = end
                 self._rebase()
-                limit = self._base.local(until)
+                tau, limit, next_base = 0.0, self._base.local(until), self._next_base
+        ta.time = tau
 
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
         """Length and guard of a step, taken anew where it overlooked an event.
@@ -238,9 +284,10 @@ class EventLoop:
 
     def _back_to(self, tau: float) -> None:
         """Undo the last step, which began at `tau`."""
-        self._state[:] = self._ta.tc[: len(self._state), 0]
+        self._ta.state[:] = self._ta.tc[:, 0]
         self._ta.time = tau
-        self._forget_events()
+        if self._system.guards:
+            self._ta.reset_cooldowns()
 
     def _breakdown(self, tau: float) -> RunError:
         return RunError(
@@ -254,16 +301,23 @@ class EventLoop:
             tau, tape, self._pending = self._pending.tau, self._tape, None
             self._state[:] = polyval(at - tau, tape.next.T)
             if at > tau:
-                tape.entries.append((tau, at - tau, self._contacts.status, tape.base))
-                if len(tape.entries) == len(tape.slots):
-                    tape.grow()
+                tape.enter(tau, at - tau)
         self._ta.time = at
-        self._forget_events()
+        self._go_on()
 
-    def _forget_events(self) -> None:
-        """Let the integrator search for events from here as if there had been none."""
+    def _go_on(self) -> None:
+        """Let the integrator go on from a state that it did not come to by itself."""
         if self._system.guards:
             self._ta.reset_cooldowns()
+        self._turn(self._ta.time)
+        self._tape.mark(self._base, self._contacts.status)
+
+    def _turn(self, tau: float) -> None:
+        """Set cosine and sine of the steady drives, which drift by a rounding in each step."""
+        for i, index in enumerate(self._turning):
+            angle = horner(self._base.laws[index], tau)
+            self._directions[2 * i], self._directions[2 * i + 1] = math.cos(angle), math.sin(angle)
+        self._since = 0
 
     def _count_event(self) -> None:
         self.events += 1
@@ -288,6 +342,7 @@ class EventLoop:
         self._laws[index] = law
         self._rebase()
         self._contacts.settle()
+        self._go_on()
 
     def _rebase(self) -> None:
         """Count time and turns anew from here, so that neither loses digits."""
@@ -303,15 +358,16 @@ class EventLoop:
         self._base = base_at(now, self._laws, turns)
         self._ta.time = 0.0
         self._start_base()
+        self._go_on()
 
     def _start_base(self) -> None:
         for index, law in zip(self._system.law_index, self._base.laws, strict=True):
-            self._pars[index[: len(law)]] = law
-            self._pars[index[len(law) :]] = 0.0
+            for i, coefficient in zip(index, (*law, *[0.0] * len(index)), strict=False):
+                self._pars[i] = coefficient
         for index, torque in zip(self._system.torque_index, self._base.torques, strict=True):
-            self._pars[index] = torque
+            for i, coefficient in zip(index, torque, strict=True):
+                self._pars[i] = coefficient
         self._contacts.base = self._base
-        self._tape.rebase(self._base)
         rates = self._state[len(self._state) // 2 :][list(self._system.angular)]
         self._next_base = self._base.next_after(float(np.abs(rates).max(initial=0.0)))
 
@@ -339,27 +395,29 @@ class EventLoop:
         self._pars[self._stabilisation] = 0.0
         self._pending = None
         self._start_base()
-        self._forget_events()
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
         self._contacts.impacts, self._contacts.horizon = [], math.inf
         self._contacts.start(state.closed)
+        self._go_on()
 
     def snapshot(self) -> Snapshot:
         """What it takes to go on as if there had been no pause.
 
         A step that is known but not yet part of the solution is taken anew then.
         """
-        contacts, state, tau = self._contacts, self._state, float(self._ta.time)
-        alpha, horizon = float(self._pars[self._stabilisation]), contacts.horizon
+        contacts, state, tau = self._contacts, self._ta.state, float(self._ta.time)
+        alpha, horizon = self._pars[self._stabilisation], contacts.horizon
         if self._pending:
             tau, (alpha, horizon) = self._pending.tau, self._pending.taken
-            state = self._tape.next[:, 0]
+            state = self._ta.tc[:, 0]
         return Snapshot(
             '',
             self._base.time,
             tau,
             {c: self._base.turns[c] for c in self._system.free},
-            tuple(state.tolist()),
+            tuple(state[: len(self._state)].tolist()),
+            tuple(state[len(state) - len(self._directions) :].tolist()),
+            self._since,
             contacts.modes,
             contacts.approach,
             alpha,
@@ -381,7 +439,6 @@ class EventLoop:
         self._start_base()
         self._state[:] = s.state
         self._ta.time = s.tau
-        self._forget_events()
         self._pars[self._stabilisation] = s.stabilisation
         self._contacts.set_modes(s.modes, s.approach)
         self._contacts.horizon = s.horizon
@@ -390,6 +447,9 @@ class EventLoop:
         self._next_base = s.next_base
         self._last_event, self._simultaneous = s.last_event, s.simultaneous
         self.events = s.events
+        self._go_on()
+        self._directions[:] = array('d', s.directions)
+        self._since = s.since
 
     # --- the solution -------------------------------------------------------------------------
 

@@ -36,6 +36,8 @@ class Snapshot:
     tau: float  #: [s] since then
     turns: dict[str, int]
     state: tuple[float, ...]  #: free coordinates, and their rates
+    directions: tuple[float, ...]  #: cosine and sine of steady drives, as they were integrated
+    since: int  #: steps since these were computed from the angles
     modes: tuple[int, ...]
     approach: tuple[float, ...]  #: [m/s] of the first touch of compliant contacts
     stabilisation: float  #: [1/s]
@@ -61,7 +63,7 @@ class Snapshot:
         }
         for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
             data[key] = float(data[key]).hex()
-        for key in ('state', 'approach'):
+        for key in ('state', 'directions', 'approach'):
             data[key] = [float(x).hex() for x in data[key]]
         Path(path).write_text(json.dumps(data, indent=1), encoding='utf-8')
 
@@ -79,7 +81,7 @@ class Snapshot:
             for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
                 data[key] = float.fromhex(data[key])
             data['base'] = Fraction(data['base'])
-            for key in ('state', 'approach'):
+            for key in ('state', 'directions', 'approach'):
                 data[key] = tuple(float.fromhex(x) for x in data[key])
             data['modes'] = tuple(data['modes'])
             data['laws'] = tuple(_law_from_json(law) for law in data['laws'])

@@ -154,12 +154,13 @@ class System:
     ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
-        State: free coordinates, their rates, a constant that only sets the step, and, of a lone
-        contact, a state whose derivative is its guard. heyoka ties its order p to its tolerance,
-        ``tol = exp(-2 (p - 1))``, and steps so that the last term is about `tol` of the largest
-        state variable. A quarter more than the order it would take for `rtol` makes fewer and
-        cheaper steps; the constant, as the largest state variable, keeps the error where it should
-        be.
+        State: free coordinates, their rates, a constant that only sets the step, of a lone contact
+        a state whose derivative is its guard, then cosine and sine of the angles in `turning`,
+        which cost less as solutions of a linear equation than as functions. heyoka ties its order
+        p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term is about
+        `tol` of the largest state variable. A quarter more than the order it would take for `rtol`
+        makes fewer and cheaper steps; the constant, as the largest state variable, keeps the error
+        where it should be.
 
         Parameters
         ----------
@@ -173,8 +174,10 @@ class System:
         constant = hy.make_vars('step_constant')
         frames = self.equations.frames
         a = [dense(x) for x in self.dynamics.stabilised.a]
-        driven = self._driven([*a, *self._guards])
-        a, guards = driven[: len(a)], driven[len(a) :]
+        rates = [frames.v[c] for c in self.turning]
+        driven = self._driven([*self._by_directions([*a, *self._guards]), *rates])
+        n, m = len(a), len(self._guards)
+        a, guards, rates = driven[:n], driven[n : n + m], driven[n + m :]
 
         def told(index: int) -> Callable[[Any, int], bool]:
             def stop(_integrator: Any, _direction: int) -> bool:
@@ -193,10 +196,13 @@ class System:
         ]
         # too small to matter: its Taylor series tells the guard at the start of a step for nothing
         watch = [(hy.make_vars('watch'), 1e-30 * guards[0])] if self.lone else []
+        directions: list[tuple[hy.expression, hy.expression]] = []
+        for (cosine, sine), rate in zip(self._direction_symbols, rates, strict=True):
+            directions += [(cosine, -(rate * sine)), (sine, rate * cosine)]
         # the constant's rate, which is nothing, names the last parameter: heyoka wants no others
         return hy.taylor_adaptive(
-            [*sys, (constant, TINY * hy.par[len(self.parameters) - 1]), *watch],
-            [0.0] * len(sys) + [scale * rtol / tolerance] + [0.0] * len(watch),
+            [*sys, (constant, TINY * hy.par[len(self.parameters) - 1]), *watch, *directions],
+            [0.0] * len(sys) + [scale * rtol / tolerance] + [0.0] * (len(watch) + len(directions)),
             pars=self.parameters,
             tol=tolerance,
             t_events=events,
@@ -211,10 +217,10 @@ class System:
         for gap, friction in self.guards:
             s = d.closed[gap]
             if not friction:
-                force = s * (FORCE_SCALE * dense(solved.N[gap]))
+                value, force = dense(d.normal[gap].value), FORCE_SCALE * dense(solved.N[gap])
                 if d.compliant:
-                    force = s * d.compressed(gap)[0]
-                result.append((1.0 - s) * dense(d.normal[gap].value) + force + TINY)
+                    force = d.compressed(gap)[0]
+                result.append(value + s * (force - value) + TINY)
                 continue
             # off the cone of friction while sticking; while sliding until it ends
             z, mu = d.sticks[gap], d.friction[gap]
@@ -225,6 +231,32 @@ class System:
                 idle = idle - sign * sign + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
             result.append(inside + idle + TINY)
         return result
+
+    @cached_property
+    def turning(self) -> tuple[str, ...]:
+        """The angles whose cosine and sine are states: prescribed, and turning steadily.
+
+        They drift by a rounding in each step, which counts where contacts are stiff.
+        """
+        angles = [c for c in self.prescribed if c not in self.mechanism.displacements]
+        return tuple(angles) if self.degree == 1 and self.lone else ()
+
+    @property
+    def timed(self) -> bool:
+        """Whether the integrator's equations contain the time."""
+        return bool(self.prescribed) and not self.turning
+
+    @property
+    def _direction_symbols(self) -> list[tuple[hy.expression, hy.expression]]:
+        return [(hy.make_vars(f'{c}_cos'), hy.make_vars(f'{c}_sin')) for c in self.turning]
+
+    def _by_directions(self, expressions: Sequence[Term]) -> list[hy.expression]:
+        """Cosines and sines of the angles in `turning` replaced by their symbols."""
+        replace: dict[hy.expression, hy.expression] = {}
+        for c, (cosine, sine) in zip(self.turning, self._direction_symbols, strict=True):
+            q = self.equations.frames.q[c]
+            replace |= {hy.cos(q): cosine, hy.sin(q): sine}
+        return list(hy.subs(list(expressions), replace))
 
     def _driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
         """The expressions with the laws of the prescribed coordinates put in."""

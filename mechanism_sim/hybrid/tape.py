@@ -89,42 +89,45 @@ def floats(array: Array) -> memoryview[float]:
 class Tape:
     """Taylor coefficients of the steps since the last `drain`.
 
-    A step is first written to its slot ``slots[len(entries)]``, then appended to `entries`; the
-    event loop does so itself, being the innermost of all loops. Memory is used again after every
-    `drain`, for fresh memory costs more than the step.
+    A step is first written to its slot ``slots[len(lengths)]``, then entered in `taus` and
+    `lengths`; the event loop does so itself, being the innermost of all loops. Memory is used
+    again after every `drain`, for fresh memory costs more than the step.
 
     Attributes
     ----------
-    slots : views of (2 f) (order + 1) floats, always with room for one more step
-    entries : of every step its start since the base, its length [s], its status, its base
-    base : index of the present base
+    slots : views of (2 f) (order + 1) floats, always with room for two more steps
+    taus : of every step its start since the base [s]
+    lengths : of every step [s]
     """
 
     def __init__(self, system: System, order: int) -> None:
         self.slots: list[memoryview[float]] = []
-        self.entries: list[tuple[float, float, Status, int]] = []
-        self.base = -1
+        self.taus: list[float] = []
+        self.lengths: list[float] = []
         self._shape = (2 * len(system.free), order + 1)
         self._blocks: list[Array] = []
         self._system = system
         self._bases: list[Base] = []
+        self._marks: list[tuple[int, Status, int]] = []  # from which step on, which base
         self._drained = 0
         self.grow()
 
     @property
     def count(self) -> int:
         """Number of steps since the start."""
-        return self._drained + len(self.entries)
+        return self._drained + len(self.lengths)
 
     @property
     def next(self) -> Array:
         """The coefficients (2 f, order + 1) of the step that comes after those entered."""
-        return np.asarray(self.slots[len(self.entries)]).reshape(self._shape)
+        return np.asarray(self.slots[len(self.lengths)]).reshape(self._shape)
 
     def restart(self) -> None:
         """Forget all steps and bases."""
-        self.entries.clear()
+        self.taus.clear()
+        self.lengths.clear()
         self._bases.clear()
+        self._marks.clear()
         self._drained = 0
 
     def grow(self) -> None:
@@ -134,10 +137,18 @@ class Tape:
         row, flat = block[0].size, floats(block)
         self.slots += [flat[i : i + row] for i in range(0, block.size, row)]
 
-    def rebase(self, base: Base) -> None:
-        """Steps entered from now on count from `base`."""
-        self._bases.append(base)
-        self.base = len(self._bases) - 1
+    def enter(self, tau: float, h: float) -> None:
+        """Enter the step that is in its slot."""
+        self.taus.append(tau)
+        self.lengths.append(h)
+        if len(self.lengths) == len(self.slots) - 1:
+            self.grow()
+
+    def mark(self, base: Base, status: Status) -> None:
+        """Steps entered from now on count from `base` and are taken in `status`."""
+        if not self._bases or base is not self._bases[-1]:
+            self._bases.append(base)
+        self._marks.append((len(self.lengths), status, len(self._bases) - 1))
 
     def drain(self) -> Motion:
         """The steps since the last call as motion.
@@ -145,8 +156,9 @@ class Tape:
         A rate's Taylor polynomial, integrated, gives its angle one order higher than the
         integrator's own.
         """
-        system, count = self._system, len(self.entries)
-        taus, hs, status, bases = zip(*self.entries, strict=True) if count else ((),) * 4
+        system, count = self._system, len(self.lengths)
+        begins, status, marked = zip(*self._marks, strict=True)
+        each = np.diff([*begins, count])
         f, order = len(system.free), self._shape[1]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         free = [system.coordinates.index(c) for c in system.free]
@@ -154,7 +166,7 @@ class Tape:
         raw = (used[0] if len(used) == 1 else np.concatenate(used))[:count]
         coefficients[:, free, 0] = raw[:, :f, 0]
         coefficients[:, free, 1:] = raw[:, f:, :] / np.arange(1.0, order + 1.0)
-        tau, of = np.array(taus), np.array(bases, dtype=np.intp)
+        tau, of = np.array(self.taus), np.repeat(np.array(marked, dtype=np.intp), each)
         for p, name in enumerate(system.prescribed):
             law = np.zeros((len(self._bases), system.degree + 1))
             for row, base in zip(law, self._bases, strict=True):
@@ -171,20 +183,21 @@ class Tape:
             PiecewisePolynomial(
                 start,
                 start_low,
-                np.array(hs),
+                np.array(self.lengths),
                 np.array(turns, dtype=np.int64)[of],
                 coefficients,
             ),
-            np.array([s.modes for s in status], np.uint8).reshape(count, len(system.gaps)),
-            np.array([s.approach for s in status]).reshape(count, len(system.approach_index)),
+            np.repeat(np.array([s.modes for s in status], np.uint8), each, axis=0),
+            np.repeat(np.array([s.approach for s in status], np.float64), each, axis=0),
             self._torques(of),
         )
         # The next step may be in its slot already: it becomes the first.
         self.slots[0][:] = self.slots[count]
         self._drained += count
-        self.entries.clear()
+        self.taus.clear()
+        self.lengths.clear()
         self._bases = self._bases[-1:]
-        self.base = 0
+        self._marks = [(0, status[-1], 0)]
         return motion
 
     def _torques(self, of: NDArray[np.intp]) -> Array:

@@ -52,8 +52,8 @@ class BearingClearance:
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""
         x, y = _pin_in_bushing(self.mechanism, self.name, frames)
-        c = self._clearance(frames)
-        gap: Jet = -((x.square() + y.square()) - c * c) / (2.0 * c)
+        half = dense(frames.parameters(f'{self.name}.half_clearance', 0.5 * self.clearance))
+        gap: Jet = (x.half_square() + y.half_square()) * self._minus_curvature(frames) + half
         return gap
 
     def stretch(self, value: Term) -> Term:
@@ -71,8 +71,7 @@ class BearingClearance:
         rp + c from the bushing's. Its rate is ``Q''.t + rp w1' - (rp + c) w2'``.
         """
         x, y = _pin_in_bushing(self.mechanism, self.name, frames)
-        c = self._clearance(frames)
-        tangential: Jet = x.across(y) / c
+        tangential: Jet = -(x.across(y) * self._minus_curvature(frames))
         joint = self.mechanism.joint(self.name)
         radius = self.pin_radius
         for link, arm in ((joint.first, radius), (joint.second, -(radius + self.clearance))):
@@ -84,11 +83,12 @@ class BearingClearance:
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """``Q/c``: the direction from bushing centre to pin centre."""
         x, y = _pin_in_bushing(self.mechanism, self.name, frames)
-        c = self._clearance(frames)
-        return x / c, y / c
+        minus = self._minus_curvature(frames)
+        return -(x * minus), -(y * minus)
 
-    def _clearance(self, frames: Frames) -> hy.expression:
-        return dense(frames.parameters(f'{self.name}.clearance', self.clearance))
+    def _minus_curvature(self, frames: Frames) -> hy.expression:
+        """-1/c: a product costs less than a quotient and a change of sign."""
+        return dense(frames.parameters(f'{self.name}.minus_curvature', -1.0 / self.clearance))
 
     def distance(self, value: Array) -> Array:
         """The gap ``c - |Q|`` [m] that belongs to values of ``(c^2 - Q.Q)/(2 c)``."""

@@ -113,8 +113,8 @@ class NominalRun:
         """What it takes to go on."""
         angles = () if self._previous is None else tuple(self._previous.tolist())
         return Snapshot(
-            '', Fraction(0), self.time, {}, angles, (), (), 0.0, math.inf, 0.0, (self._law,),
-            tuple(self._coming), -math.inf, 0, 0,
+            '', Fraction(0), self.time, {}, angles, (), 0, (), (), 0.0, math.inf, 0.0,
+            (self._law,), tuple(self._coming), -math.inf, 0, 0,
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:

@@ -95,7 +95,7 @@ class Equations:
                     terms.append((body.mass, tangent[1], arm))
             arm_length = self._product(f'centripetal.{f}.{g}', frame, g, terms)
             rate = self.frames.v[g]
-            rows.append(neg(mul(arm_length, rate * rate)))
+            rows.append(neg(mul(mul(arm_length, rate), rate)))
         return add(*rows)
 
     def _weight(self, f: str) -> Term:

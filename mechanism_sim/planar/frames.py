@@ -64,9 +64,7 @@ class Frames:
         """Components in the ground's frame of a vector given in a link's frame."""
         if frame == GROUND:
             return x, y
-        c, s = hy.cos(self.q[frame]), hy.sin(self.q[frame])
-        minus_y = None if y is None else -y
-        return add(mul(c, x), mul(s, minus_y)), add(mul(s, x), mul(c, y))
+        return _turned(hy.cos(self.q[frame]), hy.sin(self.q[frame]), x, y)
 
     def position(self, point: Point, label: str) -> tuple[Jet, Jet]:
         """World components [m] of a point; `label` names its parameters."""
@@ -81,14 +79,17 @@ class Frames:
                     component.append(Jet(mul(slope, s), {frame: slope}, mul(slope, v), None))
                 continue
             arm = tuple(map(self.parameters, names, offset))
-            wx, wy = self.world(frame, *arm)
             if frame == GROUND:
-                x.append(Jet(wx, {}, None, None))
-                y.append(Jet(wy, {}, None, None))
+                x.append(Jet(arm[0], {}, None, None))
+                y.append(Jet(arm[1], {}, None, None))
                 continue
-            v = self.v[frame]
-            for component, value, slope in ((x, wx, neg(wy)), (y, wy, wx)):
-                component.append(Jet(value, {frame: slope}, mul(slope, v), neg(mul(value, v * v))))
+            wx, wy = self.world(frame, *arm)
+            # arms come last: the products of rate and direction are shared by all points
+            c, s, v = hy.cos(self.q[frame]), hy.sin(self.q[frame]), self.v[frame]
+            vx, vy = _turned(v * c, v * s, *arm)
+            ax, ay = _turned(v * (v * c), v * (v * s), *arm)
+            x.append(Jet(wx, {frame: neg(wy)}, neg(vy), neg(ax)))
+            y.append(Jet(wy, {frame: wx}, vx, neg(ay)))
         zero = Jet(None, {}, None, None)
         return sum(x, zero), sum(y, zero)
 
@@ -108,7 +109,12 @@ class Frames:
             cf, sf = hy.cos(self.q[f]), hy.sin(self.q[f])
             cg, sg = hy.cos(self.q[g]), hy.sin(self.q[g])
             c, s = cf * cg + sf * sg, sg * cf - cg * sf
-        return add(mul(inner, c), mul(None if outer is None else -outer, s))
+        return add(mul(inner, c), neg(mul(outer, s)))
+
+
+def _turned(c: Term, s: Term, x: Term, y: Term) -> tuple[Term, Term]:
+    """``(c x - s y, s x + c y)``."""
+    return add(mul(c, x), neg(mul(s, y))), add(mul(s, x), mul(c, y))
 
 
 def _direction(u: float, parameters: Parameters, name: str) -> Term:

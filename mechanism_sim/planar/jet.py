@@ -57,8 +57,6 @@ class Jet:
         return self + -lift(other)
 
     def __mul__(self, other: Number) -> Jet:
-        if self is other:
-            return self.square()
         o = lift(other)
         cross = mul(self.rate, o.rate)
         return Jet(
@@ -96,15 +94,13 @@ class Jet:
             add(mul(self.value, other.curvature), neg(mul(other.value, self.curvature))),
         )
 
-    def square(self) -> Jet:
-        """f^2."""
-        twice = None if self.value is None else 2.0 * self.value
-        rate_squared = mul(self.rate, self.rate)
+    def half_square(self) -> Jet:
+        """f^2/2."""
         return Jet(
-            mul(self.value, self.value),
-            {n: mul(twice, g) for n, g in self.gradient.items()},
-            mul(twice, self.rate),
-            add(mul(twice, self.curvature), None if rate_squared is None else 2.0 * rate_squared),
+            mul(hy.expression(0.5), mul(self.value, self.value)),
+            {n: mul(self.value, g) for n, g in self.gradient.items()},
+            mul(self.value, self.rate),
+            add(mul(self.value, self.curvature), mul(self.rate, self.rate)),
         )
 
 
