@@ -85,11 +85,11 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Generator[Finished, None,
             "--dask needs the package 'distributed': pip install 'mechanism_sim[cluster]'"
         ) from error
     try:
-        client = distributed.Client(address, set_as_default=False, timeout=10)
+        client = distributed.Client(address)
     except (OSError, ValueError) as error:
         raise InputError(f"there is no Dask scheduler at '{address}'") from error
     with client:
-        futures = [client.submit(compute, t, key=f'run-{t.key}', pure=False) for t in tasks]
+        futures = [client.submit(compute, task, pure=False) for task in tasks]
         try:
             for future in distributed.as_completed(futures):
                 yield future.result()
