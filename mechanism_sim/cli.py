@@ -334,9 +334,11 @@ def _sweep(options: argparse.Namespace) -> int:
     plan = read_plan(options.file)
     table = Path(options.output or f'{plan.name}.parquet')
     chart = report.chart_of(plan, options.plot, options.over)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # SIGINT too: a shell that starts us in the background has it ignored
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     try:
-        with progress.count('sweep', len(plan.runs), quiet=options.json) as show:
+        with progress.count('sweep', plan.size, quiet=options.json) as show:
             summary, rows = sweep(
                 plan, table, options.workers, options.dask, options.bags, options.restart, show
             )

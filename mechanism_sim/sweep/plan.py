@@ -96,6 +96,11 @@ class Plan:
     bags: bool
 
     @property
+    def size(self) -> int:
+        """Number of different runs."""
+        return len({run.key for run in self.runs})
+
+    @property
     def fingerprint(self) -> str:
         """Of what is to be computed, in a few letters."""
         return _hash([self.columns, [[run.key, dict(run.values)] for run in self.runs]])

@@ -101,7 +101,7 @@ def sweep(
                         show(len(journal.rows), failed)
         except KeyboardInterrupt:
             raise Interrupted(
-                f'interrupted after {len(journal.rows)} of {len(unique)} runs, which are kept in '
+                f'interrupted after {len(journal.rows)} of {plan.size} runs, which are kept in '
                 f"'{journal.path}'; the same command goes on from there"
             ) from None
         rows = [journal.rows[run.key] for run in plan.runs]

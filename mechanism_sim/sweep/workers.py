@@ -35,11 +35,11 @@ def on_this_machine(tasks: Sequence[Task], workers: int) -> Generator[Finished, 
     )
     try:
         # Processes inherit what is blocked: Ctrl-C is for the parent, which ends them.
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             futures = [pool.submit(compute, task) for task in tasks]
         finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:
