@@ -116,7 +116,7 @@ def draw(chart: Chart, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
         'svg.hashsalt': 'mechanism_sim',
     }  # fmt: skip
     with mpl.rc_context(style):
-        figure = Figure(figsize=(9.5, 3.2), layout='constrained')
+        figure = Figure(figsize=(9.5, 3.4), layout='constrained')
         panels: list[Axes] = list(figure.subplots(1, len(_PANELS)))
         lines = _lines(chart, plan, rows)
         for axes, (name, scale, label) in zip(panels, _PANELS, strict=True):
@@ -126,7 +126,10 @@ def draw(chart: Chart, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
             _ticks(axes, chart, plan)
         figure.supxlabel(chart.over, fontsize=9.0)
         if len(lines) > 1:
-            panels[0].legend(frameon=False, handlelength=3.0)
+            figure.legend(
+                *panels[0].get_legend_handles_labels(), loc='outside upper center',
+                ncols=min(len(lines), 4), frameon=False, handlelength=3.0,
+            )  # fmt: skip
         metadata = {'Date': None} if chart.file.suffix == '.svg' else None
         try:
             figure.savefig(chart.file, metadata=metadata, dpi=200)
