@@ -20,6 +20,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.study.statistics import ratio, statistics
 from mechanism_sim.sweep.plan import Extent, read_plan
 from mechanism_sim.sweep.row import DONE, Task, compute
+from mechanism_sim.sweep.store import write_table
 
 SWEEP = f"""
 scene: four_bar_clearance
@@ -182,6 +183,16 @@ def test_a_row_says_what_the_solution_says():
     )
 
 
+def test_what_friction_takes_is_dissipated_too():
+    clearance = 'joints.coupler_rocker.clearance'
+    friction = {f'{clearance}.friction': 0.1, f'{clearance}.pin_radius': '5 mm'}
+    machine = ms.load_scene('four_bar_clearance', {'drive.speed': '450 rpm', **friction})
+    row, solution = row_of(machine, Extent(4, None, 0)), ms.simulate(machine, revolutions=4)
+    lost = sum(i.energy_loss for i in solution.impacts)
+    assert row['dissipated'] * 4 == pytest.approx(solution.energy.dissipated)
+    assert solution.energy.dissipated > 1.1 * lost
+
+
 def test_a_row_and_the_study_agree_on_means_and_intervals():
     machine = loose(0.5, 'seated')
     row, found = row_of(machine, Extent(60, None, 20)), statistics(machine, 60, 20)
@@ -316,6 +327,36 @@ def test_a_dask_cluster_writes_the_same_table(reference, tmp_path):
         args = ('sweep', str(file), '-o', str(table), '--dask', cluster.scheduler_address)
         assert run_json(*args)['computed'] == RUNS
     assert table.read_bytes() == reference.read_bytes()
+
+
+def test_swept_parts_and_missing_values_have_their_place_in_the_table(tmp_path):
+    text = (
+        'scene: four_bar_clearance\nrevolutions: 1\ngrid:\n'
+        '  joints.coupler_rocker.clearance: [null, {radial: 0.1 mm, restitution: 0.5}]\n'
+        '  joints.coupler_rocker.clearance.friction: [0.1, rough]\n'
+    )
+    plan = plan_of(tmp_path, text.replace('[null, {', '[{restitution: 1, radial: 1 mm}, {'))
+    write_table(tmp_path / 't.parquet', plan, [{'status': DONE}] * 4)
+    table = pq.read_table(tmp_path / 't.parquet')
+    parts = table.column('joints.coupler_rocker.clearance').to_pylist()
+    assert [json.loads(part)['radial'] for part in parts] == [1e-3, 1e-3, 1e-4, 1e-4]
+    friction = table.column('joints.coupler_rocker.clearance.friction').to_pylist()
+    assert friction == [0.1, np.inf, 0.1, np.inf]
+    without = plan_of(tmp_path, text.rpartition('  joints')[0])
+    write_table(tmp_path / 't.parquet', without, [{'status': DONE}] * 2)
+    parts = pq.read_table(tmp_path / 't.parquet').column('joints.coupler_rocker.clearance')
+    assert parts.to_pylist()[0] is None
+
+
+def test_a_bag_that_cannot_be_written_ends_the_sweep_but_fails_no_run(tmp_path):
+    text = 'scene: four_bar_nominal\nrevolutions: 1\nbags: true\n'
+    file, table = sweep_file(tmp_path, text), tmp_path / 't.parquet'
+    (tmp_path / 't.bags' / 'run_00000.mcap').mkdir(parents=True)
+    done = run('sweep', str(file), '-o', str(table))
+    assert done.returncode == 1
+    assert 'is a directory' in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not keys_of(tmp_path / 't.parquet.journal')
 
 
 def test_a_run_that_fails_keeps_the_others(tmp_path):

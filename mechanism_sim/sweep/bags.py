@@ -6,18 +6,25 @@ The motion is polynomials, so samples are not recorded: they follow at any rate.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid import events as happened
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.scene import Machine
+
+
+class BagError(RunError):
+    """A bag cannot be written: no fault of the run, so it ends the sweep."""
+
 
 _RESULTS = Qos('reliable', 'volatile', 'keep_all', 1000)
 _LATCHED = Qos('reliable', 'transient_local', 'keep_last', 1)
@@ -36,10 +43,16 @@ class RunBag:
     Parameters
     ----------
     end : of the run [s]
+
+    Raises
+    ------
+    BagError
+        From any method: nothing can be written there.
     """
 
     def __init__(self, file: Path, machine: Machine, end: float) -> None:
-        self._writer = BagWriter(file, overwrite=True)
+        with _told():
+            self._writer = BagWriter(file, overwrite=True)
         self._names = (machine.physics.coordinates, machine.physics.clearances)
         self._impacts = 0
         for topic, (kind, qos) in _TOPICS.items():
@@ -69,7 +82,8 @@ class RunBag:
             self._impacts += 1
 
     def _write(self, topic: str, message: Any, t: float) -> None:
-        self._writer.write(topic, serialize(message), round(1e9 * t))
+        with _told():
+            self._writer.write(topic, serialize(message), round(1e9 * t))
 
     def __enter__(self) -> Self:
         return self
@@ -80,4 +94,13 @@ class RunBag:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._writer.close()
+        with _told():
+            self._writer.close()
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    try:
+        yield
+    except (InputError, RunError) as error:
+        raise BagError(str(error)) from error

@@ -24,7 +24,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import FourBarScene
 from mechanism_sim.study.statistics import Tally, ratio
-from mechanism_sim.sweep.bags import RunBag
+from mechanism_sim.sweep.bags import BagError, RunBag
 from mechanism_sim.sweep.plan import Extent
 
 Array = NDArray[np.float64]
@@ -118,10 +118,18 @@ class Gauge:
 
 
 def compute(task: Task) -> Finished:
-    """Make a run; one that fails makes a row that says why."""
+    """Make a run; one that fails makes a row that says why.
+
+    Raises
+    ------
+    BagError
+        If its bag cannot be written.
+    """
     cpu = time.process_time()
     try:
         row = _measure(Machine(task.name, task.scene), task.extent, task.bag)
+    except BagError:
+        raise
     except (InputError, RunError) as error:
         row = {'status': str(error)}
     return Finished(task.key, row, time.process_time() - cpu)

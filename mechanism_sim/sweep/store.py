@@ -19,13 +19,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.sweep.plan import REPEAT, Plan
+from mechanism_sim.sweep.plan import Plan
 from mechanism_sim.sweep.row import FIGURES, Finished, Value
 
 _RULING = ('mechanism_sim', 'heyoka', 'numpy')
 """Packages whose version may change the last digit, and with it the impacts of a long run."""
 
-_TYPES = {float: pa.float64(), str: pa.string(), bool: pa.bool_()}
+_TYPES = {float: pa.float64(), int: pa.int64(), str: pa.string(), bool: pa.bool_()}
 
 
 class Journal:
@@ -141,10 +141,10 @@ def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> Non
     for name in plan.columns:
         values = [run.values[name] for run in plan.runs]
         kinds = {type(v) for v in values if v is not None}
-        kind = pa.int64() if name == REPEAT else _TYPES[kinds.pop()] if len(kinds) == 1 else None
-        if kind is None:  # values of several kinds, or none
-            kind, values = pa.string(), [None if v is None else str(v) for v in values]
-        columns.append((_field(name, kind, 'SI'), values))
+        if len(kinds) != 1:  # several, or none
+            kinds, values = {str}, [None if v is None else str(v) for v in values]
+        unit = 'SI' if kinds == {float} else ''
+        columns.append((_field(name, _TYPES[kinds.pop()], unit), values))
     results = [_field(c.name, pa.float64(), c.unit, c.meaning) for c in FIGURES]
     results += [_field('steps', pa.int64()), _field('digest', pa.string())]
     results.append(_field('status', pa.string()))

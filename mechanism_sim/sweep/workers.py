@@ -23,7 +23,7 @@ def on_this_machine(tasks: Sequence[Task], workers: int) -> Generator[Finished, 
     Raises
     ------
     RunError
-        If a process dies.
+        If a process dies, or a bag cannot be written.
     """
     if not tasks:
         return
@@ -74,7 +74,7 @@ def on_cluster(tasks: Sequence[Task], address: str) -> Generator[Finished, None,
     InputError
         If Dask is not installed, or there is no scheduler.
     RunError
-        If the cluster loses a run.
+        If the cluster loses a run, or a bag cannot be written.
     """
     if not tasks:
         return
