@@ -92,6 +92,16 @@ def test_listed_runs_are_combined_with_the_grid_and_repeated_from_nudged_starts(
     assert plan.runs[0].values['start'] == 'seated'  # what the scene says where a run says nothing
 
 
+def test_what_one_run_sets_stays_in_that_run(tmp_path):
+    plan = plan_of(
+        tmp_path,
+        'scene: four_bar_clearance\nrevolutions: 1\n'
+        'set: {joints.coupler_rocker.clearance: {radial: 1 mm, restitution: 0.5}}\n'
+        f'runs:\n- {{{RADIAL}: 2 mm}}\n- {{start: centred}}\n',
+    )
+    assert [run.values[RADIAL] for run in plan.runs] == [2e-3, 1e-3]
+
+
 def test_a_scene_beside_the_sweep_file_is_found_from_anywhere(tmp_path, monkeypatch):
     scene = Path(__file__).parents[1] / 'config' / 'four_bar_nominal.yaml'
     (tmp_path / 'mine.yaml').write_text(scene.read_text(encoding='utf-8'), encoding='utf-8')
@@ -124,6 +134,7 @@ def test_the_sweep_of_the_thesis_is_found_by_name():
         ('skip: 1 s', 'plain number'),
         ('duration: 1 s', "either 'revolutions' or 'duration'"),
         ('repeat: 0', 'at least 1'),
+        ('duration: 0', 'more than 0'),
         ('set: {drive: {torque: {constant: 1}, speed: 1}}', 'duration'),
         ('grid: {scene: [four_bar_clearense]}', "did you mean 'four_bar_clearance'"),
     ],

@@ -127,7 +127,7 @@ def check_scene(
     """
     content = copy.deepcopy(dict(data))
     for key, value in _pairs(overrides):
-        _override(content, key, value, file)
+        _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
     kind = content.get('mechanism')
     if not isinstance(kind, str) or kind not in MECHANISMS:
         raise InputError(

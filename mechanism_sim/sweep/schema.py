@@ -26,6 +26,6 @@ class SweepFile(Part):
     repeat: Count = 1  #: how often each of them is run
     nudge: Angle = 1e-6  #: by how much more the crank's start is turned at every repetition
     revolutions: Count | None = None
-    duration: Time | None = None
+    duration: Annotated[Time, Field(gt=0.0)] | None = None
     skip: float | str = 0  #: revolutions, or a time, that no figure is made of
     bags: bool = False
