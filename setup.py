@@ -14,6 +14,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config/sweeps', sorted(glob('config/sweeps/*.yaml'))),
         (f'share/{NAME}/msg', sorted(glob('msg/*.msg'))),
     ],
     entry_points={

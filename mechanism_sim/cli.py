@@ -106,6 +106,17 @@ def _parser() -> argparse.ArgumentParser:
     _scene_options(sub)
     sub.add_argument('--angles', type=int, default=24, metavar='N', help='around the turn')
     sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run each')
+    sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
+    sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
+    sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='processes; one for each core if not'
+    )
+    sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
+    sub.add_argument('--bags', metavar='DIR', help='also record every run there')
+    sub.add_argument('--restart', action='store_true', help='forget what is computed already')
+    sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
+    sub.add_argument('--over', metavar='PATH', help='draw them over this one')
     sub = command('bench', _bench, 'measure: the hard cases')
     sub.add_argument('names', nargs='+', metavar='NAME', help='hard, or names of hard cases')
     sub.add_argument('--markdown', metavar='FILE', help='also write a table for people')
@@ -309,6 +320,36 @@ def _starts(options: argparse.Namespace) -> int:
         _print_json(study.starts_json(found))
     else:
         print(study.starts(found))
+    return 0
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    import signal  # noqa: PLC0415
+
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report import sweep as report  # noqa: PLC0415
+    from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
+    from mechanism_sim.sweep.run import Interrupted, sweep  # noqa: PLC0415
+
+    plan = read_plan(options.file)
+    table = Path(options.output or f'{plan.name}.parquet')
+    chart = report.chart_of(plan, options.plot, options.over)
+    # SIGINT too: a shell that starts us in the background has it ignored
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    try:
+        with progress.count('sweep', plan.size, quiet=options.json) as show:
+            summary, rows = sweep(
+                plan, table, options.workers, options.dask, options.bags, options.restart, show
+            )
+    except Interrupted as interrupted:
+        return _tell(interrupted, 130)
+    if chart:
+        report.draw(chart, plan, rows)
+    if options.json:
+        _print_json(summary.to_json())
+    else:
+        print(report.render(summary, plan, rows))
     return 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from decimal import Decimal
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 _NUMBER = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)\s*')
@@ -54,8 +54,11 @@ def to_si(value: object, unit: str) -> float:
     hint = f"write for example '{EXAMPLES[unit]}'"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f'is not a quantity: {hint}')
-    if isinstance(value, int | float):
-        return float(value)
+    return float(value) if isinstance(value, int | float) else _text_to_si(value, unit, hint)
+
+
+@lru_cache(maxsize=4096)  # a sweep reads the same text again for every run
+def _text_to_si(value: str, unit: str, hint: str) -> float:
     match = _NUMBER.fullmatch(value)
     if not match:
         raise ValueError(f'is not a number with a unit: {hint}')

@@ -22,7 +22,7 @@ FLOORS = (
     ('sensing',),
     ('scene',),
     ('messages', 'recording', 'middleware'),
-    ('study', 'bench'),
+    ('study', 'sweep', 'bench'),
     ('nodes', 'analysis', 'report', 'export'),
     ('cli', '__init__'),
     ('__main__',),
@@ -30,7 +30,7 @@ FLOORS = (
 FLOOR = {room: i for i, rooms in enumerate(FLOORS) for room in rooms}
 
 #: on these floors rooms may lean on a neighbour, but never on each other
-SHARED = FLOOR['messages'], FLOOR['nodes']
+SHARED = FLOOR['messages'], FLOOR['study'], FLOOR['nodes']
 
 
 def room_of(module):

@@ -7,12 +7,12 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.messages import Clock, DriveLaw, float64_array, stamp
+from mechanism_sim.messages import Clock, DriveLaw, stamp
+from mechanism_sim.messages.events import drive_law
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.planar.drive import DriveLaw as Law
 
 
 class CrankDrive(SimulationNode):
@@ -80,17 +80,7 @@ class CrankDrive(SimulationNode):
     def _announce(self, until: float, final: bool) -> None:
         """The present law holds until then."""
         law = self._laws[self._law]
-        message = DriveLaw(
-            coordinate=law.coordinate,
-            kind=DriveLaw.PRESCRIBED if isinstance(law, Law) else DriveLaw.TORQUE,
-            law_id=self._law + 1,
-            valid_from=law.valid_from,
-            valid_until=float(until),
-            final=final,
-            reference_time=law.reference_time if isinstance(law, Law) else 0.0,
-            coefficients=float64_array(list(law.coefficients)),
-        )
-        message.header.stamp = stamp(self._announced)
+        message = drive_law(law, self._law + 1, float(until), final, self._announced)
         self.send(self._drive, message)
 
 

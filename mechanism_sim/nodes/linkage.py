@@ -22,6 +22,7 @@ from mechanism_sim.messages import (
     Motion,
     String,
     TFMessage,
+    events,
 )
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.middleware import Parameter
@@ -68,7 +69,7 @@ class Linkage(SimulationNode):
 
     def on_ready(self) -> None:
         """Describe the scene."""
-        self.send(self._scene, String(data=publications.describe(self.machine)))
+        self.send(self._scene, String(data=events.describe(self.machine)))
 
     def _follow(self, message: Any) -> None:
         """Advance to where the law is known to hold."""
@@ -95,13 +96,13 @@ class Linkage(SimulationNode):
         work = self._audit.add(motion, impacts)
         self._audit.judge(self.machine.allowed_penetration)
         for change in changes:
-            self.send(self._modes, publications.mode_change(change))
+            self.send(self._modes, events.mode_change(change))
         if len(motion):
             names = (self._physics.coordinates, self._physics.clearances)
             self.send(self._motion, pack(motion.curve, motion.modes, *names))
             self._publish_samples(motion, Books(work, impacts, *before))
         for impact in impacts:
-            self.send(self._impacts, publications.impact(impact, self._impact_count))
+            self.send(self._impacts, events.impact(impact, self._impact_count))
             self._impact_count += 1
 
     def _publish_samples(self, motion: MotionBatch, books: Books) -> None:

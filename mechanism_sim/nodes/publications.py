@@ -1,24 +1,19 @@
-"""Messages from what the engine knows."""
+"""Messages of samples, from what the engine knows; events have theirs in `messages.events`."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.events import Impact as ImpactEvent
-from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.messages import (
-    Impact,
     JointReactions,
     JointState,
     LinkageState,
-    ModeChange,
     TFMessage,
     TransformStamped,
     float64_array,
@@ -27,45 +22,10 @@ from mechanism_sim.messages import (
 )
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.machine import Machine
 
 Array = NDArray[np.float64]
 
 WORLD = 'world'
-
-
-def describe(machine: Machine) -> str:
-    """The scene as JSON, in SI units."""
-    return json.dumps({'name': machine.name, 'scene': machine.scene.model_dump()})
-
-
-def impact(event: ImpactEvent, index: int) -> Any:
-    """Impact message."""
-    message = Impact(
-        time=event.t,
-        index=index,
-        joint=event.joint,
-        normal_angle=event.normal_angle,
-        approach_speed=event.approach_speed,
-        rebound_speed=event.rebound_speed,
-        normal_impulse=event.normal_impulse,
-        tangential_impulse=event.tangential_impulse,
-        energy_loss=event.energy_loss,
-        drive_impulse=event.drive_impulse,
-        ends_chatter=event.ends_chatter,
-        chatter_time=event.chatter_time,
-    )
-    message.header.stamp = stamp(event.t)
-    return message
-
-
-def mode_change(event: ModeChangeEvent) -> Any:
-    """ModeChange message."""
-    message = ModeChange(
-        time=event.t, joint=event.joint, mode=int(event.mode), previous_mode=int(event.previous)
-    )
-    message.header.stamp = stamp(event.t)
-    return message
 
 
 def joint_states(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:

@@ -41,6 +41,37 @@ def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
         yield show
 
 
+@contextmanager
+def count(label: str, total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on standard error for so many runs: finished, failed, time left."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda *_: None
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn('{task.description}'),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn('{task.fields[note]}'),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+        task = display.add_task(label, total=total, note='')
+
+        def show(finished: int, failed: int) -> None:
+            display.update(task, completed=finished, note=f'{failed} failed' if failed else '')
+
+        yield show
+
+
 def render(outcome: Outcome) -> str:
     """The closing lines of a run."""
     lines = [

@@ -48,7 +48,11 @@ def statistics(found: Statistics) -> str:
     for m in found.means:
         line = f'  {m.name:18} {m.mean:12.6g} +- {m.half_width:.2g} {m.unit}'
         lines.append(line.rstrip())
-    lines.append(f'  I_n (impulse per impact) {found.I_n:.6g} N s')
+    lines.append(
+        f'  I_n (impulse per impact) {found.I_n:.6g} +- {found.I_n_half_width:.2g} N s'
+        if math.isfinite(found.I_n)
+        else '  no impacts'
+    )
     return '\n'.join(lines)
 
 
@@ -57,7 +61,8 @@ def statistics_json(found: Statistics) -> dict[str, object]:
     return {
         'revolutions': found.revolutions,
         'skipped': found.skipped,
-        'I_n': found.I_n,
+        'I_n': found.I_n if math.isfinite(found.I_n) else None,
+        'I_n_half_width': found.I_n_half_width if math.isfinite(found.I_n) else None,
         'means': {
             m.name.replace(' ', '_'): {'mean': m.mean, 'half_width': m.half_width, 'unit': m.unit}
             for m in found.means

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import copy
 import difflib
 import re
 import sysconfig
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.schema import MECHANISMS, FourBarScene
+
+Model = TypeVar('Model', bound=BaseModel)
+
+_DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
 
 
 def config_folder() -> Path:
@@ -37,6 +42,17 @@ def find_scene(name: str) -> Path:
     InputError
         If there is no such file; names the nearest.
     """
+    return find_file(name, 'scene', config_folder(), "'mechanism-sim scenes' lists them")
+
+
+def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
+    """The file of a scene, or of another `kind`: a path, or the name of one in `folder`.
+
+    Raises
+    ------
+    InputError
+        If there is no such file; names the nearest, and says `known_by` what it could be.
+    """
     path = Path(name)
     try:
         exists, is_file = path.exists(), path.is_file()
@@ -44,16 +60,16 @@ def find_scene(name: str) -> Path:
         exists = is_file = False
     if path.suffix in ('.yaml', '.yml') or exists:
         if not is_file:
-            raise InputError(f"there is no scene file '{name}'")
+            raise InputError(f"there is no {kind} file '{name}'")
         return path
-    known = scene_names()
+    known = sorted(path.stem for path in folder.glob('*.yaml'))
     if name not in known:
         hint = nearest(name, known)
         raise InputError(
-            f"there is no scene '{name}'{hint}; 'mechanism-sim scenes' lists them, and a path "
-            'ending in .yaml reads your own'
+            f"there is no {kind} '{name}'{hint}; {known_by}, and a path ending in .yaml reads "
+            'your own'
         )
-    return config_folder() / f'{name}.yaml'
+    return folder / f'{name}.yaml'
 
 
 def read_scene(
@@ -72,6 +88,17 @@ def read_scene(
         One sentence: file, key, value, what is allowed, the nearest valid key.
     """
     path = find_scene(name)
+    return path.stem, check_scene(path.name, read_yaml(path, 'scene'), overrides)
+
+
+def read_yaml(path: Path, kind: str) -> dict[str, Any]:
+    """The keys and values of a scene, or of another `kind` of file, unchecked.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is no list of keys with values.
+    """
     try:
         data = yaml.load(path.read_text(encoding='utf-8'), _StrictLoader)  # noqa: S506 - a safe one
     except yaml.YAMLError as error:
@@ -80,21 +107,48 @@ def read_scene(
         problem = getattr(error, 'problem', None) or 'is not readable'
         raise InputError(f'{path.name}:{line} is not valid YAML: {problem}') from error
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the scene file '{path}' cannot be read: {error}") from error
+        raise InputError(f"the {kind} file '{path}' cannot be read: {error}") from error
     if not isinstance(data, dict):
-        raise InputError(f'{path.name}: a scene is a list of keys with values, see docs/scenes.md')
+        raise InputError(
+            f'{path.name}: a {kind} is a list of keys with values, see docs/{_DOCS[kind]}'
+        )
+    return data
+
+
+def check_scene(
+    file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
+) -> FourBarScene:
+    """The scene that a file's keys and values make, some of them overridden, in SI units.
+
+    Raises
+    ------
+    InputError
+        One sentence: file, key, value, what is allowed, the nearest valid key.
+    """
+    content = copy.deepcopy(dict(data))
     for key, value in _pairs(overrides):
-        _override(data, key, value, path.name)
-    kind = data.get('mechanism')
+        _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
+    kind = content.get('mechanism')
     if not isinstance(kind, str) or kind not in MECHANISMS:
         raise InputError(
-            f"{path.name}: mechanism is '{kind}'{nearest(str(kind), MECHANISMS)}; known are: "
+            f"{file}: mechanism is '{kind}'{nearest(str(kind), MECHANISMS)}; known are: "
             f'{", ".join(MECHANISMS)}'
         )
+    return checked(file, MECHANISMS[kind], content)
+
+
+def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
+    """The keys and values of a file as a model of it.
+
+    Raises
+    ------
+    InputError
+        One sentence: file, key, value, what is allowed, the nearest valid key.
+    """
     try:
-        return path.stem, MECHANISMS[kind].model_validate(data)
+        return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(f'{path.name}: {_first_problem(error, MECHANISMS[kind])}') from error
+        raise InputError(f'{file}: {_first_problem(error, model)}') from error
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -171,6 +225,9 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         'dict_type': 'it must be a list of names with values',
         'tuple_type': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
         'too_long': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
+        'list_type': 'it must be a list, for example [1, 2, 3]',
+        'too_short': 'it must not be empty',
+        'int_type': 'it must be a whole number',
         'string_type': 'it must be text; put it in quotes',
         'bool_parsing': 'it must be true or false',
         'bool_type': 'it must be true or false',

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +11,16 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
+from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
 
 NAMES = ('impacts', 'impulse', 'losses of contact', 'share of flight', 'dissipated')
 UNITS = ('', 'N s', '', '', 'J')
-_BATCHES = 20
+BATCHES = 20
+"""Of which the spread is taken; their means are nearly independent if they are long."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,79 @@ class Statistics:
     skipped: int
     means: tuple[Mean, ...]
     I_n: float
+    I_n_half_width: float
+
+
+class Tally:
+    """Figures of a run in n intervals of time, all loose joints together.
+
+    Parameters
+    ----------
+    edges : (n + 1,) ends of the intervals [s], rising
+
+    Attributes
+    ----------
+    table : (n, 5) impacts, sum of normal impulses [N s], losses of contact, time in flight [s],
+        energy dissipated by impacts and friction [J]; flight is the mean over the loose joints,
+        and a step counts where it begins
+    """
+
+    def __init__(self, edges: Array) -> None:
+        self.edges = edges
+        self.table = np.zeros((len(edges) - 1, len(NAMES)))
+
+    def add(
+        self,
+        motion: Motion,
+        impacts: Sequence[Impact],
+        changes: Sequence[ModeChange],
+        friction: Array | None = None,
+    ) -> None:
+        """Enter a batch of m steps; `friction` (m,) is the work lost by sliding in each [J]."""
+        for i, k in zip(impacts, self._intervals([i.t for i in impacts]), strict=True):
+            self.table[k, :2] += 1.0, i.normal_impulse
+            self.table[k, 4] += i.energy_loss
+        lost = [
+            c.t for c in changes if c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
+        ]
+        np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
+        k = self._intervals(motion.curve.start)
+        if motion.modes.shape[1]:
+            flying = (~motion.closed).mean(axis=1) * motion.curve.duration
+            np.add.at(self.table[:, 3], k, flying)
+        if friction is not None:
+            np.add.at(self.table[:, 4], k, friction)
+
+    def _intervals(self, t: Array | Sequence[float]) -> NDArray[np.intp]:
+        k = np.searchsorted(self.edges, np.asarray(t, dtype=float), side='right') - 1
+        return np.clip(k, 0, len(self.table) - 1)
+
+
+def ratio(x: Array, per: Array) -> tuple[float, float]:
+    """``sum(x) / sum(per)`` and half the width of its 95 % confidence interval.
+
+    The intervals are put together into at most `BATCHES` batches of equal number (the first ones
+    are left out if they do not divide); the spread of the batches about the ratio gives the width
+    (the ratio estimator of regenerative simulation).
+
+    Parameters
+    ----------
+    x, per : (n,) values in n equal intervals
+
+    Returns
+    -------
+    The ratio and the half width; not a number where `per` is zero or there is but one batch.
+    """
+    count = min(BATCHES, len(x))
+    size = len(x) // count
+    X, D = (v[len(v) - size * count :].reshape(count, size).sum(axis=1) for v in (x, per))
+    if not D.sum():
+        return math.nan, math.nan
+    R = X.sum() / D.sum()
+    if count == 1:
+        return float(R), math.nan
+    spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
+    return float(R), float(student.ppf(0.975, count - 1) * spread / D.mean())
 
 
 def statistics(
@@ -60,36 +136,26 @@ def statistics(
         raise InputError(
             f'{machine.name}: statistics need clearance and a crank at constant speed'
         )
-    if skip < 0 or revolutions < skip + _BATCHES:
+    if skip < 0 or revolutions < skip + BATCHES:
         raise InputError(
-            f'statistics need at least {_BATCHES} revolutions more than the {skip} skipped'
+            f'statistics need at least {BATCHES} revolutions more than the {skip} skipped'
         )
-    table = np.zeros((revolutions, len(NAMES)))
     run, T = machine.start(), machine.period
+    tally = Tally(np.arange(revolutions + 1.0) * T)
     impacts = 0
     for n in range(revolutions):
         run.advance((n + 1) * T)
         motion, struck, changes = run.drain()
+        tally.add(motion, struck, changes)
         impacts += len(struck)
-        for i in struck:
-            row = table[min(int(i.t / T), revolutions - 1)]
-            row[:2] += 1.0, i.normal_impulse
-            row[4] += i.energy_loss
-        for change in changes:
-            if change.mode == Mode.FREE_FLIGHT and change.previous > Mode.FREE_FLIGHT:
-                table[min(int(change.t / T), revolutions - 1), 2] += 1.0
-        flying = (~motion.closed).mean(axis=1) * motion.curve.duration
-        rows = np.minimum((motion.curve.start / T).astype(int), revolutions - 1)
-        np.add.at(table[:, 3], rows, flying / T)
         if progress:
             progress(run.time, impacts)
-    kept = table[skip:]
-    size = len(kept) // _BATCHES
-    batches = kept[len(kept) - size * _BATCHES :].reshape(_BATCHES, size, -1).mean(axis=1)
-    width = student.ppf(0.975, _BATCHES - 1) * batches.std(axis=0, ddof=1) / np.sqrt(_BATCHES)
-    mean = batches.mean(axis=0)
+    kept = tally.table[skip:]
+    kept[:, 3] /= T
+    one = np.ones(len(kept))
     means = tuple(
-        Mean(name, unit, float(m), float(w))
-        for name, unit, m, w in zip(NAMES, UNITS, mean, width, strict=True)
+        Mean(name, unit, *ratio(column, one))
+        for name, unit, column in zip(NAMES, UNITS, kept.T, strict=True)
     )
-    return Statistics(revolutions, skip, means, float(mean[1] / mean[0]) if mean[0] else 0.0)
+    I_n, half_width = ratio(kept[:, 1], kept[:, 0])
+    return Statistics(revolutions, skip, means, I_n, half_width)

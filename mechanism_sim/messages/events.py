@@ -1,0 +1,65 @@
+"""Messages of a run that are no samples: its scene, its laws and its events."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from mechanism_sim.hybrid.events import Impact as ImpactEvent
+from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
+from mechanism_sim.messages.classes import float64_array, message_class
+from mechanism_sim.messages.stamps import stamp
+from mechanism_sim.planar.drive import DriveLaw as MotionLaw
+from mechanism_sim.planar.drive import Law
+from mechanism_sim.scene.machine import Machine
+
+
+def describe(machine: Machine) -> str:
+    """The scene as JSON, in SI units."""
+    return json.dumps({'name': machine.name, 'scene': machine.scene.model_dump()})
+
+
+def drive_law(law: Law, law_id: int, until: float, final: bool, announced: float) -> Any:
+    """DriveLaw message: a law that holds up to `until` [s], told at the time `announced` [s]."""
+    kind = message_class('mechanism_sim/msg/DriveLaw')
+    message = kind(
+        coordinate=law.coordinate,
+        kind=kind.PRESCRIBED if isinstance(law, MotionLaw) else kind.TORQUE,
+        law_id=law_id,
+        valid_from=law.valid_from,
+        valid_until=until,
+        final=final,
+        reference_time=law.reference_time if isinstance(law, MotionLaw) else 0.0,
+        coefficients=float64_array(list(law.coefficients)),
+    )
+    message.header.stamp = stamp(announced)
+    return message
+
+
+def impact(event: ImpactEvent, index: int) -> Any:
+    """Impact message."""
+    message = message_class('mechanism_sim/msg/Impact')(
+        time=event.t,
+        index=index,
+        joint=event.joint,
+        normal_angle=event.normal_angle,
+        approach_speed=event.approach_speed,
+        rebound_speed=event.rebound_speed,
+        normal_impulse=event.normal_impulse,
+        tangential_impulse=event.tangential_impulse,
+        energy_loss=event.energy_loss,
+        drive_impulse=event.drive_impulse,
+        ends_chatter=event.ends_chatter,
+        chatter_time=event.chatter_time,
+    )
+    message.header.stamp = stamp(event.t)
+    return message
+
+
+def mode_change(event: ModeChangeEvent) -> Any:
+    """ModeChange message."""
+    message = message_class('mechanism_sim/msg/ModeChange')(
+        time=event.t, joint=event.joint, mode=int(event.mode), previous_mode=int(event.previous)
+    )
+    message.header.stamp = stamp(event.t)
+    return message

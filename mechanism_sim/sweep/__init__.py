@@ -1,0 +1,1 @@
+"""Sweeps: many runs of scenes that differ in a few values, as one table with a row for each."""

@@ -1,0 +1,216 @@
+"""From a sweep file to runs, every scene checked before the first of them starts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Machine, span
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import (
+    check_scene,
+    checked,
+    config_folder,
+    find_file,
+    find_scene,
+    read_yaml,
+)
+from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.study.statistics import BATCHES
+from mechanism_sim.sweep.schema import SweepFile
+from mechanism_sim.units import to_si
+
+SCENE, REPEAT = 'scene', 'repeat'
+"""Columns that are no values of a scene."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How long every run of a sweep is: `revolutions`, or a `duration` [s].
+
+    Attributes
+    ----------
+    skip : what no figure is made of, in the same measure
+    """
+
+    revolutions: int | None
+    duration: float | None
+    skip: float
+
+    def edges(self, machine: Machine) -> tuple[NDArray[np.float64], int]:
+        """Ends of the intervals that are counted [s], and how many of the first are left out.
+
+        Intervals are revolutions of the crank, or equal times.
+        """
+        if self.duration is not None:
+            edges = np.linspace(self.skip, self.duration, BATCHES + 1)
+            return (np.r_[0.0, edges] if self.skip else edges), int(self.skip > 0.0)
+        revolutions = self.revolutions or 1
+        times = [span(machine, k, None) for k in range(1, revolutions + 1)]
+        return np.array([0.0, *times]), int(self.skip)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a sweep.
+
+    Attributes
+    ----------
+    values : what is swept, by dotted path, in SI units
+    given : the same as the file has it
+    key : a fingerprint of all that its row follows from
+    """
+
+    index: int
+    name: str
+    scene: FourBarScene
+    values: Mapping[str, float | str | bool | None]
+    given: Mapping[str, Any]
+    key: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep to be made.
+
+    Attributes
+    ----------
+    columns : paths that are swept, in the order of the file
+    """
+
+    name: str
+    title: str
+    extent: Extent
+    columns: tuple[str, ...]
+    runs: tuple[Run, ...]
+    bags: bool
+
+    @property
+    def size(self) -> int:
+        """Number of different runs."""
+        return len({run.key for run in self.runs})
+
+    @property
+    def fingerprint(self) -> str:
+        """Of what is to be computed, in a few letters."""
+        return _hash([self.columns, [[run.key, dict(run.values)] for run in self.runs]])
+
+
+def read_plan(name: str) -> Plan:
+    """The sweep of a file, or of one that comes with the package.
+
+    Raises
+    ------
+    InputError
+        One sentence: file, run, key, value, what is allowed.
+    """
+    folder = config_folder() / 'sweeps'
+    known = ', '.join(sorted(path.stem for path in folder.glob('*.yaml')))
+    path = find_file(name, 'sweep', folder, f'known are: {known}')
+    file = checked(path.name, SweepFile, read_yaml(path, 'sweep'))
+    extent = _extent(path.name, file)
+    columns = _columns(path.name, file)
+    bases: dict[str, tuple[Path, dict[str, Any]]] = {}
+    runs: list[Run] = []
+    grid = [[(key, value) for value in values] for key, values in file.grid.items()]
+    for one, point in product(file.runs or [{}], product(*grid)):
+        given = {**one, **dict(point)}
+        where = f'{path.name}: run {len(runs)}{_said(given)}'
+        try:
+            scene = str(given.get(SCENE, file.scene))
+            if scene not in bases:
+                found = find_scene(str(path.parent / scene) if _is_path(scene) else scene)
+                bases[scene] = found, read_yaml(found, 'scene')
+            base, data = bases[scene]
+            overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
+            content = check_scene(base.name, data, overrides)
+            for repetition in range(file.repeat):
+                nudged = _nudged(content, repetition * file.nudge)
+                machine = build(base.stem, nudged)
+                span(machine, extent.revolutions, extent.duration)
+                values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
+                values |= {SCENE: base.stem} if SCENE in columns else {}
+                values |= {REPEAT: repetition} if REPEAT in columns else {}
+                ordered = {c: values[c] for c in columns}
+                key = _hash([machine.fingerprint, machine.level.value, vars(extent)])
+                runs.append(Run(len(runs), base.stem, nudged, ordered, given, key))
+        except InputError as error:
+            raise InputError(f'{where}: {error}') from error
+    return Plan(path.stem, file.title, extent, columns, tuple(runs), file.bags)
+
+
+def _extent(file: str, sweep: SweepFile) -> Extent:
+    if (sweep.revolutions is None) == (sweep.duration is None):
+        raise InputError(f"{file}: give either 'revolutions' or 'duration', and not both")
+    limit = sweep.revolutions or sweep.duration or 0.0
+    try:
+        skip = to_si(sweep.skip, 's' if sweep.duration is not None else '')
+    except ValueError as error:
+        raise InputError(f'{file}: skip = {sweep.skip!r} {error}') from error
+    if not (0.0 <= skip < limit):
+        raise InputError(f'{file}: skip = {skip:g} must be at least 0 and less than {limit:g}')
+    if sweep.revolutions and skip != math.floor(skip):
+        raise InputError(f'{file}: skip = {skip:g} must be a whole number of revolutions')
+    return Extent(sweep.revolutions, sweep.duration, skip)
+
+
+def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
+    """What is swept; a path may stand in one place of the file only."""
+    listed = dict.fromkeys(key for one in sweep.runs for key in one)
+    places = {'set': sweep.set, 'grid': sweep.grid, 'runs': listed}
+    for a, b in (('set', 'grid'), ('set', 'runs'), ('grid', 'runs')):
+        for key in places[a]:
+            if key in places[b]:
+                raise InputError(f"{file}: '{key}' stands in both '{a}' and '{b}': keep one")
+    swept = (*listed, *sweep.grid)
+    everywhere = SCENE in sweep.grid or (sweep.runs and all(SCENE in one for one in sweep.runs))
+    if SCENE in sweep.set or (sweep.scene is None and not everywhere):
+        raise InputError(
+            f"{file}: 'scene' is missing: the name of a scene of the package, or the path of one"
+        )
+    return (*swept, REPEAT) if sweep.repeat > 1 else swept
+
+
+def _nudged(scene: FourBarScene, by: float) -> FourBarScene:
+    """The scene with its crank turned a little further at the start [rad]."""
+    if not by:
+        return scene
+    given = scene.initial.position.crank
+    if given is None:
+        drive = scene.drive.model_copy(update={'start_angle': scene.drive.start_angle + by})
+        return scene.model_copy(update={'drive': drive})
+    position = scene.initial.position.model_copy(update={'crank': given + by})
+    initial = scene.initial.model_copy(update={'position': position})
+    return scene.model_copy(update={'initial': initial})
+
+
+def _value(scene: FourBarScene, path: str) -> float | str | bool | None:
+    """What stands at a dotted path of a scene; lists and parts as JSON."""
+    place: Any = scene
+    for part in path.split('.'):
+        place = place.get(part) if isinstance(place, Mapping) else getattr(place, part, None)
+    if place is None or isinstance(place, bool | str | float | int):
+        return place
+    return json.dumps(place.model_dump() if hasattr(place, 'model_dump') else place)
+
+
+def _is_path(scene: str) -> bool:
+    return scene.endswith(('.yaml', '.yml'))
+
+
+def _said(given: Mapping[str, Any]) -> str:
+    return f' ({", ".join(f"{k} = {v}" for k, v in given.items())})' if given else ''
+
+
+def _hash(content: object) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]

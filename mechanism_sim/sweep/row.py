@@ -1,0 +1,190 @@
+"""One run of a sweep and the row it makes, in one pass and with bounded memory."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.study.statistics import Tally, ratio
+from mechanism_sim.sweep.bags import BagError, RunBag
+from mechanism_sim.sweep.plan import Extent
+
+Array = NDArray[np.float64]
+Value = float | int | str | None
+_BATCH = 2048
+DONE = 'done'
+
+
+class Column(NamedTuple):
+    """A figure of a row."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+MEANS = (
+    Column('impacts', '', 'impacts per revolution'),
+    Column('impulse', 'N s', 'sum of normal impulses per revolution'),
+    Column('losses_of_contact', '', 'losses of contact per revolution'),
+    Column('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
+    Column('dissipated', 'J', 'energy dissipated per revolution'),
+    Column('I_n', 'N s', 'normal impulse per impact'),
+)
+"""Figures with a confidence interval: those of `Tally.table`, and the ratio of two of them."""
+
+FIGURES = (
+    *(
+        column
+        for mean in MEANS
+        for column in (
+            mean,
+            Column(f'{mean.name}_half_width', mean.unit, 'half of its 95 % confidence interval'),
+        )
+    ),
+    Column('revolutions', '', 'of the crank that these figures are made of'),
+    Column('largest_impulse', 'N s', 'of an impact'),
+    Column('largest_force', 'N', 'in any joint, between impacts, at 12 points of every step'),
+    Column('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
+    Column('energy_residual', 'J', 'what the energy books leave over, whole run'),
+)
+"""Numbers of a row, besides its steps, its digest and its status."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs to know of a run; `bag` is a file to record it in."""
+
+    key: str
+    name: str
+    scene: FourBarScene
+    extent: Extent
+    bag: Path | None = None
+
+
+class Finished(NamedTuple):
+    """A row, the key of its run, and what it cost [s of CPU]."""
+
+    key: str
+    row: dict[str, Value]
+    cpu: float
+
+
+class Gauge:
+    """A machine's physics, which remembers the largest force in a joint that it was seen with.
+
+    Parameters
+    ----------
+    physics : of the machine
+    since : [s] steps that begin earlier do not count
+    """
+
+    def __init__(self, physics: Physics, since: float) -> None:
+        self.largest_force = 0.0
+        self.coordinates, self.joints = physics.coordinates, physics.joints
+        self.clearances, self.has_forces = physics.clearances, physics.has_forces
+        self.open_gaps, self.closure_error = physics.open_gaps, physics.closure_error
+        self._physics, self._since = physics, since
+
+    def observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
+        """What the machine's physics says."""
+        seen = self._physics.observe(motion, segments, dt)
+        if self.has_forces and len(segments):
+            late = motion.curve.start[segments] >= self._since
+            force = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
+            at = force.reshape(len(force), len(segments), -1)[:, late]
+            self.largest_force = max(self.largest_force, float(at.max(initial=0.0)))
+        return seen
+
+
+def compute(task: Task) -> Finished:
+    """Make a run; one that fails makes a row that says why.
+
+    Raises
+    ------
+    BagError
+        If its bag cannot be written.
+    """
+    cpu = time.process_time()
+    try:
+        row = _measure(Machine(task.name, task.scene), task.extent, task.bag)
+    except BagError:
+        raise
+    except (InputError, RunError) as error:
+        row = {'status': str(error)}
+    return Finished(task.key, row, time.process_time() - cpu)
+
+
+def _measure(machine: Machine, extent: Extent, file: Path | None) -> dict[str, Value]:
+    edges, skip = extent.edges(machine)
+    gauge = Gauge(machine.physics, edges[skip])
+    audit, tally, digest = Audit(gauge), Tally(edges), MotionDigest()
+    crank = np.full(len(edges), math.nan)
+    largest = 0.0
+    run = machine.start()
+    with RunBag(file, machine, edges[-1]) if file else nullcontext() as bag:
+        while run.time < edges[-1]:
+            run.advance(edges[-1], final=True, most=_BATCH)
+            motion, impacts, changes = run.drain()
+            if bag:
+                bag.add(motion, impacts, changes)
+            work = audit.add(motion, impacts)
+            audit.judge(machine.allowed_penetration)
+            tally.add(motion, impacts, changes, work.friction)
+            _follow(crank, edges, motion, gauge.coordinates.index('crank'))
+            _hash(digest, motion, impacts)
+            largest = max([largest, *(i.normal_impulse for i in impacts if i.t >= edges[skip])])
+    turned = np.abs(np.diff(crank))[skip:] / (2.0 * np.pi)
+    if extent.revolutions:
+        turned = np.ones_like(turned)  # but for rounding
+    kept, width = tally.table[skip:].T, np.diff(edges)[skip:]
+    pairs = [*zip(kept, (turned, turned, turned, width, turned), strict=True), (kept[1], kept[0])]
+    figures = [x for pair in pairs for x in ratio(*pair)]
+    residual = audit.energy.residual if audit.energy else math.nan
+    figures += [turned.sum(), largest, gauge.largest_force, audit.max_penetration, residual]
+    row: dict[str, Value] = {
+        column.name: float(x) if math.isfinite(x) else None
+        for column, x in zip(FIGURES, figures, strict=True)
+    }
+    if not gauge.has_forces:
+        row['largest_force'] = None
+    return row | {'steps': run.steps, 'digest': digest.hexdigest(), 'status': DONE}
+
+
+def _follow(crank: Array, edges: Array, motion: Motion, index: int) -> None:
+    """Enter the crank's angle [rad] at the edges that a batch of steps holds."""
+    curve = motion.curve
+    if len(curve):
+        # the last edge may be the end but for rounding
+        inside = (edges >= curve.start[0]) & (edges <= curve.end * (1.0 + 1e-12))
+        crank[inside] = curve(np.minimum(edges[inside], curve.end))[:, index]
+
+
+def _hash(digest: MotionDigest, motion: Motion, impacts: Sequence[Impact]) -> None:
+    c = motion.curve
+    digest.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
+    for i in impacts:
+        digest.add_impact(
+            i.t, i.joint, i.normal_angle, i.approach_speed, i.rebound_speed, i.normal_impulse,
+            i.tangential_impulse, i.energy_loss, i.drive_impulse,
+        )  # fmt: skip

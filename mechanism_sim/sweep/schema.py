@@ -1,0 +1,31 @@
+"""What a sweep file may say: every key with its bounds and its default."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from mechanism_sim.scene.schema import Angle, Part, Time
+
+Count = Annotated[int, Field(strict=True, ge=1)]
+
+
+class SweepFile(Part):
+    """A sweep: scenes to run, and for how long.
+
+    Overrides are by dotted path, as on the command line; the path ``scene`` is the scene itself.
+    """
+
+    title: str = ''
+    description: str = ''
+    scene: str | None = None  #: of the package, or a path relative to the sweep file
+    set: dict[str, Any] = Field({})  #: overrides of every run
+    grid: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field({})  #: all combinations
+    runs: list[dict[str, Any]] = Field([])  #: each one combined with the grid
+    repeat: Count = 1  #: how often each of them is run
+    nudge: Angle = 1e-6  #: by how much more the crank's start is turned at every repetition
+    revolutions: Count | None = None
+    duration: Annotated[Time, Field(gt=0.0)] | None = None
+    skip: float | str = 0  #: revolutions, or a time, that no figure is made of
+    bags: bool = False

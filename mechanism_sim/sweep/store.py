@@ -1,0 +1,171 @@
+"""What a sweep has computed so far, and the table it ends as.
+
+Beside the table lies a journal: one line of JSON for every finished run, written through to the
+disk before the next is taken, so that whatever ends a sweep costs the unfinished runs only.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.sweep.plan import Plan
+from mechanism_sim.sweep.row import FIGURES, Finished, Value
+
+_RULING = ('mechanism_sim', 'heyoka', 'numpy')
+"""Packages whose version may change the last digit, and with it the impacts of a long run."""
+
+_TYPES = {float: pa.float64(), int: pa.int64(), str: pa.string(), bool: pa.bool_()}
+
+
+class Journal:
+    """The finished runs of a sweep, on disk.
+
+    Parameters
+    ----------
+    table : file of the table that the sweep makes; the journal is beside it
+    plan : the sweep
+    restart : forget what is there
+
+    Attributes
+    ----------
+    rows : figures of the finished runs by key
+
+    Raises
+    ------
+    InputError
+        If the file is there already and of another sweep, is damaged, cannot be written, or
+        another process is writing it.
+    """
+
+    def __init__(self, table: Path, plan: Plan, restart: bool = False) -> None:
+        self.path = table.with_name(f'{table.name}.journal')
+        self.rows: dict[str, dict[str, Value]] = {}
+        fresh = not self.path.exists() or restart
+        if fresh and table.exists() and not restart:
+            raise InputError(
+                f"the table '{table}' exists already and has no journal to go on from: choose "
+                'another name, or give --restart to replace it'
+            )
+        try:
+            self._file = self.path.open('a+b')
+        except OSError as error:
+            raise InputError(f"'{self.path}' cannot be written: {error.strerror}") from error
+        try:
+            self._begin(plan, restart)
+        except InputError:
+            self._file.close()
+            raise
+
+    def _begin(self, plan: Plan, restart: bool) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(f"another sweep is writing '{self.path}'") from error
+        self._file.seek(0)
+        whole, _, torn = (b'' if restart else self._file.read()).rpartition(b'\n')
+        lines = whole.splitlines()
+        if torn or restart:  # a line that was being written when all ended
+            self._file.truncate(len(whole) + bool(whole))
+        head = {'sweep': plan.fingerprint, **{name: version(name) for name in _RULING}}
+        if not lines:
+            self._append(head)
+            return
+        entries = [self._parsed(line, n) for n, line in enumerate(lines, 1)]
+        if entries[0] != head:
+            same = entries[0].get('sweep') == head['sweep']
+            what = 'of another version of the software' if same else 'of another sweep'
+            raise InputError(
+                f"'{self.path}' is {what}: choose another name for the table, or give --restart "
+                'to begin anew'
+            )
+        self.rows = {entry['key']: entry['row'] for entry in entries[1:]}
+
+    def _parsed(self, line: bytes, number: int) -> dict[str, Any]:
+        try:
+            entry = json.loads(line)
+            if isinstance(entry, dict) and (number == 1 or {'key', 'row'} <= entry.keys()):
+                return entry
+        except ValueError:
+            pass
+        raise InputError(
+            f"line {number} of '{self.path}' is damaged: give --restart to begin anew"
+        )
+
+    def add(self, finished: Finished) -> None:
+        """Keep a finished run, whatever happens from now on."""
+        self._append({'key': finished.key, 'cpu': finished.cpu, 'row': finished.row})
+        self.rows[finished.key] = finished.row
+
+    def _append(self, entry: dict[str, Any]) -> None:
+        self._file.write(json.dumps(entry, allow_nan=False).encode() + b'\n')
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+
+def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
+    """Write the table, a row for each run in the order of the plan, all at once.
+
+    Columns: ``run``, the swept values, the figures of `FIGURES`, ``steps``, ``digest``,
+    ``status``. Units and meanings are metadata of the columns.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    columns: list[tuple[Any, list[Any]]] = [
+        (_field('run', pa.int64()), [run.index for run in plan.runs])
+    ]
+    for name in plan.columns:
+        values = [run.values[name] for run in plan.runs]
+        kinds = {type(v) for v in values if v is not None}
+        if len(kinds) != 1:  # several, or none
+            kinds, values = {str}, [None if v is None else str(v) for v in values]
+        unit = 'SI' if kinds == {float} else ''
+        columns.append((_field(name, _TYPES[kinds.pop()], unit), values))
+    results = [_field(c.name, pa.float64(), c.unit, c.meaning) for c in FIGURES]
+    results += [_field('steps', pa.int64()), _field('digest', pa.string())]
+    results.append(_field('status', pa.string()))
+    columns += [(field, [row.get(field.name) for row in rows]) for field in results]
+    schema = pa.schema([field for field, _ in columns], {'sweep': plan.name, 'title': plan.title})
+    table = pa.table([pa.array(v, f.type) for f, v in columns], schema=schema)
+    part = file.with_name(f'.{file.name}.part')
+    try:
+        with part.open('wb') as stream:
+            pq.write_table(table, stream)
+            _to_disk(stream)
+        part.replace(file)
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+
+
+def _to_disk(stream: IO[bytes]) -> None:
+    stream.flush()
+    os.fsync(stream.fileno())
+
+
+def _field(name: str, kind: Any, unit: str = '', meaning: str = '') -> Any:
+    about = {k: v for k, v in (('unit', unit), ('meaning', meaning)) if v}
+    return pa.field(name, kind, metadata=about or None)
