@@ -155,6 +155,9 @@ class Contacts:
 
     def handle(self, guard: int) -> None:
         """A guard fell through zero."""
+        if self._system.lone and self.flying:
+            self._bounce()
+            return
         self._respond(self._system.guards[guard])
         if len(self._floor) > 1:
             for _ in self._floor:
@@ -239,9 +242,6 @@ class Contacts:
             or abs(value) <= self._touching
             or (value <= self._tie and terms.rate[i] < 0.0)
         ]
-        if len(touching) == 1 and not self.closed(gap) and not self._laws[gap].friction:
-            self._bounce(terms, gap)
-            return
         rows = self._rows(touching)
         rate = [terms.rate[r] for r in rows]
         A = [[terms.compliance[r][c] for c in rows] for r in rows]
@@ -290,18 +290,24 @@ class Contacts:
         tangents = [len(self.modes) + i for i in gaps] if self._system.frictional else []
         return [*gaps, *tangents]
 
-    def _bounce(self, terms: ContactTerms, gap: int) -> None:
-        """Impact in one gap alone, the common case: `_collide` without its bookkeeping."""
-        rate, e = min(terms.rate[gap], 0.0), self._laws[gap].restitution
-        stop = self._rule.ends(-e * rate, terms.acceleration[gap], e, -terms.value[gap])
+    def _bounce(self) -> None:
+        """Impact of a lone gap without friction: `_collide` without its bookkeeping."""
+        f, e = self._f, self._laws[0].restitution
+        terms = self._at_present(self._system.contact_function).tolist()
+        value, rate, _, acceleration, *others = terms  # as `System.contact_terms` tells them apart
+        compliance, rate = others[f], min(rate, 0.0)
+        stop = self._rule.ends(-e * rate, acceleration, e, -value)
         after = 0.0 if stop else -e * rate
-        blow = Blow((after - rate) / terms.compliance[gap][gap], 0.0, 0)
-        if blow.normal > 0.0:
-            self._push(terms, gap, blow)
-            self._record_impact(terms, gap, blow, (rate, after), (0.0, 0.0), stop)
-        self._expect_return(after, terms.acceleration[gap])
+        p = (after - rate) / compliance
+        if p > 0.0:
+            for k in range(f):
+                self._state[f + k] += others[k] * p
+            drives = [x * p for x in others[f + 1 : -1]]
+            left = remaining_time(-e * rate, acceleration, e) if stop else 0.0
+            self._enter_impact(0, others[-1], (p, 0.0), rate, after, 0.0, drives, stop, left)
+        self._expect_return(after, acceleration)
         if after <= -1e-9 * rate:
-            self._rest([gap], [gap])
+            self._rest([0], [0])
 
     def _expect_return(self, rebound: float, acceleration: float) -> None:
         """Let the next step be no longer than 100 flights that fall back steadily.
@@ -329,31 +335,44 @@ class Contacts:
         stop: bool,
     ) -> None:
         """Enter an impact, given the rates before and after it."""
-        e = self._laws[i].restitution
+        e, (p, q, _) = self._laws[i].restitution, blow
         left = remaining_time(-e * normal[0], terms.acceleration[i], e) if stop else 0.0
-        tau = self._ta.time
-        p, q = blow.normal, blow.tangential
-        impulse = list(terms.drive_response[i])
+        drives = [x * p for x in terms.drive_response[i]]
         if q:
             other = terms.drive_response[len(self.modes) + i]
-            impulse = [x * p + y * q for x, y in zip(impulse, other, strict=True)]
-        else:
-            impulse = [x * p for x in impulse]
+            drives = [x + y * q for x, y in zip(drives, other, strict=True)]
+        slid = -0.5 * (tangential[0] + tangential[1]) * q
+        self._enter_impact(i, terms.normal_angle[i], (p, q), *normal, slid, drives, stop, left)
+
+    def _enter_impact(
+        self,
+        i: int,
+        angle: float,
+        impulse: tuple[float, float],
+        before: float,
+        after: float,
+        slid: float,
+        drives: list[float],
+        stop: bool,
+        left: float,
+    ) -> None:
+        """The record of an impact: normal rates before and after, energy lost by sliding."""
+        tau = self._ta.time
         angular = work = 0.0
-        for x, law in zip(impulse, self.base.laws, strict=True):
+        for x, law in zip(drives, self.base.laws, strict=True):
             angular += x
             work += x * rate_of(law, tau)
-        loss = -0.5 * (normal[0] + normal[1]) * p - 0.5 * (tangential[0] + tangential[1]) * q
+        p, q = impulse
         self.impacts.append(
             Impact(
-                self.time,
+                self.base.at(tau),
                 self._names[i],
-                terms.normal_angle[i],
-                -normal[0],
-                normal[1] if normal[1] > 0.0 else 0.0,
+                angle,
+                -before,
+                after if after > 0.0 else 0.0,
                 p,
                 q,
-                loss,
+                -0.5 * (before + after) * p + slid,
                 angular,
                 work,
                 stop,

@@ -309,13 +309,6 @@ class System:
         """The output of `contact_function` by name."""
         m, f, p = len(self.gaps), len(self.free), len(self.prescribed)
         r = len(self.dynamics.rows)
-        if r == 1:
-            value, rate, free, acceleration = out[:4]
-            compliance, drive, angle = [out[4 + f]], out[5 + f : 5 + f + p], out[5 + f + p :]
-            return ContactTerms(
-                [value], [rate], [free], [acceleration], [out[4 : 4 + f]], [compliance], [drive],
-                angle,
-            )  # fmt: skip
         h = m + 3 * r
         i = h + r * f
         j = i + r * r
