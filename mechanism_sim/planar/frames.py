@@ -87,7 +87,7 @@ class Frames:
             # arms come last: the products of rate and direction are shared by all points
             c, s, v = hy.cos(self.q[frame]), hy.sin(self.q[frame]), self.v[frame]
             vx, vy = _turned(v * c, v * s, *arm)
-            ax, ay = _turned(v * (v * c), v * (v * s), *arm)
+            ax, ay = mul(v, vx), mul(v, vy)
             x.append(Jet(wx, {frame: neg(wy)}, neg(vy), neg(ax)))
             y.append(Jet(wy, {frame: wx}, vx, neg(ay)))
         zero = Jet(None, {}, None, None)
