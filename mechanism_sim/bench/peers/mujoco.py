@@ -1,7 +1,7 @@
 """MuJoCo as a peer: a tendon of limited length is the pin in its bushing.
 
-The tendon between pin and bushing may be as long as the clearance: exact geometry, where contact of
-a sphere with a ring of shapes would be a polygon. MuJoCo holds a limit by the acceleration
+The tendon between pin and bushing may be as long as the clearance: exact geometry, where contact
+of a sphere with a ring of shapes would be a polygon. MuJoCo holds a limit by the acceleration
 a = -b v - k r of the tendon, for its overlap r and speed v. With b = (1 + e)/h, over one step h,
 that is Newton's law of impact, v+ = -e v. The spring k only takes away the overlap that a step has
 left; on average it adds k h^2/2 to e, which b has less.
@@ -17,7 +17,7 @@ import numpy as np
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
 from mechanism_sim.bench.problem import Outcome, Run, without
 
-RIGIDITY = 0.9999  #: the most that MuJoCo takes: a limit keeps 0.9999 of the acceleration asked for
+RIGIDITY = 0.9999  #: the share of the acceleration asked for that a limit keeps, at most
 FLYWHEEL = 1e9  #: [kg m^2] on the crank's axle: its speed stays the same to 1e-11 rad/s
 
 MODEL = """
@@ -103,7 +103,7 @@ PEER = Peer(
     'steps per revolution',
     prepare,
     'MJCF of hinges, the crank with a flywheel as armature, the pin a tendon of limited length '
-    'whose solref makes Newton\'s law of impact out of one step; semi-implicit Euler and PGS in one '
+    'whose solref makes the law of Newton out of one step; semi-implicit Euler and PGS in one '
     'call of mj_step. Tried and worse at equal cost: springs that resolve the impact (Euler and '
     'RK4, 4 to 60 steps per impact), the Newton solver, other stiffnesses.',
     lambda: without('mujoco'),
