@@ -77,26 +77,29 @@ class LooseFourBar:
         at = round(64 * revolutions)
         states = run['states']
         masses = {
-            f'{name}_{key}': getattr(link, key) or 0.0
+            f'{name}_{key}': getattr(link, key)
             for name, link in scene.links.items()
             for key in ('mass', 'inertia', 'cog')
         }
         return cls(
-            links.ground.length,
-            links.crank.length,
-            links.coupler.length,
-            links.rocker.length,
-            *masses.values(),
-            -scene.scene.gravity[1],
-            clearance.radial,
-            clearance.restitution,
-            *scene.start_of_crank,
-            *state.q,
-            *state.v,
-            start == 'seated',
-            float(states['t'][at]),
-            revolutions,
-            (float(states['th3'][at]), float(states['th4'][at])),
+            ground=links.ground.length,
+            crank=links.crank.length,
+            coupler=links.coupler.length,
+            rocker=links.rocker.length,
+            **masses,
+            gravity=-scene.scene.gravity[1],
+            clearance=clearance.radial,
+            restitution=clearance.restitution,
+            crank_angle=scene.start_of_crank[0],
+            crank_speed=scene.start_of_crank[1],
+            coupler_angle=state.q[0],
+            rocker_angle=state.q[1],
+            coupler_rate=state.v[0],
+            rocker_rate=state.v[1],
+            seated=start == 'seated',
+            duration=float(states['t'][at]),
+            revolutions=revolutions,
+            final=(float(states['th3'][at]), float(states['th4'][at])),
         )
 
     def error(self, answer: Answer) -> float:
@@ -134,7 +137,7 @@ class Peer:
     any_restitution: bool = False
 
     def method(self, four_bar: LooseFourBar) -> Method:
-        """This peer at work on a mechanism."""
+        """The peer at work on a mechanism."""
         return Method(
             self.name,
             self.settings,

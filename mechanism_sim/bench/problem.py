@@ -98,7 +98,7 @@ OURS = 'mechanism_sim'
 def problems() -> dict[str, Problem]:
     """All problems of the modules in `mechanism_sim.bench.problems` by name, in their order."""
     package = import_module('mechanism_sim.bench.problems')
-    found = {}
+    found: dict[str, Problem] = {}
     for module in iter_modules(package.__path__):
         content = vars(import_module(f'{package.__name__}.{module.name}'))
         found |= {thing.name: thing for thing in content.values() if isinstance(thing, Problem)}

@@ -15,7 +15,8 @@ branch, frictionless, point pin, Newton's restitution, crank at constant speed f
 * Books: energy, and closure of the loop at the end of every step of following; together they
   leave the equations no freedom. A second run with another order, precision and cut is compared.
 
-`python make_four_bar_clearance.py [NAME...]` writes `four_bar_NAME.json` to mechanism_sim/bench/references.
+`python make_four_bar_clearance.py [NAME...]` writes `four_bar_NAME.json` to
+mechanism_sim/bench/references.
 """
 
 from __future__ import annotations
