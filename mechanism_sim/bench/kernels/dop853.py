@@ -31,7 +31,7 @@ def stepper(rate, size):
     * ``dense(y, F, x, out)`` writes the state at the fraction x of the step.
     """
 
-    @njit(fastmath=True)
+    @njit(fastmath=True, error_model='numpy')
     def stage(i, t, y, h, K, p, z):
         for k in range(size):
             z[k] = 0.0
@@ -44,7 +44,7 @@ def stepper(rate, size):
             z[k] = y[k] + h * z[k]
         return rate(t + _C[i] * h, z, p, K[i])
 
-    @njit(fastmath=True)
+    @njit(fastmath=True, error_model='numpy')
     def step(t, y, h, K, p, rtol, atol, new):
         low, high, last = np.inf, -np.inf, 0.0
         for i in range(1, STAGES + 1):
@@ -64,7 +64,7 @@ def stepper(rate, size):
         error = abs(h) * fifth / np.sqrt((fifth + 0.01 * third) * size)
         return error, low, high, last
 
-    @njit(fastmath=True)
+    @njit(fastmath=True, error_model='numpy')
     def densify(t, y, h, K, p, new, F):
         for i in range(STAGES + 1, ROWS):
             stage(i, t, y, h, K, p, F[0])
@@ -79,7 +79,7 @@ def stepper(rate, size):
                     total += _D[i, j] * K[j, k]
                 F[3 + i, k] = h * total
 
-    @njit(fastmath=True)
+    @njit(fastmath=True, error_model='numpy')
     def dense(y, F, x, out):
         for k in range(size):
             value = 0.0

@@ -12,7 +12,8 @@ Links: crank 2, coupler 3, rocker 4, frame 1, as in the thesis.
 
 from __future__ import annotations
 
-from math import atan2, cos, sin, sqrt
+from math import atan2, cos, floor, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,93 +21,139 @@ from numba import njit
 from mechanism_sim.bench.kernels.dop853 import ROWS, stepper
 
 LOOK = 8  #: points of a step at which a guard is looked at
-SHARP = 100.0  #: error allowed in the contact angle, in units of that of the links
+SHARP = 1000.0  #: error allowed in the contact angle, in units of that of the links
+SWAY = 1000.0  #: [rad/s] what its rate may be wrong by for an error of 1 rad, tried out
 
 
-@njit(fastmath=True)
+class Constants(NamedTuple):
+    """Lengths [m], crank speed [rad/s] and angle [rad], and what the moment equations need."""
+
+    l1: float
+    l2: float
+    l3: float
+    l4: float
+    c: float
+    w2: float
+    start: float
+    I3: float  #: [kg m^2] coupler about its joint with the crank
+    I4: float  #: [kg m^2] rocker about its joint with the frame
+    swing: float  #: m3 S3 l2 w2^2/I3 [rad/s^2]
+    fall3: float  #: m3 S3 g/I3 [rad/s^2]
+    fall4: float  #: m4 S4 g/I4 [rad/s^2]
+    e: float
+    size: float  #: [m]
+
+
+@njit(error_model='numpy')
+def sincos(x):
+    """Sine and cosine together, the polynomials of fdlibm: half the time of two calls."""
+    k = floor(x * 0.6366197723675814 + 0.5)
+    r = (x - k * 1.5707963267341256) - k * 6.077100506506192e-11
+    z = r * r
+    w = z * z
+    s = -1.66666666666666324348e-01 + z * 8.33333333332248946124e-03
+    s += w * (-1.98412698298579493134e-04 + z * 2.75573137070700676789e-06)
+    s += (w * w) * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+    s = r + r * z * s
+    c = 4.16666666666666019037e-02 + z * -1.38888888888741095749e-03
+    c += w * (2.48015872894767294178e-05 + z * -2.75573143513906633035e-07)
+    c += (w * w) * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+    c = 1.0 - (0.5 * z - w * c)
+    quarter = int(k) & 3
+    if quarter & 1:
+        s, c = c, -s
+    return (-s, -c) if quarter & 2 else (s, c)
+
+
+@njit(fastmath=True, error_model='numpy')
 def fly(t, y, p, out):
     """Rates of (th3, th4, w3, w4) in flight. The guard is no use here."""
-    _, _, _, _, _, w2, start, _, _, swing, fall3, fall4, _, _ = p
+    s23, _ = sincos(p.w2 * t + p.start - y[0])
+    _, c3 = sincos(y[0])
+    _, c4 = sincos(y[1])
     out[0], out[1] = y[2], y[3]
-    out[2] = swing * sin(w2 * t + start - y[0]) - fall3 * cos(y[0])
-    out[3] = -fall4 * cos(y[1])
+    out[2], out[3] = p.swing * s23 - p.fall3 * c3, -p.fall4 * c4
     return 0.0
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model='numpy')
 def close_loop(t, eta, we, p):
-    """Sines and cosines of th2, eta, th3, th4, then w3, w4 and ``sin(th4 - th3)``."""
-    l1, l2, l3, l4, c, w2, start, _, _, _, _, _, _, _ = p
-    s2, c2, se, ce = sin(w2 * t + start), cos(w2 * t + start), sin(eta), cos(eta)
-    x, y = l1 + c * ce - l2 * c2, c * se - l2 * s2
+    """Sines and cosines of th2, eta, th3, th4, then w3, w4 and ``S = sin(th4 - th3)``."""
+    s2, c2 = sincos(p.w2 * t + p.start)
+    se, ce = sincos(eta)
+    x, y = p.l1 + p.c * ce - p.l2 * c2, p.c * se - p.l2 * s2
     d = x * x + y * y
-    a = (l3 * l3 + d - l4 * l4) / (2.0 * l3 * d)
-    b = sqrt(1.0 / d - a * a)
-    c3, s3 = a * x - b * y, a * y + b * x
-    c4, s4 = (l3 * c3 - x) / l4, (l3 * s3 - y) / l4
-    S = c3 * s4 - s3 * c4
-    rx, ry = l2 * w2 * s2 - c * we * se, c * we * ce - l2 * w2 * c2
-    w3, w4 = (rx * c4 + ry * s4) / (l3 * S), (rx * c3 + ry * s3) / (l4 * S)
+    m = p.l3 * p.l3 - p.l4 * p.l4 + d
+    area = sqrt(4.0 * p.l3 * p.l3 * d - m * m)  # four times that of the triangle l3, l4, sqrt(d)
+    S, over = area * (0.5 / (p.l3 * p.l4)), (2.0 * p.l3 * p.l4) / area
+    a = 0.5 / (p.l3 * d)
+    c3, s3 = a * (m * x - area * y), a * (m * y + area * x)
+    c4, s4 = (p.l3 * c3 - x) * (1.0 / p.l4), (p.l3 * s3 - y) * (1.0 / p.l4)
+    v2, ve = p.l2 * p.w2, p.c * we
+    rx, ry = v2 * s2 - ve * se, ve * ce - v2 * c2
+    w3 = (rx * c4 + ry * s4) * over * (1.0 / p.l3)
+    w4 = (rx * c3 + ry * s3) * over * (1.0 / p.l4)
     return s2, c2, se, ce, s3, c3, s4, c4, w3, w4, S
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model='numpy')
 def follow(t, y, p, out):
-    """Rates of (eta, eta'); returns the contact force [N].
+    """Rates of (eta, eta'); returns a positive multiple of the contact force.
 
     The acceleration of the closed loop is affine in eta''; d'Alembert's principle along eta, in
-    which the contact force does no work, gives eta'', and the coupler's and rocker's moments the
-    force.
+    which the contact force does no work, gives eta'', and the moments of coupler and rocker the
+    force. All is multiplied by S, which is positive on this branch.
     """
-    _, l2, l3, l4, c, w2, _, I3, I4, swing, fall3, fall4, _, _ = p
     we = y[1]
     s2, c2, se, ce, s3, c3, s4, c4, w3, w4, S = close_loop(t, y[0], we, p)
-    q2, q3, q4, qe = l2 * w2 * w2, l3 * w3 * w3, l4 * w4 * w4, c * we * we
+    q2, q3, q4, qe = p.l2 * p.w2 * p.w2, p.l3 * w3 * w3, p.l4 * w4 * w4, p.c * we * we
     x = q2 * c2 + q3 * c3 - q4 * c4 - qe * ce
     z = q2 * s2 + q3 * s3 - q4 * s4 - qe * se
-    free3, free4 = swing * (s2 * c3 - c2 * s3) - fall3 * c3, -fall4 * c4
-    short3, short4 = free3 - (x * c4 + z * s4) / (l3 * S), free4 - (x * c3 + z * s3) / (l4 * S)
-    p3, p4 = c * (ce * s4 - se * c4) / (l3 * S), c * (ce * s3 - se * c3) / (l4 * S)
-    ae = (I3 * p3 * short3 + I4 * p4 * short4) / (I3 * p3 * p3 + I4 * p4 * p4)
-    k3, k4 = l3 * (se * c3 - ce * s3), l4 * (se * c4 - ce * s4)
+    free3, free4 = p.swing * (s2 * c3 - c2 * s3) - p.fall3 * c3, -p.fall4 * c4
+    short3 = free3 * S - (x * c4 + z * s4) * (1.0 / p.l3)
+    short4 = free4 * S - (x * c3 + z * s3) * (1.0 / p.l4)
+    p3, p4 = (ce * s4 - se * c4) * (p.c / p.l3), (ce * s3 - se * c3) * (p.c / p.l4)
+    m3, m4 = p.I3 * p3, p.I4 * p4
+    ae = (m3 * short3 + m4 * short4) * (1.0 / (m3 * p3 + m4 * p4))
     out[0], out[1] = we, ae
-    moment3, moment4 = I3 * (short3 - p3 * ae), I4 * (short4 - p4 * ae)
-    return (k3 * moment3 - k4 * moment4) / (k3 * k3 + k4 * k4)
+    k3, k4 = p.l3 * (se * c3 - ce * s3), p.l4 * (se * c4 - ce * s4)
+    return k3 * (p.I3 * short3 - m3 * ae) - k4 * (p.I4 * short4 - m4 * ae)
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model='numpy')
 def gap(t, th3, th4, p):
     """Gap [m]."""
-    l1, l2, l3, l4, c, w2, start, _, _, _, _, _, _, _ = p
-    th2 = w2 * t + start
-    x = l2 * cos(th2) + l3 * cos(th3) - l1 - l4 * cos(th4)
-    y = l2 * sin(th2) + l3 * sin(th3) - l4 * sin(th4)
-    return c - sqrt(x * x + y * y)
+    s2, c2 = sincos(p.w2 * t + p.start)
+    s3, c3 = sincos(th3)
+    s4, c4 = sincos(th4)
+    x = p.l2 * c2 + p.l3 * c3 - p.l1 - p.l4 * c4
+    y = p.l2 * s2 + p.l3 * s3 - p.l4 * s4
+    return p.c - sqrt(x * x + y * y)
 
 
-@njit
+@njit(error_model='numpy')
 def bearing(t, y, p):
     """Pin in bushing: components of Q, |Q|, normal and tangential rate, k3, k4, effective mass."""
-    l1, l2, l3, l4, _, w2, start, I3, I4, _, _, _, _, _ = p
-    th2 = w2 * t + start
-    s2, c2, s3, c3, s4, c4 = sin(th2), cos(th2), sin(y[0]), cos(y[0]), sin(y[1]), cos(y[1])
-    x, z = l2 * c2 + l3 * c3 - l1 - l4 * c4, l2 * s2 + l3 * s3 - l4 * s4
+    s2, c2 = sincos(p.w2 * t + p.start)
+    s3, c3 = sincos(y[0])
+    s4, c4 = sincos(y[1])
+    v2, v3, v4 = p.l2 * p.w2, p.l3 * y[2], p.l4 * y[3]
+    x, z = p.l2 * c2 + p.l3 * c3 - p.l1 - p.l4 * c4, p.l2 * s2 + p.l3 * s3 - p.l4 * s4
     r = sqrt(x * x + z * z)
-    vx = -l2 * w2 * s2 - l3 * y[2] * s3 + l4 * y[3] * s4
-    vz = l2 * w2 * c2 + l3 * y[2] * c3 - l4 * y[3] * c4
-    k3, k4 = l3 * (z * c3 - x * s3) / r, l4 * (z * c4 - x * s4) / r
-    mass = 1.0 / (k3 * k3 / I3 + k4 * k4 / I4)
+    vx, vz = v4 * s4 - v2 * s2 - v3 * s3, v2 * c2 + v3 * c3 - v4 * c4
+    k3, k4 = p.l3 * (z * c3 - x * s3) / r, p.l4 * (z * c4 - x * s4) / r
+    mass = 1.0 / (k3 * k3 / p.I3 + k4 * k4 / p.I4)
     return x, z, r, (vx * x + vz * z) / r, (vz * x - vx * z) / r, k3, k4, mass
 
 
-@njit
+@njit(error_model='numpy')
 def pull(t, y, p):
     """Second derivative of the gap in flight [m/s^2]."""
-    _, l2, l3, l4, _, w2, start, _, _, swing, fall3, fall4, _, _ = p
     x, z, r, _, slide, k3, k4, _ = bearing(t, y, p)
-    th2 = w2 * t + start
-    a3, a4 = swing * sin(th2 - y[0]) - fall3 * cos(y[0]), -fall4 * cos(y[1])
-    q2, q3, q4 = l2 * w2 * w2, l3 * y[2] ** 2, l4 * y[3] ** 2
+    th2 = p.w2 * t + p.start
+    a3 = p.swing * sin(th2 - y[0]) - p.fall3 * cos(y[0])
+    a4 = -p.fall4 * cos(y[1])
+    q2, q3, q4 = p.l2 * p.w2 * p.w2, p.l3 * y[2] ** 2, p.l4 * y[3] ** 2
     ax = q4 * cos(y[1]) - q2 * cos(th2) - q3 * cos(y[0])
     az = q4 * sin(y[1]) - q2 * sin(th2) - q3 * sin(y[0])
     return -(k3 * a3 - k4 * a4 + (ax * x + az * z) / r + slide * slide / r)
@@ -116,13 +163,13 @@ _fly_step, _fly_densify, _fly_dense = stepper(fly, 4)
 _follow_step, _follow_densify, _follow_dense = stepper(follow, 2)
 
 
-@njit
+@njit(error_model='numpy')
 def _gap_at(x, t, h, y, F, p, z):
     _fly_dense(y, F, x, z)
     return gap(t + x * h, z[0], z[1], p)
 
 
-@njit
+@njit(error_model='numpy')
 def _force_at(x, t, h, y, F, p, z):
     _follow_dense(y, F, x, z[:2])
     return follow(t + x * h, z[:2], p, z[2:])
@@ -131,7 +178,7 @@ def _force_at(x, t, h, y, F, p, z):
 def _finder(guard):
     """Compiled search for the first fall of a guard through zero on a dense output."""
 
-    @njit
+    @njit(error_model='numpy')
     def root(a, fa, b, fb, t, h, y, F, p, z):
         """Between a, where the guard is positive, and b, by the Illinois rule."""
         side = 0
@@ -148,7 +195,7 @@ def _finder(guard):
                 break
         return x
 
-    @njit
+    @njit(error_model='numpy')
     def first_fall(t, h, y, F, p, z, values, rising):
         """Fraction of the step at which the guard first falls through zero; 2 if it does not.
 
@@ -191,7 +238,7 @@ def _finder(guard):
 _first_gap, _first_force = _finder(_gap_at), _finder(_force_at)
 
 
-@njit
+@njit(error_model='numpy')
 def resize(h, error):
     """Next step size, as SciPy's."""
     if error == 0.0:
@@ -199,24 +246,23 @@ def resize(h, error):
     return h * min(10.0, max(0.2, 0.9 * error**-0.125))
 
 
-@njit
+@njit(error_model='numpy')
 def revolve(p, start, following, end, rtol, times):
     """Run from t = 0 to `end` [s].
 
-    `p` holds l1, l2, l3, l4, c, w2, start angle, IA3, IO4, m3 S3 l2 w2^2/IA3, m3 S3 g/IA3,
-    m4 S4 g/IO4, restitution and size [m]; `start` (th3, th4, w3, w4); `times` (n,) takes the
+    `start` holds th3, th4, w3, w4 [rad, rad/s]; `times` (n,) takes the
     times of the first n impacts. Returns th3, th4, steps, impacts.
     """
-    c, e, size = p[4], p[12], p[13]
-    height = max(rtol * (1.0 - e), 8.0 * 2.3e-16) * size
+    c, e = p.c, p.e
+    height = max(0.1 * rtol * (1.0 - e), 8.0 * 2.3e-16) * p.size
     y, new, z = start.copy(), np.empty(4), np.empty(4)
     K, F, values = np.empty((ROWS, 4)), np.empty((7, 4)), np.empty(LOOK + 1)
     u, unew, Ku, Fu = np.empty(2), np.empty(2), np.empty((ROWS, 2)), np.empty((7, 2))
     atol, atolu = np.full(4, 0.1 * rtol), np.empty(2)
     sharp = SHARP * rtol
-    atolu[0], atolu[1] = sharp, sharp * p[5]
+    atolu[0], atolu[1] = sharp, sharp * SWAY
     t, steps, impacts = 0.0, 0, 0
-    h_fly = h_follow = 1e-3 / p[5]
+    h_fly = h_follow = 1e-3 / p.w2
     if following:
         x, w, _, _, slide, _, _, _ = bearing(t, y, p)
         u[0], u[1] = atan2(w, x), slide / c
@@ -225,7 +271,7 @@ def revolve(p, start, following, end, rtol, times):
             h = min(h_follow, end - t)
             lowest = follow(t, u, p, Ku[0])
             while True:
-                error, low, high, last = _follow_step(t, u, h, Ku, p, sharp, atolu, unew)
+                error, low, high, last = _follow_step(t, u, h, Ku, p, 0.0, atolu, unew)
                 steps += 1
                 if error > 1.0:
                     h = resize(h, error)
@@ -243,7 +289,7 @@ def revolve(p, start, following, end, rtol, times):
                     before = _force_at(max(at - 0.01, 0.0), t, h, u, Fu, p, z)
                     slope = (0.0 - before) / (min(0.01, at) * h)
                     h *= at
-                    _, _, _, last = _follow_step(t, u, h, Ku, p, sharp, atolu, unew)
+                    _, _, _, last = _follow_step(t, u, h, Ku, p, 0.0, atolu, unew)
                     shift = -last / slope
                     t += h + shift
                     for k in range(2):
@@ -301,8 +347,8 @@ def revolve(p, start, following, end, rtol, times):
             speed = e * approach
             following = back < 0.0 and speed * speed <= -2.0 * back * height
             impulse = (1.0 + (0.0 if following else e)) * mass * approach
-            y[2] -= impulse * k3 / p[7]
-            y[3] += impulse * k4 / p[8]
+            y[2] -= impulse * k3 / p.I3
+            y[3] += impulse * k4 / p.I4
             touching = True
             if following:
                 x, w, _, _, slide, _, _, _ = bearing(t, y, p)

@@ -10,13 +10,15 @@ from mechanism_sim.bench.four_bar import LooseFourBar, Peer
 from mechanism_sim.bench.problem import Outcome, Run, without
 
 
-def constants(four_bar: LooseFourBar) -> tuple[float, ...]:
-    """What `mechanism_sim.bench.kernels.loose_four_bar.revolve` calls `p`."""
-    f = four_bar
+def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
+    """Compile, and be ready to run."""
+    from mechanism_sim.bench.kernels.loose_four_bar import Constants, revolve  # noqa: PLC0415
+
+    f, times = four_bar, np.empty(64)
     I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
     I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
-    moment3, moment4 = f.coupler_mass * f.coupler_cog, f.rocker_mass * f.rocker_cog
-    return (
+    moment3, moment4 = f.coupler_mass * f.coupler_cog / I3, f.rocker_mass * f.rocker_cog / I4
+    p = Constants(
         f.ground,
         f.crank,
         f.coupler,
@@ -26,19 +28,12 @@ def constants(four_bar: LooseFourBar) -> tuple[float, ...]:
         f.crank_angle,
         I3,
         I4,
-        moment3 * f.crank * f.crank_speed**2 / I3,
-        moment3 * f.gravity / I3,
-        moment4 * f.gravity / I4,
+        moment3 * f.crank * f.crank_speed**2,
+        moment3 * f.gravity,
+        moment4 * f.gravity,
         f.restitution,
         f.ground,
     )
-
-
-def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
-    """Compile, and be ready to run."""
-    from mechanism_sim.bench.kernels.loose_four_bar import revolve  # noqa: PLC0415 - compiles
-
-    f, p, times = four_bar, constants(four_bar), np.empty(64)
     start = np.array([f.coupler_angle, f.rocker_angle, f.coupler_rate, f.rocker_rate])
     revolve(p, start, f.seated, 1e-9, rtol, times)
 
