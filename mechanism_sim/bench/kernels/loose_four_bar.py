@@ -306,8 +306,7 @@ def revolve(p, start, following, end, rtol, times):
             _, _, _, _, s3, c3, s4, c4, w3, w4, _ = close_loop(t, u[0], u[1], p)
             y[0], y[1], y[2], y[3] = atan2(s3, c3), atan2(s4, c4), w3, w4
             touching = True
-            if h_fly < h_follow:
-                h_fly = h_follow
+            h_fly = max(h_fly, h_follow)
             continue
         h = min(h_fly, end - t)
         fly(t, y, p, K[0])

@@ -81,9 +81,7 @@ class BareLoop:
             t_events=[hy.t_event(guard, direction=hy.event_direction.negative)],
         )
 
-    def _bearing(
-        self, y: list[float]
-    ) -> tuple[float, float, float, float, float, float, float]:
+    def _bearing(self, y: list[float]) -> tuple[float, float, float, float, float, float, float]:
         """Gap, normal and tangential rate, k3, k4, effective mass, gap acceleration in flight."""
         f = self._f
         th3, th4, w3, w4, s2, c2 = y

@@ -19,7 +19,7 @@ TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 
 
 def ours(start: str, e: float, end: float) -> Callable[[float], Run]:
-    """This package's event loop up to `end` [s], by tolerance."""
+    """The event loop of this package up to `end` [s], by tolerance."""
 
     def prepare(rtol: float) -> Run:
         machine = load_scene(
@@ -66,16 +66,14 @@ def problem(
                 TOLERANCES,
                 'rtol',
                 ours(start, e, four_bar.duration),
-                'The event loop of `simulate`; motion is recorded as polynomials, impacts with all figures.',
+                'The event loop of `simulate`, which records motion as polynomials and impacts.',
             ),
             *(peer.method(four_bar) for peer in peers() if everyone or peer.any_restitution),
         ),
     )
 
 
-CENTRED = problem(
-    'four_bar_clearance', 'Loose four-bar, centred start, e = 0.5', 'centred', 0.5
-)
+CENTRED = problem('four_bar_clearance', 'Loose four-bar, centred start, e = 0.5', 'centred', 0.5)
 PLASTIC = problem(
     'four_bar_clearance_e01', 'Loose four-bar, centred start, e = 0.1', 'centred', 0.1
 )
