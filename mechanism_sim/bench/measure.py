@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from statistics import median
 
+import heyoka as hy
 import numpy as np
 
 from mechanism_sim.bench.problem import Method, Outcome, Problem, Run
@@ -95,6 +96,8 @@ def measure(
     tolerances : replace the settings of the methods whose setting is rtol
     show : told what is going on
     """
+    from_disk = hy.llvm_state.get_diskcache_enabled()
+    hy.llvm_state.set_diskcache_enabled(False)  # compile times are those of the first time
     skipped: dict[str, str] = {}
     pairs: list[tuple[Row, Run]] = []
     rows: list[Row] = []
@@ -123,6 +126,7 @@ def measure(
                     row.times.append(_timed(run)[0] / problem.amount)
     finally:
         gc.unfreeze()
+        hy.llvm_state.set_diskcache_enabled(from_disk)
     return Measurement(problem, tuple(rows), skipped)
 
 
@@ -130,6 +134,7 @@ def _first(problem: Problem, row: Row) -> Run | None:
     """Prepare a row and run it once; ``None`` if it fails."""
     began = time.process_time()
     try:
+        hy.llvm_state.clear_memcache()
         run = row.method.prepare(row.tolerance)
         row.compile_time = time.process_time() - began
         _timed(run, once=True)  # caches fill
