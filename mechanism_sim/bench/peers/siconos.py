@@ -24,6 +24,14 @@ from mechanism_sim.bench.problem import Outcome, Run
 
 PROCESS = Path(__file__).with_name('siconos_process.py')
 
+TRIAL = """
+try:
+    import siconos.kernel
+    print('here')
+except ImportError:
+    pass
+"""
+
 PLUGIN = """
 #include <math.h>
 
@@ -104,8 +112,7 @@ def interpreter() -> str | None:
     wanted = os.environ.get('MECHANISM_SIM_SICONOS_PYTHON')
     for python in [wanted] if wanted else ['python3', '/usr/bin/python3']:
         path = shutil.which(python)
-        look = 'from importlib.util import find_spec; print(find_spec("siconos"))'
-        if path and output([path, '-I', '-c', look]).strip() != 'None':
+        if path and output([path, '-I', '-c', TRIAL]).strip() == 'here':
             return path
     return None
 
