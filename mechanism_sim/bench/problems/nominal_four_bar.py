@@ -83,7 +83,7 @@ def newton_euler(_: float) -> Run:
                 A[:, 3 * i + 2, 2 * joint + 1] = on * arm * along[0]
             b[:, 3 * i : 3 * i + 2], b[:, 3 * i + 2] = mass * c.T, inertia * alpha
         A[:, 2, 8] = 1.0
-        forces = np.linalg.solve(A, b[:, :, None])[:, :, 0]
+        forces: Answer = np.linalg.solve(A, b[:, :, None])[:, :, 0]
         return lambda: Outcome(known(forces[:, 4:6].T))
 
     return run
@@ -104,7 +104,7 @@ PROBLEM = Problem(
             (float(SAMPLES),),
             'samples',
             ours,
-            'Loop closure in closed form and inverse dynamics in compiled expressions, vectorised; '
+            'Loop closure in closed form, inverse dynamics in compiled expressions, vectorised; '
             'energies are computed too.',
         ),
         Method(
@@ -112,7 +112,7 @@ PROBLEM = Problem(
             (float(SAMPLES),),
             'samples',
             newton_euler,
-            'Vectorised loop closure, then `numpy.linalg.solve` on the nine equations of a sample.',
+            'Vectorised loop closure, then `numpy.linalg.solve` on nine equations a sample.',
         ),
     ),
     1e-12,

@@ -45,7 +45,7 @@ def ours(rtol: float) -> Run:
 def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
     """Rates of (th2, w2): the one coordinate, by virtual power."""
 
-    def rate(t: float, y: Answer) -> tuple[float, float]:
+    def rate(_: float, y: Answer) -> tuple[float, float]:
         th2, w = y.tolist()
         s2, c2 = sin(th2), cos(th2)
         x, z = f.ground - f.crank * c2, -f.crank * s2
