@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
+import socket
+import subprocess
+import sys
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
@@ -10,12 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.scene import Machine, load_scene, simulate
 
 REVOLUTIONS = 20
 JOINTS = ('coupler_rocker', 'crank_coupler', 'rocker_ground', 'ground_crank')
 RATES = (1e3, 1e4, 1e5)
-LENGTHS = (10, 100, 1000)
+SENSORS = (0, 1, 2, 4, 8)
+LENGTHS = (10, 100, 500)
+STREAMED = (20, 100)
 REPEATS = 3
 
 
@@ -29,7 +37,8 @@ class Cost:
     size : of it
     cpu_per_unit : [s]
     unit : what the time counts
-    peak_memory : [B] that Python and NumPy held at most, where it was asked for
+    peak_memory : [B] that Python and NumPy held at most, or that a process held at most in the
+        families that run nodes
     """
 
     family: str
@@ -42,7 +51,7 @@ class Cost:
 def scaling(show: Callable[[str], None] = lambda _: None) -> list[Cost]:
     """All families, one after the other."""
     found = []
-    for family in (_loose_joints, _sample_rates, _lengths):
+    for family in (_loose_joints, _sample_rates, _sensors, _lengths, _streams):
         for cost in family():
             show(f'{cost.family} {cost.size:g}: {cost.cpu_per_unit:.3g} s per {cost.unit}')
             found.append(cost)
@@ -99,3 +108,42 @@ def _lengths() -> Iterator[Cost]:
         tracemalloc.stop()
         yield Cost('revolutions, all motion kept', revolutions, cpu / revolutions, 'revolution',
                    peak)  # fmt: skip
+
+
+def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
+    """CPU time [s] and peak memory [B] of a process that runs the scene as nodes."""
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        router = f'tcp/127.0.0.1:{free.getsockname()[1]}'
+    command = [sys.executable, '-m', 'mechanism_sim', 'run', 'four_bar_clearance', '--json',
+               '--revolutions', str(revolutions), *options]  # fmt: skip
+    child = subprocess.Popen(  # noqa: S603 - our own command
+        command, stdout=subprocess.DEVNULL, env=os.environ | {'MECHANISM_SIM_ROUTER': router}
+    )
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise RunError(f'{" ".join(command)} ended with code {child.returncode}')
+    return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+
+
+def _sensors() -> Iterator[Cost]:
+    """CPU time of a revolution as nodes, by accelerometers at 10 kHz; start-up left out."""
+    for count in SENSORS:
+        sensors = {
+            f'a{i}': {'link': 'rocker', 'at': f'{100 + 20 * i} mm', 'axis': 'across',
+                      'sample_rate': '10 kHz'}
+            for i in range(count)
+        }  # fmt: skip
+        option = ('--set', f'sensors={json.dumps(sensors)}')
+        short, long = (_nodes(n, *option) for n in STREAMED)
+        cpu = (long[0] - short[0]) / (STREAMED[1] - STREAMED[0])
+        yield Cost('accelerometers at 10 kHz, as nodes', count, cpu, 'revolution', long[1])
+
+
+def _streams() -> Iterator[Cost]:
+    """CPU time of a revolution and peak memory of a run as nodes, which keeps nothing."""
+    for revolutions in STREAMED:
+        cpu, peak = _nodes(revolutions)
+        yield Cost('revolutions, as nodes, start-up included', revolutions, cpu / revolutions,
+                   'revolution', peak)  # fmt: skip

@@ -83,7 +83,7 @@ def newton_euler(_: float) -> Run:
                 A[:, 3 * i + 2, 2 * joint + 1] = on * arm * along[0]
             b[:, 3 * i : 3 * i + 2], b[:, 3 * i + 2] = mass * c.T, inertia * alpha
         A[:, 2, 8] = 1.0
-        forces: Answer = np.linalg.solve(A, b[:, :, None])[:, :, 0]
+        forces = np.asarray(np.linalg.solve(A, b[:, :, None])[:, :, 0], np.float64)
         return lambda: Outcome(known(forces[:, 4:6].T))
 
     return run
