@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run, without
+from mechanism_sim.bench.problem import Answer, Outcome, Run, without
+
+if TYPE_CHECKING:
+    from mechanism_sim.bench.kernels.loose_four_bar import Constants
 
 
-def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
-    """Compile, and be ready to run."""
-    from mechanism_sim.bench.kernels.loose_four_bar import Constants, revolve  # noqa: PLC0415
+def constants(four_bar: LooseFourBar) -> Constants:
+    """The mechanism as its compiled loop takes it."""
+    from mechanism_sim.bench.kernels.loose_four_bar import Constants  # noqa: PLC0415
 
-    f, times = four_bar, np.empty(64)
+    f = four_bar
     I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
     I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
     moment3, moment4 = f.coupler_mass * f.coupler_cog / I3, f.rocker_mass * f.rocker_cog / I4
-    p = Constants(
+    return Constants(
         f.ground,
         f.crank,
         f.coupler,
@@ -34,11 +38,24 @@ def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
         f.restitution,
         f.ground,
     )
-    start = np.array([f.coupler_angle, f.rocker_angle, f.coupler_rate, f.rocker_rate])
-    revolve(p, start, f.seated, 1e-9, rtol, times)
+
+
+def initial(four_bar: LooseFourBar) -> Answer:
+    """Angles and rates of coupler and rocker at the start (4,)."""
+    f = four_bar
+    return np.array([f.coupler_angle, f.rocker_angle, f.coupler_rate, f.rocker_rate])
+
+
+def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
+    """Compile, and be ready to run."""
+    from mechanism_sim.bench.kernels.loose_four_bar import revolve  # noqa: PLC0415
+
+    p, start, times = constants(four_bar), initial(four_bar), np.empty(0)
+    seated, end = four_bar.seated, four_bar.duration
+    revolve(p, start, seated, 1e-9, rtol, times)
 
     def run() -> Callable[[], Outcome]:
-        th3, th4, steps, impacts = revolve(p, start, f.seated, f.duration, rtol, times)
+        th3, th4, steps, impacts = revolve(p, start, seated, end, rtol, times)
         return lambda: Outcome(np.array([th3, th4]), steps, impacts)
 
     return run
