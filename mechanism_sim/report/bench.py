@@ -15,7 +15,7 @@ from mechanism_sim.bench.scaling import Cost
 from mechanism_sim.errors import InputError
 
 _PREFIXES = ((1.0, 's'), (1e-3, 'ms'), (1e-6, 'us'), (1e-9, 'ns'))
-_MARKERS = 'osD^vPX<>*hd'
+_MARKERS = 'osD^vPX*<>phd+x1234'
 _LINES = ('-', '--', '-.', ':')
 _FLOOR = 1e-16  #: where an error of exactly zero is drawn
 
@@ -251,7 +251,8 @@ def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
             linestyle=_LINES[i % len(_LINES)],
             color='black' if first else f'{0.15 + 0.5 * (i % 4) / 3:.2f}',
             linewidth=2.2 if first else 1.1,
-            markersize=7 if first else 5,
+            markersize=7 if first else 6,
+            fillstyle='none' if i % 2 else 'full',
             label=name,
         )
     axes.set(
