@@ -12,6 +12,7 @@ from running import run, run_json
 from scipy.integrate import DOP853, solve_ivp
 
 from mechanism_sim.bench import measure as measuring
+from mechanism_sim.bench import scaling as sizes
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
 from mechanism_sim.bench.measure import machine, measure
 from mechanism_sim.bench.peers import numba_dop853
@@ -240,6 +241,31 @@ def test_bench_as_json_and_files(tmp_path):
         assert json.loads((tmp_path / f'{name}.json').read_text())['rows']
         assert 'cheapest setting' in (tmp_path / f'{name}.txt').read_text() or 'nominal' in name
         assert ET.parse(tmp_path / f'{name}.svg').getroot().tag.endswith('svg')
+
+
+def test_costs_by_size(monkeypatch):
+    """One point or two of every family in this process; those with nodes are measured alike."""
+    monkeypatch.setattr(sizes, 'REVOLUTIONS', 1)
+    monkeypatch.setattr(sizes, 'JOINTS', sizes.JOINTS[:1])
+    monkeypatch.setattr(sizes, 'RATES', (1e3,))
+    monkeypatch.setattr(sizes, 'SENSORS', ())
+    monkeypatch.setattr(sizes, 'LENGTHS', (1, 8))
+    monkeypatch.setattr(sizes, 'STREAMED', (1,))
+    said = []
+    costs = sizes.scaling(said.append)
+    assert [c.size for c in costs] == [1, 1e3, 1, 8, 1]
+    assert len(said) == len(costs)
+    assert all(c.cpu_per_unit > 0.0 and c.unit == 'revolution' for c in costs)
+    short, long = (c.peak_memory for c in costs[2:4])
+    assert 1e4 < short < long  # motion is kept
+    text = report.render_scaling(costs, machine())
+    assert all(c.family in text for c in costs)
+    assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 1
+
+
+def test_no_two_methods_look_alike_in_a_picture():
+    most = max(len(problem.methods) for problem in problems().values())
+    assert most <= len(set(report._MARKERS))
 
 
 def test_bench_without_a_name_lists_what_there_is():
