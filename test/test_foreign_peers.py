@@ -47,7 +47,7 @@ def error(name: str, four_bar: LooseFourBar, setting: float) -> float:
     ('name', 'setting', 'bound'),
     [
         ('mujoco', 80e3, 2e-6),
-        ('exudyn', 1e8, 1e-13),
+        ('exudyn', 1e8, 1e-11),
         ('drake', 1e8, 1e-8),
         ('drake_events', 1e-8, 1e-12),
         ('siconos', 20e3, 5e-10),
@@ -116,8 +116,9 @@ def test_more_work_comes_closer(name: str, settings: tuple[float, float], gain: 
     assert coarse > gain * fine
 
 
-def test_one_law_of_contact_in_two_simulators() -> None:
+def test_one_law_of_contact_in_two_simulators(monkeypatch: pytest.MonkeyPatch) -> None:
     """At one stiffness, Drake and Exudyn are further from rigid impacts than from each other."""
+    monkeypatch.setattr(exudyn, 'STEPS_PER_VIBRATION', 2.0)  # the impact well resolved
     by_drake, by_exudyn = (angles(name, REVOLUTION, 1e8) for name in ('drake', 'exudyn'))
     assert np.abs(by_drake - by_exudyn).max() < 0.02 * REVOLUTION.error(by_drake)
 
