@@ -11,12 +11,12 @@ from mechanism_sim.bench.four_bar import LooseFourBar, Peer
 from mechanism_sim.bench.problem import Answer, Outcome, Run, without
 
 if TYPE_CHECKING:
-    from mechanism_sim.bench.kernels.loose_four_bar import Constants
+    from mechanism_sim.bench.kernels.loose_equations import Constants
 
 
 def constants(four_bar: LooseFourBar) -> Constants:
     """The mechanism as its compiled loop takes it."""
-    from mechanism_sim.bench.kernels.loose_four_bar import Constants  # noqa: PLC0415
+    from mechanism_sim.bench.kernels.loose_equations import Constants  # noqa: PLC0415
 
     f = four_bar
     I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
