@@ -11,6 +11,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -89,11 +90,11 @@ def _loose_joints() -> Iterator[Cost]:
 
 def _sample_rates() -> Iterator[Cost]:
     """CPU time of sampling everything over a revolution, beyond that of solving."""
-    solution = simulate(_loose(1), revolutions=REVOLUTIONS)
+    solution = simulate(_loose(1), revolutions=1)
     for rate in RATES:
         t = np.arange(0.0, solution.duration, 1.0 / rate)
         cpu = _cpu(lambda t=t: solution.sample(t))  # type: ignore[misc]
-        yield Cost('sample rate [Hz], all columns of solve --output', rate, cpu / REVOLUTIONS,
+        yield Cost('sample rate [Hz], all columns of solve --output', rate, cpu,
                    'revolution')  # fmt: skip
 
 
@@ -120,11 +121,24 @@ def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
     child = subprocess.Popen(  # noqa: S603 - our own command
         command, stdout=subprocess.DEVNULL, env=os.environ | {'MECHANISM_SIM_ROUTER': router}
     )
-    _, status, used = os.wait4(child.pid, 0)
+    peak = 0
+    while True:
+        peak = max(peak, _peak_memory(child.pid))
+        done, status, used = os.wait4(child.pid, os.WNOHANG)
+        if done:
+            break
+        time.sleep(0.02)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:
         raise RunError(f'{" ".join(command)} ended with code {child.returncode}')
-    return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+    return used.ru_utime + used.ru_stime, peak
+
+
+def _peak_memory(pid: int) -> int:
+    """What a running process has held at most [B]; its rusage would count ours before exec."""
+    status = Path(f'/proc/{pid}/status').read_text(encoding='utf-8')
+    sizes = [line.split()[1] for line in status.splitlines() if line.startswith('VmHWM')]
+    return 1024 * int(sizes[0]) if sizes else 0
 
 
 def _sensors() -> Iterator[Cost]:
