@@ -37,7 +37,9 @@ install 'mechanism_sim[peers]'` installs those that are on PyPI. This page is ma
   keep no more than the final angles need.
 * Under each table: the CPU time of each method over that of `{OURS}`, both at their cheapest
   setting that reaches the error stated. A peer that does not reach it is compared at its own best
-  error.
+  error, which luck may flatter where errors do not fall steadily.
+* The machine is named under each table. It was a shared one with other work going on: times vary
+  by a third, ratios within a table by less.
 """
 
 SIZES = """\
@@ -45,14 +47,15 @@ SIZES = """\
 
 Loose joints: 20 revolutions of the thesis mechanism with one to four loose joints, e = 0.5; each
 loose joint adds impacts that shake the others. Memory: what Python and NumPy hold at most, where
-all motion is kept; that of the whole process for nodes, which keep nothing.
+all motion is kept; that of the whole process for nodes, which keep nothing. The number of links
+cannot be varied yet: the four-bar is the only template.
 """
 
 
-def section(title: str, name: str, words: str, picture: bool) -> str:
+def section(title: str, name: str, words: str) -> str:
     """A heading, the command, the picture and the table."""
     table = (PICTURES / f'{name}.txt').read_text(encoding='utf-8')
-    shown = f'![{title}](pictures/{name}.svg)\n\n' if picture else ''
+    shown = f'![{title}](pictures/{name}.svg)\n\n'
     command = f'`mechanism-sim bench {name} --output docs/pictures`'
     return f'{words}{command}\n\n{shown}```\n{table}```\n'
 
@@ -64,9 +67,9 @@ def page() -> str:
         if (PICTURES / f'{name}.txt').exists():
             how = '\n'.join(f'* {m.name}: {m.how}' for m in problem.methods)
             words = f'## {problem.title}\n\n'
-            parts.append(section(problem.title, name, words, True) + f'\n{how}\n')
+            parts.append(section(problem.title, name, words) + f'\n{how}\n')
     if (PICTURES / f'{SCALING}.txt').exists():
-        parts.append(section('Cost against size', SCALING, SIZES + '\n', False))
+        parts.append(section('Cost against size', SCALING, SIZES + '\n'))
     return '\n'.join(parts)
 
 

@@ -137,11 +137,12 @@ class Pages:
             _plot(found, machine, self._folder / f'{found.problem.name}.svg')
 
     def add_scaling(self, costs: Sequence[Cost], machine: Mapping[str, Any]) -> None:
-        """Add costs by size, and write scaling.json and scaling.txt."""
+        """Add costs by size, and write scaling.svg, scaling.json and scaling.txt."""
         self._costs += costs
         self.text.append(render_scaling(costs, machine))
         if self._folder:
             self._write('scaling', {'machine': dict(machine), 'scaling': scaling_json(costs)})
+            _plot_costs(costs, machine, self._folder / 'scaling.svg')
 
     def _write(self, name: str, content: object) -> None:
         text = json.dumps(content, indent=1, allow_nan=False)
@@ -231,14 +232,47 @@ def _number(x: float) -> float | None:
     return x if math.isfinite(x) else None
 
 
-def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
+def _pyplot() -> Any:
     import matplotlib as mpl  # noqa: PLC0415 - takes half a second
 
     mpl.use('Agg')
-    mpl.rcParams['svg.hashsalt'] = found.problem.name  # the same picture is the same file
+    mpl.rcParams['svg.hashsalt'] = 'bench'  # the same picture is the same file
     from matplotlib import pyplot as plt  # noqa: PLC0415
 
-    p = found.problem
+    return plt
+
+
+def _plot_costs(costs: Sequence[Cost], machine: Mapping[str, Any], path: Path) -> None:
+    plt, families = _pyplot(), list(dict.fromkeys(c.family for c in costs))
+    rows = (len(families) + 1) // 2
+    figure, axes = plt.subplots(rows, 2, figsize=(8.5, 2.6 * rows), layout='constrained')
+    for place, family in zip(axes.flat, families, strict=False):
+        chosen = [c for c in costs if c.family == family]
+        sizes, times = [c.size for c in chosen], [c.cpu_per_unit for c in chosen]
+        place.plot(sizes, times, 'ko-')
+        place.set_xlabel(family, fontsize='small')
+        place.set_ylabel(f'CPU time per {chosen[0].unit} [s]', fontsize='small')
+        place.set_xscale('log' if max(sizes) > 8 else 'linear')
+        place.set_xticks(sizes, [f'{x:g}' for x in sizes], minor=False)
+        place.minorticks_off()
+        if max(times) > 5.0 * min(times):
+            place.set_yscale('log')
+        else:
+            place.set_ylim(0.0, 1.2 * max(times))
+        place.grid(which='major', color='0.85')
+    for place in axes.flat[len(families) :]:
+        place.remove()
+    figure.supxlabel(_short(machine), fontsize='x-small')
+    figure.savefig(path, metadata={'Date': None})
+    plt.close(figure)
+
+
+def _short(machine: Mapping[str, Any]) -> str:
+    return f'{machine["processor"]}, {machine["cores"]} cores, Python {machine["python"]}'
+
+
+def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
+    plt, p = _pyplot(), found.problem
     figure, axes = plt.subplots(figsize=(8.5, 5.5), layout='constrained')
     names = list(dict.fromkeys(row.method.name for row in found.rows))
     for i, name in enumerate(names):
@@ -263,9 +297,7 @@ def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
     axes.grid(which='major', color='0.85')
     figure.legend(loc='outside right upper', fontsize='small')
     figure.supxlabel(
-        f'{machine["processor"]}, {machine["cores"]} cores, Python {machine["python"]}; '
-        'more exact to the right, cheaper below',
-        fontsize='x-small',
+        f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
     )
     figure.savefig(path, metadata={'Date': None})
     plt.close(figure)
