@@ -9,7 +9,7 @@ NODES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
 
 setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'bench/references/*.json']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

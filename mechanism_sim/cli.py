@@ -117,9 +117,16 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
     sub.add_argument('--over', metavar='PATH', help='draw them over this one')
-    sub = command('bench', _bench, 'measure: the hard cases')
-    sub.add_argument('names', nargs='+', metavar='NAME', help='hard, or names of hard cases')
-    sub.add_argument('--markdown', metavar='FILE', help='also write a table for people')
+    sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
+    sub.add_argument(
+        'names', nargs='*', metavar='NAME',
+        help='problems; scaling; hard, or names of hard cases; nothing lists what there is',
+    )  # fmt: skip
+    sub.add_argument('--output', metavar='DIR', help='write picture, JSON and table there')
+    sub.add_argument('--repeats', type=int, default=7, metavar='N', help='of every run')
+    sub.add_argument('--methods', metavar='NAME,...', help='only these')
+    sub.add_argument('--tolerances', metavar='R,...', help='instead of the usual ones, for rtol')
+    sub.add_argument('--markdown', metavar='FILE', help='write the hard cases for people')
     return parser
 
 
@@ -354,20 +361,50 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from mechanism_sim.bench.hard import cases, run  # noqa: PLC0415
-    from mechanism_sim.report import hard  # noqa: PLC0415
-    from mechanism_sim.scene.files import nearest  # noqa: PLC0415
+    from mechanism_sim.bench import choose  # noqa: PLC0415
+    from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
+    from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
+    from mechanism_sim.report import bench  # noqa: PLC0415
 
-    known = {case.name: case for case in cases()}
-    for name in options.names:
-        if name != 'hard' and name not in known:
-            raise InputError(
-                f"there is no case '{name}'{nearest(name, known)}; known are: hard (all), "
-                f'{", ".join(known)}'
-            )
-    chosen = known if 'hard' in options.names else options.names
+    if not options.names:
+        listed = choose.listing()
+        if options.json:
+            _print_json(listed)
+        else:
+            print(bench.listing(listed))
+        return 0
+    problems, cases, costs = choose.choose(options.names)
+    if cases:
+        return _bench_hard(options, cases)
+    methods = choose.methods(problems, options.methods)
+    tolerances = choose.tolerances(options.tolerances)
+    if options.repeats < 1:
+        raise InputError('--repeats must be at least 1')
+    here, content = machine(), bench.Pages(options.output)
+    for problem in problems:
+        found = measure(problem, options.repeats, methods, tolerances, _say)
+        content.add(found, here)
+        if not options.json:
+            print(content.text[-1], flush=True)
+    if costs:
+        content.add_scaling(scaling(_say), here)
+        if not options.json:
+            print(content.text[-1], flush=True)
+    if options.json:
+        _print_json(content.to_json(here))
+    return 1 if any(row.failure for m in content.found for row in m.rows) else 0
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
+    from mechanism_sim.bench.hard import run  # noqa: PLC0415
+    from mechanism_sim.report import hard  # noqa: PLC0415
+
     outcomes = []
-    for outcome in run(tuple(known[name] for name in chosen)):
+    for outcome in run(tuple(cases)):
         outcomes.append(outcome)
         if not options.json:
             print(hard.render(outcome), flush=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import mechanism_sim as ms
+import mechanism_sim.bench
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.physics import DynamicPhysics
@@ -25,9 +26,10 @@ RADIAL = 'joints.coupler_rocker.clearance.radial'
 
 @cache
 def reference(name):
-    """A file of test/references, its columns of decimal strings as arrays of floats."""
-    text = (Path(__file__).parent / 'references' / f'{name}.json').read_text(encoding='utf-8')
-    return _numbers(json.loads(text))
+    """A reference run, its columns of decimal strings as arrays of floats."""
+    folders = Path(mechanism_sim.bench.__file__).parent, Path(__file__).parent
+    path = next(p for f in folders if (p := f / 'references' / f'{name}.json').exists())
+    return _numbers(json.loads(path.read_text(encoding='utf-8')))
 
 
 def _numbers(x):

@@ -18,6 +18,8 @@ from mechanism_sim.planar.reactions import energies, generalized_forces, tree_re
 
 Array = NDArray[np.float64]
 
+_BLOCK = 2048  # instants at a time: what belongs to them stays in the processor's cache
+
 
 class Observation(NamedTuple):
     """A machine at N instants: n coordinates, j joints of which m have clearance, p drives."""
@@ -86,8 +88,12 @@ class InverseDynamics:
         numpy.linalg.LinAlgError
             At a singular position, where the forces are not determined.
         """
-        first, second, values = self._functions
         n, count = q.shape
+        if count > _BLOCK:
+            blocks = [slice(i, i + _BLOCK) for i in range(0, count, _BLOCK)]
+            parts = [self(q[:, b], v[:, b], a[:, b]) for b in blocks]
+            return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
+        first, second, values = self._functions
         closures = 2 * len(self.relations)
         motion = np.ascontiguousarray(np.concatenate([q, v, a]))
         pars = np.repeat(values[:, None], count, axis=1)

@@ -15,7 +15,8 @@ branch, frictionless, point pin, Newton's restitution, crank at constant speed f
 * Books: energy, and closure of the loop at the end of every step of following; together they
   leave the equations no freedom. A second run with another order, precision and cut is compared.
 
-`python make_four_bar_clearance.py [NAME...]` writes `four_bar_NAME.json` beside this file.
+`python make_four_bar_clearance.py [NAME...]` writes `four_bar_NAME.json` to
+mechanism_sim/bench/references.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from gmpy2 import acos, atan2, cos, mpfr, sin, sqrt
 
 gmpy2.get_context().precision = 256
 ZERO = mpfr(0)
+REFERENCES = Path(__file__).parents[2] / 'mechanism_sim' / 'bench' / 'references'
 STEP_ERROR, CUT = mpfr('1e-55'), mpfr('1e-30')
 
 # Table 6.1 in SI, crank = 2, coupler = 3, rocker = 4, frame = 1; S: joint to mass centre
@@ -544,7 +546,7 @@ def main():
     parser.add_argument('names', nargs='*', metavar='NAME', help=', '.join(RUNS))
     for name in parser.parse_args().names or RUNS:
         data, seconds = reference(name)
-        path = Path(__file__).with_name(f'four_bar_{name}.json')
+        path = REFERENCES / f'four_bar_{name}.json'
         path.write_text(json.dumps(data, indent=1) + '\n')
         counts, books = data['impacts_with_approach_speed_above'], data['energy']
         print(f'{path.name}: {seconds:.1f} s, impacts {counts}, residual {books["residual"]} J')

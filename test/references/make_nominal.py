@@ -5,7 +5,7 @@ accelerations come from its derivatives; forces and torque from the nine Newton-
 of three free bodies in Cartesian form, with the nine unknowns solved together. The extremes of
 the bearing force are refined from a scan of one revolution.
 
-`python make_nominal.py` writes `nominal.json` beside this file.
+`python make_nominal.py` writes `nominal.json` to mechanism_sim/bench/references.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 import mpmath as mp
 
 mp.mp.dps = 50
+REFERENCES = Path(__file__).parents[2] / 'mechanism_sim' / 'bench' / 'references'
 
 # Table 6.1 in SI, crank = 2, coupler = 3, rocker = 4, frame = 1; S: joint to mass centre
 PARAMETERS = {
@@ -168,7 +169,7 @@ def main():
             'crank_angle': mp.nstr(degrees, 15),
             'force': mp.nstr(size, 20),
         }
-    path = Path(__file__).with_name('nominal.json')
+    path = REFERENCES / 'nominal.json'
     path.write_text(json.dumps(data, indent=1) + '\n')
     print(f'{path.name}: work over a turn {mp.nstr(work, 3)} J')
 

@@ -16,7 +16,7 @@ from mechanism_sim.scene import load_scene, simulate
 
 FIRST_LOSS = 1.77569122303540473e-01 / TURN
 """Revolutions until a seated pin first lets go; by a 256-bit computation of other formulation
-(test/references/four_bar_seated_e05.json)."""
+(mechanism_sim/bench/references/four_bar_seated_e05.json)."""
 
 
 def _residual(solution: Solution) -> float:

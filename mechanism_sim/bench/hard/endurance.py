@@ -126,7 +126,7 @@ def to_the_last_bit() -> list[Figure]:
 @hard_case(
     'A start 1e-15 rad off: impacts multiply it, and after a while only statistics mean anything.',
     'A 256-bit computation of the growth: 4e6 in half a revolution for e = 1 '
-    '(test/references/four_bar_centred_e1.json).',
+    '(mechanism_sim/bench/references/four_bar_centred_e1.json).',
 )
 def divergence() -> list[Figure]:
     """Growth of a tiny change of the start."""

@@ -1,0 +1,1 @@
+"""Compiled code of the peers; importing a module of it needs numba."""

@@ -1,0 +1,163 @@
+"""What this package costs against the size of the machine, of its output, and of the run."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.scene import Machine, load_scene, simulate
+
+REVOLUTIONS = 20
+JOINTS = ('coupler_rocker', 'crank_coupler', 'rocker_ground', 'ground_crank')
+RATES = (1e3, 1e4, 1e5)
+SENSORS = (0, 1, 2, 4, 8)
+LENGTHS = (10, 100, 500)
+STREAMED = (20, 100)
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Cost:
+    """One point of a family.
+
+    Attributes
+    ----------
+    family : what varies
+    size : of it
+    cpu_per_unit : [s]
+    unit : what the time counts
+    peak_memory : [B] that Python and NumPy held at most, or that a process held at most in the
+        families that run nodes
+    """
+
+    family: str
+    size: float
+    cpu_per_unit: float
+    unit: str
+    peak_memory: int | None = None
+
+
+def scaling(show: Callable[[str], None] = lambda _: None) -> list[Cost]:
+    """All families, one after the other."""
+    found = []
+    for family in (_loose_joints, _sample_rates, _sensors, _lengths, _streams):
+        for cost in family():
+            show(f'{cost.family} {cost.size:g}: {cost.cpu_per_unit:.3g} s per {cost.unit}')
+            found.append(cost)
+    return found
+
+
+def _cpu(work: Callable[[], Any]) -> float:
+    """Least CPU time of a few repeats [s]."""
+    times = []
+    for _ in range(REPEATS):
+        began = time.process_time()
+        work()
+        times.append(time.process_time() - began)
+    return min(times)
+
+
+def _loose(count: int) -> Machine:
+    clearance = {'radial': 2.54e-4, 'restitution': 0.5}
+    overrides = {f'joints.{joint}.clearance': clearance for joint in JOINTS[:count]}
+    machine = load_scene('four_bar_clearance', overrides)
+    machine.prepare()
+    return machine
+
+
+def _loose_joints() -> Iterator[Cost]:
+    """CPU time of a revolution with one to four loose joints."""
+    for count in range(1, len(JOINTS) + 1):
+        machine = _loose(count)
+        solution = min(
+            (simulate(machine, revolutions=REVOLUTIONS) for _ in range(REPEATS)),
+            key=lambda s: s.stats.cpu_time,
+        )
+        yield Cost('loose joints', count, solution.stats.cpu_time / REVOLUTIONS, 'revolution')
+
+
+def _sample_rates() -> Iterator[Cost]:
+    """CPU time of sampling everything over a revolution, beyond that of solving."""
+    solution = simulate(_loose(1), revolutions=1)
+    for rate in RATES:
+        t = np.arange(0.0, solution.duration, 1.0 / rate)
+        cpu = _cpu(lambda t=t: solution.sample(t))  # type: ignore[misc]
+        yield Cost('sample rate [Hz], all columns of solve --output', rate, cpu,
+                   'revolution')  # fmt: skip
+
+
+def _lengths() -> Iterator[Cost]:
+    """CPU time of a revolution and peak memory of a run that keeps all of its motion."""
+    machine = _loose(1)
+    for revolutions in LENGTHS:
+        cpu = simulate(machine, revolutions=revolutions).stats.cpu_time
+        tracemalloc.start()
+        simulate(machine, revolutions=revolutions)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        yield Cost('revolutions, all motion kept', revolutions, cpu / revolutions, 'revolution',
+                   peak)  # fmt: skip
+
+
+def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
+    """CPU time [s] and peak memory [B] of a process that runs the scene as nodes."""
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        router = f'tcp/127.0.0.1:{free.getsockname()[1]}'
+    command = [sys.executable, '-m', 'mechanism_sim', 'run', 'four_bar_clearance', '--json',
+               '--revolutions', str(revolutions), *options]  # fmt: skip
+    child = subprocess.Popen(  # noqa: S603 - our own command
+        command, stdout=subprocess.DEVNULL, env=os.environ | {'MECHANISM_SIM_ROUTER': router}
+    )
+    peak = 0
+    while True:
+        peak = max(peak, _peak_memory(child.pid))
+        done, status, used = os.wait4(child.pid, os.WNOHANG)
+        if done:
+            break
+        time.sleep(0.02)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise RunError(f'{" ".join(command)} ended with code {child.returncode}')
+    return used.ru_utime + used.ru_stime, peak
+
+
+def _peak_memory(pid: int) -> int:
+    """What a running process has held at most [B]; its rusage would count ours before exec."""
+    status = Path(f'/proc/{pid}/status').read_text(encoding='utf-8')
+    sizes = [line.split()[1] for line in status.splitlines() if line.startswith('VmHWM')]
+    return 1024 * int(sizes[0]) if sizes else 0
+
+
+def _sensors() -> Iterator[Cost]:
+    """CPU time of a revolution as nodes, by accelerometers at 10 kHz; start-up left out."""
+    for count in SENSORS:
+        sensors = {
+            f'a{i}': {'link': 'rocker', 'at': f'{100 + 20 * i} mm', 'axis': 'across',
+                      'sample_rate': '10 kHz'}
+            for i in range(count)
+        }  # fmt: skip
+        option = ('--set', f'sensors={json.dumps(sensors)}')
+        short, long = (_nodes(n, *option) for n in STREAMED)
+        cpu = (long[0] - short[0]) / (STREAMED[1] - STREAMED[0])
+        yield Cost('accelerometers at 10 kHz, as nodes', count, cpu, 'revolution', long[1])
+
+
+def _streams() -> Iterator[Cost]:
+    """CPU time of a revolution and peak memory of a run as nodes, which keeps nothing."""
+    for revolutions in STREAMED:
+        cpu, peak = _nodes(revolutions)
+        yield Cost('revolutions, as nodes, start-up included', revolutions, cpu / revolutions,
+                   'revolution', peak)  # fmt: skip

@@ -1,0 +1,303 @@
+"""Benchmarks as text, as JSON and as a work-precision picture."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim.bench.measure import Measurement, Row
+from mechanism_sim.bench.problem import OURS
+from mechanism_sim.bench.scaling import Cost
+from mechanism_sim.errors import InputError
+
+_PREFIXES = ((1.0, 's'), (1e-3, 'ms'), (1e-6, 'us'), (1e-9, 'ns'))
+_MARKERS = 'osD^vPX*<>phd+x1234'
+_LINES = ('-', '--', '-.', ':')
+_FLOOR = 1e-16  #: where an error of exactly zero is drawn
+
+
+def _time(seconds: float) -> str:
+    """A duration with a fitting unit."""
+    scale, unit = next((p for p in _PREFIXES if abs(seconds) >= p[0]), _PREFIXES[-1])
+    return f'{seconds / scale:.3g} {unit}'
+
+
+def render(found: Measurement, machine: Mapping[str, Any]) -> str:
+    """A table for people, and under it what an accuracy costs."""
+    p = found.problem
+    head = (
+        'method', 'setting', f'CPU per {p.unit}', 'median', f'error [{p.error_unit}]', 'steps',
+        'impacts', 'prepared in',
+    )  # fmt: skip
+    lines = [head, *(_cells(row) for row in found.rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
+    table = [
+        '  '.join(cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(pairs))
+        for pairs in (list(zip(line, widths, strict=True)) for line in lines)
+    ]
+    table.insert(1, '  '.join('-' * w for w in widths))
+    failed = [
+        f'{row.method.name} at {row.tolerance:g} failed: {row.failure}'
+        for row in found.rows
+        if row.failure
+    ]
+    skipped = [f'{name} left out: {reason}' for name, reason in found.skipped.items()]
+    return '\n'.join(
+        [f'{p.name}: {p.title}', f'reference: {p.reference}', '', *table, '', *failed, *skipped,
+         *ratios(found), '', footer(machine)]
+    )  # fmt: skip
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    counts = ['' if x is None else str(x) for x in (row.steps, row.impacts)]
+    return (
+        row.method.name,
+        f'{row.method.setting} {row.tolerance:g}',
+        _time(row.fastest),
+        _time(row.median),
+        f'{row.error:.1e}',
+        *counts,
+        _time(row.compile_time),
+    )
+
+
+def ratios(found: Measurement) -> list[str]:
+    """CPU time of every method against this package's, each at the cheapest setting that serves.
+
+    Two comparisons: at the problem's goal (or the method's own best error if it does not get
+    there), and at the method's own best error.
+    """
+    p, lines = found.problem, []
+    names = dict.fromkeys(row.method.name for row in found.rows)
+    for name in names:
+        theirs = found.cheapest(name, p.goal)
+        if theirs is None or name == OURS:
+            continue
+        ours = found.cheapest(OURS, max(p.goal, theirs.error))
+        if ours is None:
+            continue
+        short = ', its best' if theirs.error > p.goal else ''
+        lines.append(
+            f'  {name}: {_ratio(theirs.fastest / ours.fastest)} times the CPU of {OURS} '
+            f'({_time(theirs.fastest)} at {theirs.error:.1e}{short}, '
+            f'{_time(ours.fastest)} at {ours.error:.1e})'
+        )
+    head = f'cheapest setting with an error of at most {p.goal:g} {p.error_unit}:'
+    return [head, *lines] if lines else []
+
+
+def _ratio(x: float) -> str:
+    return f'{x:.2f}' if x < 10 else f'{x:.0f}'
+
+
+def footer(machine: Mapping[str, Any]) -> str:
+    """The machine in a line."""
+    libraries = ', '.join(f'{name} {v}' for name, v in machine['libraries'].items())
+    return (
+        f'{machine["processor"]}, {machine["cores"]} cores, {machine["system"]}, '
+        f'Python {machine["python"]}; {libraries}'
+    )
+
+
+class Pages:
+    """What a benchmark leaves: texts, JSON, and files in a folder if one is given.
+
+    Attributes
+    ----------
+    found : measurements so far
+    text : of each measurement, for people
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made.
+    """
+
+    def __init__(self, folder: str | None) -> None:
+        self.found: list[Measurement] = []
+        self.text: list[str] = []
+        self._costs: list[Cost] = []
+        self._folder = Path(folder) if folder else None
+        if self._folder:
+            try:
+                self._folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(f"'{folder}' cannot be made: {error.strerror}") from error
+
+    def add(self, found: Measurement, machine: Mapping[str, Any]) -> None:
+        """Add a measurement, and write NAME.svg, NAME.json and NAME.txt."""
+        self.found.append(found)
+        self.text.append(render(found, machine))
+        if self._folder:
+            self._write(found.problem.name, to_json([found], machine))
+            _plot(found, machine, self._folder / f'{found.problem.name}.svg')
+
+    def add_scaling(self, costs: Sequence[Cost], machine: Mapping[str, Any]) -> None:
+        """Add costs by size, and write scaling.svg, scaling.json and scaling.txt."""
+        self._costs += costs
+        self.text.append(render_scaling(costs, machine))
+        if self._folder:
+            self._write('scaling', {'machine': dict(machine), 'scaling': scaling_json(costs)})
+            _plot_costs(costs, machine, self._folder / 'scaling.svg')
+
+    def _write(self, name: str, content: object) -> None:
+        text = json.dumps(content, indent=1, allow_nan=False)
+        if self._folder:
+            (self._folder / f'{name}.json').write_text(text + '\n', encoding='utf-8')
+            (self._folder / f'{name}.txt').write_text(self.text[-1] + '\n', encoding='utf-8')
+
+    def to_json(self, machine: Mapping[str, Any]) -> dict[str, object]:
+        """All of it."""
+        costs = {'scaling': scaling_json(self._costs)} if self._costs else {}
+        return to_json(self.found, machine) | costs
+
+
+def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """What there is to measure, for people."""
+    lines = []
+    for p in listed['problems']:
+        lines.append(f'{p["name"]}: {p["title"]}')
+        lines += [
+            f'  {m["name"]}' + (f' (left out: {m["missing"]})' if m['missing'] else '')
+            for m in p['methods']
+        ]
+    lines.append('scaling: cost against loose joints, sample rate, sensors and length of the run')
+    lines.append("hard: the hard cases, see 'mechanism-sim bench hard'")
+    return '\n'.join(lines)
+
+
+def render_scaling(costs: Sequence[Cost], machine: Mapping[str, Any]) -> str:
+    """Costs by size for people."""
+    lines = []
+    for family in dict.fromkeys(c.family for c in costs):
+        lines += [family, f'  {"":>12}  {"CPU time":>20}  peak memory']
+        for c in costs:
+            if c.family == family:
+                memory = '' if c.peak_memory is None else f'{c.peak_memory / 2**20:8.1f} MiB'
+                lines.append(
+                    f'  {c.size:>12g}  {_time(c.cpu_per_unit) + " per " + c.unit:>20}  {memory}'
+                )
+    return '\n'.join([*lines, '', footer(machine)])
+
+
+def scaling_json(costs: Sequence[Cost]) -> list[dict[str, object]]:
+    """Costs by size."""
+    return [asdict(c) for c in costs]
+
+
+def to_json(found: Sequence[Measurement], machine: Mapping[str, Any]) -> dict[str, object]:
+    """Rows ``method, tolerance, cpu_per_unit, error, unit`` and more; times in seconds."""
+    return {
+        'machine': dict(machine),
+        'problems': [
+            {
+                'name': m.problem.name,
+                'title': m.problem.title,
+                'reference': m.problem.reference,
+                'unit': m.problem.unit,
+                'error_unit': m.problem.error_unit,
+                'methods': {row.method.name: row.method.how for row in m.rows},
+                'skipped': m.skipped,
+            }
+            for m in found
+        ],
+        'rows': [_row(m, row) for m in found for row in m.rows],
+    }
+
+
+def _row(found: Measurement, row: Row) -> dict[str, object]:
+    return {
+        'problem': found.problem.name,
+        'method': row.method.name,
+        'setting': row.method.setting,
+        'tolerance': row.tolerance,
+        'cpu_per_unit': _number(row.fastest),
+        'cpu_per_unit_median': _number(row.median),
+        'repeats': len(row.times),
+        'error': _number(row.error),
+        'error_unit': found.problem.error_unit,
+        'unit': found.problem.unit,
+        'steps': row.steps,
+        'impacts': row.impacts,
+        'compile_time': row.compile_time,
+        'failure': row.failure,
+    }
+
+
+def _number(x: float) -> float | None:
+    return x if math.isfinite(x) else None
+
+
+def _pyplot() -> Any:
+    import matplotlib as mpl  # noqa: PLC0415 - takes half a second
+
+    mpl.use('Agg')
+    mpl.rcParams['svg.hashsalt'] = 'bench'  # the same picture is the same file
+    from matplotlib import pyplot as plt  # noqa: PLC0415
+
+    return plt
+
+
+def _plot_costs(costs: Sequence[Cost], machine: Mapping[str, Any], path: Path) -> None:
+    plt, families = _pyplot(), list(dict.fromkeys(c.family for c in costs))
+    rows = (len(families) + 1) // 2
+    figure, axes = plt.subplots(rows, 2, figsize=(8.5, 2.6 * rows), layout='constrained')
+    for place, family in zip(axes.flat, families, strict=False):
+        chosen = [c for c in costs if c.family == family]
+        sizes, times = [c.size for c in chosen], [c.cpu_per_unit for c in chosen]
+        place.plot(sizes, times, 'ko-')
+        place.set_xlabel(family, fontsize='small')
+        place.set_ylabel(f'CPU time per {chosen[0].unit} [s]', fontsize='small')
+        place.set_xscale('log' if max(sizes) > 8 else 'linear')
+        place.set_xticks(sizes, [f'{x:g}' for x in sizes], minor=False)
+        place.minorticks_off()
+        if max(times) > 5.0 * min(times):
+            place.set_yscale('log')
+        else:
+            place.set_ylim(0.0, 1.2 * max(times))
+        place.grid(which='major', color='0.85')
+    for place in axes.flat[len(families) :]:
+        place.remove()
+    figure.supxlabel(_short(machine), fontsize='x-small')
+    figure.savefig(path, metadata={'Date': None})
+    plt.close(figure)
+
+
+def _short(machine: Mapping[str, Any]) -> str:
+    return f'{machine["processor"]}, {machine["cores"]} cores, Python {machine["python"]}'
+
+
+def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
+    plt, p = _pyplot(), found.problem
+    figure, axes = plt.subplots(figsize=(8.5, 5.5), layout='constrained')
+    names = list(dict.fromkeys(row.method.name for row in found.rows))
+    for i, name in enumerate(names):
+        rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
+        first = name == OURS
+        axes.plot(
+            [max(row.error, _FLOOR) for row in rows],
+            [row.fastest for row in rows],
+            marker=_MARKERS[i % len(_MARKERS)],
+            linestyle=_LINES[i % len(_LINES)],
+            color='black' if first else f'{0.15 + 0.5 * (i % 4) / 3:.2f}',
+            linewidth=2.2 if first else 1.1,
+            markersize=7 if first else 6,
+            fillstyle='none' if i % 2 else 'full',
+            label=name,
+        )
+    axes.set(
+        xscale='log', yscale='log', title=p.title, xlabel=f'error [{p.error_unit}]',
+        ylabel=f'CPU time per {p.unit} [s]',
+    )  # fmt: skip
+    axes.invert_xaxis()
+    axes.grid(which='major', color='0.85')
+    figure.legend(loc='outside right upper', fontsize='small')
+    figure.supxlabel(
+        f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
+    )
+    figure.savefig(path, metadata={'Date': None})
+    plt.close(figure)

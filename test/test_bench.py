@@ -1,0 +1,295 @@
+"""The benchmark: what is measured is right, and peers compute the same mechanism."""
+
+from __future__ import annotations
+
+import json
+import math
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from running import run, run_json
+from scipy.integrate import DOP853, solve_ivp
+
+from mechanism_sim.bench import measure as measuring
+from mechanism_sim.bench import scaling as sizes
+from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
+from mechanism_sim.bench.measure import machine, measure
+from mechanism_sim.bench.peers import numba_dop853
+from mechanism_sim.bench.peers.scipy_compliant import damping_ratio
+from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, problems, without
+from mechanism_sim.errors import RunError
+from mechanism_sim.report import bench as report
+
+STARTS = {
+    'four_bar_clearance': ('centred', 0.5),
+    'four_bar_clearance_e01': ('centred', 0.1),
+    'four_bar_clearance_seated': ('seated', 0.5),
+    'four_bar_clearance_e1': ('centred', 1.0, 0.5),
+}
+
+
+def tell(value):
+    """A method that takes no time and is wrong by its setting."""
+
+    def prepare(setting):
+        return lambda: lambda: Outcome(np.array([value + setting]), steps=7)
+
+    return prepare
+
+
+def toy(*more):
+    methods = (
+        Method(OURS, (1e-3, 1e-6), 'rtol', tell(2.0), 'Knows the answer.'),
+        Method('worse', (1e-2,), 'steps', tell(2.0), 'Nearly knows it.'),
+        *more,
+    )
+    return Problem(
+        'toy', 'A toy', 'sample', 10.0, 'rad', 'Known.', lambda x: abs(float(x[0]) - 2.0), methods
+    )
+
+
+def test_errors_are_those_of_the_answers():
+    found = measure(toy(), repeats=2)
+    assert [row.error for row in found.rows] == pytest.approx([1e-3, 1e-6, 1e-2])
+    assert all(0.0 < row.fastest <= row.median for row in found.rows)
+    assert all(len(row.times) == 2 and row.steps == 7 for row in found.rows)
+
+
+def test_the_cheapest_setting_that_serves_is_compared():
+    found = measure(toy(), repeats=1)
+    coarse, fine, _ = found.rows
+    coarse.times, fine.times = [1.0], [5.0]
+    assert found.cheapest(OURS, 1e-2) is coarse
+    assert found.cheapest(OURS, 1e-4) is fine
+    assert found.cheapest(OURS, 1e-9) is fine  # the best it has
+    text = '\n'.join(report.ratios(found))
+    assert 'worse' in text
+    assert 'its best' in text
+
+
+def test_tolerances_replace_those_of_methods_with_a_tolerance_only():
+    found = measure(toy(), repeats=1, tolerances=[1e-5])
+    assert [(r.method.name, r.tolerance) for r in found.rows] == [(OURS, 1e-5), ('worse', 1e-2)]
+
+
+def test_a_missing_package_is_one_line_and_no_row():
+    absent = Method(
+        'absent', (1.0,), 'rtol', tell(0.0), 'Not here.', lambda: without('no_such_package')
+    )
+    found = measure(toy(absent), repeats=1)
+    assert found.skipped == {'absent': 'no_such_package is not installed'}
+    assert 'absent' not in {row.method.name for row in found.rows}
+    lines = report.render(found, machine()).splitlines()
+    assert lines.count('absent left out: no_such_package is not installed') == 1
+
+
+def test_a_method_that_fails_says_so():
+    def breaks(_):
+        raise RunError('it fell over')
+
+    found = measure(toy(Method('broken', (1.0,), 'rtol', breaks, 'Breaks.')), repeats=2)
+    row = found.rows[-1]
+    assert row.failure == 'it fell over'
+    assert math.isnan(row.fastest)
+    assert 'broken at 1 failed: it fell over' in report.render(found, machine())
+    content = json.dumps(report.to_json([found], machine()), allow_nan=False)
+    assert json.loads(content)['rows'][-1]['error'] is None
+
+
+def test_a_peer_in_another_process_tells_its_own_time():
+    def prepare(_):
+        return lambda: lambda: Outcome(np.array([2.0]), cpu_time=30.0)
+
+    found = measure(toy(Method('far', (1.0,), 'steps', prepare, 'Elsewhere.')), repeats=3)
+    assert found.rows[-1].fastest == pytest.approx(3.0)
+    assert len(found.rows[-1].times) == 1  # beyond the budget
+    assert measuring.BUDGET < 30.0
+
+
+@pytest.mark.parametrize('name', STARTS)
+def test_errors_of_the_loose_four_bar_are_those_of_its_final_angles(name):
+    problem, four_bar = problems()[name], LooseFourBar.thesis(*STARTS[name])
+    right = np.array(four_bar.final)
+    assert problem.error(right) == 0.0
+    assert problem.error(right + np.array([3e-7, -8e-7])) == pytest.approx(8e-7)
+    assert problem.methods[0].name == OURS
+    assert four_bar.duration * four_bar.crank_speed == pytest.approx(2 * math.pi * problem.amount)
+
+
+@pytest.mark.parametrize('name', STARTS)
+def test_methods_with_events_agree_with_the_reference(name):
+    """Every start and restitution; the elastic one is chaotic: 1e-16 rad grows to 1e-9 rad."""
+    wanted = {OURS, 'bare heyoka loop', 'numba DOP853 loop', 'SciPy DOP853', 'SciPy DOP853 tuned'}
+    for method in problems()[name].methods:
+        if method.name not in wanted or method.missing():
+            continue
+        outcome = method.prepare(1e-11)()()
+        bound = 2e-8 if name.endswith('e1') else 1e-8
+        assert problems()[name].error(outcome.answer) < bound, method.name
+
+
+def test_a_run_can_be_repeated():
+    for method in problems()['four_bar_clearance_e01'].methods:
+        if method.name in {OURS, 'bare heyoka loop', 'SciPy DOP853 tuned'}:
+            work = method.prepare(1e-8)
+            first, second = work()(), work()()
+            assert np.array_equal(first.answer, second.answer), method.name
+
+
+def test_peers_know_their_names_and_settings():
+    names = [peer.name for peer in peers()]
+    assert len(set(names)) == len(names)
+    assert all(peer.settings and peer.how.endswith('.') for peer in peers())
+
+
+def test_the_numba_loop_counts_the_impacts_of_the_reference():
+    pytest.importorskip('numba')
+    from mechanism_sim.bench.kernels.loose_four_bar import revolve  # noqa: PLC0415
+
+    for name in ('centred_e05', 'centred_e01', 'seated_e05', 'centred_e1'):
+        start, e = name.split('_')
+        four_bar = LooseFourBar.thesis(start, {'e05': 0.5, 'e01': 0.1, 'e1': 1.0}[e])
+        struck = reference(f'four_bar_{name}')['impacts']
+        right = np.array(struck['t'], float)
+        fast = np.array(struck['approach_speed'], float) > 1e-3
+        if e == 'e1':  # chaotic: the first half of the revolution only
+            fast &= right < 0.5 * four_bar.duration
+        p, state = numba_dop853.constants(four_bar), numba_dop853.initial(four_bar)
+        times = np.zeros(256)
+        *_, count = revolve(p, state, four_bar.seated, four_bar.duration, 1e-13, times)
+        found = times[:count]
+        late = [np.abs(found - t).min() for t in right[fast][:40]]
+        assert max(late) < 1e-8, name
+
+
+def test_dop853_of_the_kernels_is_that_of_scipy():
+    numba = pytest.importorskip('numba')
+    from mechanism_sim.bench.kernels import dop853  # noqa: PLC0415
+
+    @numba.njit(error_model='numpy')
+    def pendulum(t, y, p, out):
+        out[0], out[1] = y[1], -p * np.sin(y[0]) + np.cos(t)
+        return y[0]
+
+    h, y = 0.3, np.array([1.0, 0.5])
+    theirs = DOP853(
+        lambda t, y: (y[1], -2.0 * np.sin(y[0]) + np.cos(t)), 0.0, y, h, rtol=1, atol=1,
+        first_step=h,
+    )  # fmt: skip
+    theirs.step()
+    step, densify, dense = dop853.stepper(pendulum, 2)
+    K, F = np.empty((dop853.ROWS, 2)), np.empty((7, 2))
+    new, between = np.empty(2), np.empty(2)
+    pendulum(0.0, y, 2.0, K[0])
+    error, low, high, _ = step(0.0, y, h, K, 2.0, 1.0, np.ones(2), new)
+    assert new == pytest.approx(theirs.y, abs=1e-15)
+    assert 0.0 < error < 1e-6
+    assert 1.0 < low < high
+    densify(0.0, y, h, K, 2.0, new, F)
+    output = theirs.dense_output()
+    for x in (0.1, 0.5, 0.9):
+        dense(y, F, x, between)
+        assert between == pytest.approx(output(x * h), abs=1e-15)
+
+
+@pytest.mark.parametrize('e', [0.2, 0.5, 0.9])
+def test_a_damped_spring_gives_back_the_restitution(e):
+    ratio = damping_ratio(e)
+
+    def force(_, y):
+        return -y[0] - 2.0 * ratio * y[1]
+
+    def ends(t, y):
+        return y[0] + 2.0 * ratio * y[1] if t > 0.1 else 1.0
+
+    ends.terminal = True
+    out = solve_ivp(lambda t, y: (y[1], force(t, y)), (0.0, 9.0), (0.0, 1.0), events=ends,
+                    rtol=1e-10, atol=1e-12, max_step=0.05)  # fmt: skip
+    assert -out.y[1, -1] == pytest.approx(e, abs=1e-8)
+
+
+def test_the_nominal_mechanism_and_the_driven_crank_agree_with_their_references():
+    for name, bound in (('four_bar_nominal', 1e-12), ('torque_crank', 1e-8)):
+        problem = problems()[name]
+        for method in problem.methods:
+            if method.name == 'SciPy RK45':
+                continue
+            outcome = method.prepare(method.settings[-1])()()
+            assert problem.error(outcome.answer) < bound, (name, method.name)
+            assert problem.error(outcome.answer + 1e-3) == pytest.approx(1e-3, rel=1e-2)
+
+
+def test_bench_as_json_and_files(tmp_path):
+    content = run_json(
+        'bench', 'torque_crank', 'four_bar_nominal', '--methods', 'mechanism_sim,SciPy LSODA',
+        '--tolerances', '1e-6,1e-9', '--repeats', '2', '--output', str(tmp_path),
+    )  # fmt: skip
+    rows = content['rows']
+    assert all(
+        set(row) >= {'method', 'tolerance', 'cpu_per_unit', 'error', 'unit'} for row in rows
+    )
+    assert [(r['method'], r['tolerance']) for r in rows[:4]] == [
+        ('mechanism_sim', 1e-6), ('mechanism_sim', 1e-9),
+        ('SciPy LSODA', 1e-6), ('SciPy LSODA', 1e-9),
+    ]  # fmt: skip
+    assert {row['unit'] for row in rows} == {'simulated second', 'sample'}
+    assert all(row['cpu_per_unit'] > 0.0 and row['repeats'] == 2 for row in rows)
+    assert rows[1]['error'] < 1e-9 < rows[0]['error']
+    assert content['machine']['processor']
+    for name in ('torque_crank', 'four_bar_nominal'):
+        assert json.loads((tmp_path / f'{name}.json').read_text())['rows']
+        assert 'cheapest setting' in (tmp_path / f'{name}.txt').read_text() or 'nominal' in name
+        assert ET.parse(tmp_path / f'{name}.svg').getroot().tag.endswith('svg')
+
+
+def test_costs_by_size(monkeypatch):
+    """One point or two of every family in this process; those with nodes are measured alike."""
+    monkeypatch.setattr(sizes, 'REVOLUTIONS', 1)
+    monkeypatch.setattr(sizes, 'JOINTS', sizes.JOINTS[:1])
+    monkeypatch.setattr(sizes, 'RATES', (1e3,))
+    monkeypatch.setattr(sizes, 'SENSORS', ())
+    monkeypatch.setattr(sizes, 'LENGTHS', (1, 8))
+    monkeypatch.setattr(sizes, 'STREAMED', (1,))
+    said = []
+    costs = sizes.scaling(said.append)
+    assert [c.size for c in costs] == [1, 1e3, 1, 8, 1]
+    assert len(said) == len(costs)
+    assert all(c.cpu_per_unit > 0.0 and c.unit == 'revolution' for c in costs)
+    short, long = (c.peak_memory for c in costs[2:4])
+    assert 1e4 < short < long  # motion is kept
+    text = report.render_scaling(costs, machine())
+    assert all(c.family in text for c in costs)
+    assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 1
+
+
+def test_no_two_methods_look_alike_in_a_picture():
+    most = max(len(problem.methods) for problem in problems().values())
+    assert most <= len(set(report._MARKERS))
+
+
+def test_bench_without_a_name_lists_what_there_is():
+    listed = run_json('bench')['problems']
+    assert {p['name'] for p in listed} >= {*STARTS, 'four_bar_nominal', 'torque_crank'}
+    text = run('bench').stdout
+    assert 'four_bar_clearance' in text
+    assert 'scaling' in text
+
+
+@pytest.mark.parametrize(
+    ('args', 'words'),
+    [
+        (('four_bar_clearence',), ["'four_bar_clearance'"]),
+        (('torque_crank', '--methods', 'SciPy LSODE'), ["'SciPy LSODA'"]),
+        (('torque_crank', '--tolerances', '1e-6,tight'), ["'tight'", 'between 0 and 1']),
+        (('torque_crank', '--repeats', '0'), ['--repeats']),
+        (('hard', 'torque_crank'), ['by themselves', 'torque_crank']),
+    ],
+)
+def test_bad_input_gets_one_sentence_and_code_2(args, words):
+    done = run('bench', *args)
+    assert done.returncode == 2
+    assert done.stdout == ''
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in done.stderr
