@@ -126,15 +126,15 @@ class Contacts:
 
     def start(self, closed: Sequence[bool]) -> None:
         """Begin a run: some gaps are closed by decree, those that touch are resolved."""
-        modes = []
-        terms = self._terms() if closed else None
-        for i, shut in enumerate(closed):
-            mode = Mode.FOLLOWING if shut else Mode.FREE_FLIGHT
-            if shut and terms and self._laws[i].friction and not self._system.compliant:
-                mode = _SLIDING[self._slip(terms, i)]
-            modes.append(int(mode))
+        modes = [int(Mode.FOLLOWING if shut else Mode.FREE_FLIGHT) for shut in closed]
+        if any(closed) and self._system.frictional and not self._system.compliant:
+            terms = self._terms()
+            for i, shut in enumerate(closed):
+                if shut and self._laws[i].friction:
+                    modes[i] = int(_SLIDING[self._slip(terms, i)])
         self.set_modes(tuple(modes))
-        self._project()
+        if any(closed) or self._system.relations:
+            self._project()
         self.settle()
         self.mode_changes = [
             ModeChange(self.time, name, Mode(mode), Mode.UNKNOWN)

@@ -158,8 +158,8 @@ class System:
         a state whose derivative is its guard, then cosine and sine of the angles in `turning`,
         which cost less as solutions of a linear equation than as functions. heyoka ties its order
         p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term is about
-        `tol` of the largest state variable. A quarter more than the order it would take for `rtol`
-        makes fewer and cheaper steps; the constant, as the largest state variable, keeps the error
+        `tol` of the largest state variable. Four orders more than it would take for `rtol` make
+        fewer and cheaper steps; the constant, as the largest state variable, keeps the error
         where it should be.
 
         Parameters
@@ -169,7 +169,7 @@ class System:
         fell : called with the index of the guard that ends a step
         compact : compile slower but smaller code (for many coordinates)
         """
-        order = math.ceil(1.25 * (1.0 - 0.5 * math.log(rtol)))
+        order = math.ceil(5.0 - 0.5 * math.log(rtol))
         tolerance = math.exp(-2.0 * (order - 1.5))
         constant = hy.make_vars('step_constant')
         frames = self.equations.frames

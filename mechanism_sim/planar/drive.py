@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
 from math import comb
 
@@ -36,24 +37,28 @@ class DriveLaw:
             1.0, *map(abs, speeds)
         )
 
-    def about(self, time: Fraction) -> tuple[int, list[float]]:
+    def about(self, time: Fraction) -> tuple[int, tuple[float, ...]]:
         """Whole turns at `time`, and the law in powers of the time since then.
 
         The angle left over lies in [0, 2 pi). Exact arithmetic: no digits are lost after however
         many turns.
         """
-        shift = time - Fraction(self.reference_time)
-        exact = [Fraction(c) for c in self.coefficients]
-        moved = [
-            sum(
-                (comb(k, j) * exact[k] * shift ** (k - j) for k in range(j, len(exact))),
-                start=Fraction(0),
-            )
-            for j in range(len(exact))
-        ]
-        turns = int(moved[0] // TWO_PI)
-        moved[0] -= turns * TWO_PI
-        return turns, [float(c) for c in moved]
+        return _about(self.coefficients, time - Fraction(self.reference_time))
+
+
+@lru_cache(maxsize=64)  # studies begin at the same instant again and again
+def _about(coefficients: tuple[float, ...], shift: Fraction) -> tuple[int, tuple[float, ...]]:
+    exact = [Fraction(c) for c in coefficients]
+    moved = [
+        sum(
+            (comb(k, j) * exact[k] * shift ** (k - j) for k in range(j, len(exact))),
+            start=Fraction(0),
+        )
+        for j in range(len(exact))
+    ]
+    turns = int(moved[0] // TWO_PI)
+    moved[0] -= turns * TWO_PI
+    return turns, tuple(float(c) for c in moved)
 
 
 @dataclass(frozen=True)
