@@ -29,9 +29,16 @@ class BareLoop:
     ----------
     four_bar : the mechanism
     tol : of heyoka
+    kept : where the steps go, as start, length and coefficients; nowhere if not given
     """
 
-    def __init__(self, four_bar: LooseFourBar, tol: float) -> None:
+    def __init__(
+        self,
+        four_bar: LooseFourBar,
+        tol: float,
+        kept: list[tuple[float, float, Answer]] | None = None,
+    ) -> None:
+        self._kept = kept
         self._f = f = four_bar
         self._I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
         self._I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
@@ -105,6 +112,35 @@ class BareLoop:
         """Coupler and rocker angle as the last run left them [rad]."""
         return np.array(self._state[:2])
 
+    def _arc(self, first: float, end: float) -> tuple[hy.taylor_outcome, int]:
+        """From an event to the next, or to the end [s]: how it ended, and its steps.
+
+        The first step is not longer than `first` [s], which must not count as the end.
+        """
+        ta, success, steps = self._ta, hy.taylor_outcome.success, 0
+        outcome = success
+        if self._kept is None:
+            if first < math.inf:
+                outcome, _ = ta.step(min(first, end - ta.time))
+                steps = 1
+                if outcome == hy.taylor_outcome.time_limit and ta.time < end:
+                    outcome = success
+            if outcome == success:
+                outcome, _, _, count, *_ = ta.propagate_until(end, max_steps=STEPS)
+                steps += count
+            return outcome, steps
+        series, keep, step = ta.tc, self._kept.append, ta.step
+        while outcome == success:
+            began = ta.time
+            outcome, h = step(min(first, end - began), True)
+            keep((began, h, series.copy()))
+            steps += 1
+            if first < math.inf:
+                first = math.inf
+                if outcome == hy.taylor_outcome.time_limit and began + h < end:
+                    outcome = success
+        return outcome, steps
+
     def run(self) -> tuple[int, int]:
         """From the start to the end; returns steps and impacts. The state is left behind."""
         f, ta, state = self._f, self._ta, self._state
@@ -115,21 +151,14 @@ class BareLoop:
             math.sin(f.crank_angle), math.cos(f.crank_angle),
         ]  # fmt: skip
         closed, impacts, steps = f.seated, 0, 0
+        if self._kept is not None:
+            self._kept.clear()
         self._flag[0] = float(closed)
         first = math.inf
         while True:
             ta.reset_cooldowns()
-            if first < math.inf:
-                outcome, _ = ta.step(min(first, end - ta.time))
-                steps += 1
-                first = math.inf
-                if outcome == hy.taylor_outcome.time_limit and ta.time < end:
-                    outcome = hy.taylor_outcome.success
-            else:
-                outcome = hy.taylor_outcome.success
-            if outcome == hy.taylor_outcome.success:
-                outcome, _, _, count, *_ = ta.propagate_until(end, max_steps=STEPS)
-                steps += count
+            outcome, count = self._arc(first, end)
+            steps, first = steps + count, math.inf
             if outcome == hy.taylor_outcome.time_limit:
                 return steps, impacts
             if int(outcome) != -1:
@@ -160,8 +189,15 @@ class BareLoop:
 
 def prepare(four_bar: LooseFourBar, tol: float) -> Run:
     """Compile, and be ready to run."""
-    loop = BareLoop(four_bar, tol)
+    return _prepared(BareLoop(four_bar, tol))
 
+
+def prepare_keeping(four_bar: LooseFourBar, tol: float) -> Run:
+    """The same for a loop that can tell the state at any instant afterwards."""
+    return _prepared(BareLoop(four_bar, tol, []))
+
+
+def _prepared(loop: BareLoop) -> Run:
     def run() -> Callable[[], Outcome]:
         steps, impacts = loop.run()
         return lambda: Outcome(loop.angles(), steps, impacts)
@@ -176,5 +212,15 @@ PEER = Peer(
     prepare,
     'heyoka with the least for this mechanism alone: one integrator with a flag for contact, one '
     'event, impacts in plain Python, nothing recorded.',
+    any_restitution=True,
+)
+
+KEEPING = Peer(
+    'bare heyoka loop, steps kept',
+    PEER.settings,
+    'tol',
+    prepare_keeping,
+    'The same step by step, with the polynomials of every step put into a list: what it takes to '
+    'answer at any instant, as this package does.',
     any_restitution=True,
 )
