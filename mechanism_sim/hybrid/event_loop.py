@@ -86,8 +86,7 @@ class EventLoop:
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
         known = [fastest] if fastest else driven or turning
         fastest = max(1.0, *map(abs, known))
-        self._fired: list[int] = []
-        self._ta = system.integrator(rtol, STEP_SCALE * fastest, self._fired.append, compact)
+        self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
         f, width = len(system.free), self._ta.order + 1
         self._state, self._pars = self._ta.state[: 2 * f], floats(self._ta.pars)
         series = floats(self._ta.tc)
@@ -163,7 +162,7 @@ class EventLoop:
             jumps in angle or speed.
         """
         contacts, tape, ta, step = self._contacts, self._tape, self._ta, self._step
-        coefficients, pars, fired = self._coefficients, self._pars, self._fired
+        coefficients, pars, fired = self._coefficients, self._pars, self._system.fired_index
         slots, lengths = tape.slots, tape.lengths
         enter_tau, enter_length = tape.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
@@ -185,7 +184,7 @@ class EventLoop:
                     for slot in slots[count:row]:
                         h = step(longest, True)[1]
                         end = tau + h
-                        if fired or not end <= stop or watch[1] < _NEAR * h * abs(watch[2]):
+                        if pars[fired] or not end <= stop or watch[1] < _NEAR * h * abs(watch[2]):
                             break
                         slot[:] = coefficients
                         enter_tau(tau)
@@ -205,7 +204,7 @@ class EventLoop:
                         ta.time = tau
                     h = step(reach, True)[1]
                 taken = (alpha, reach)
-                guard = fired.pop() if fired else None
+                guard = self._fired() if pars[fired] else None
                 if lone:
                     if watch[1] < _NEAR * h * abs(watch[2]):
                         if watch[1] < 0.0 and not contacts.flying:
@@ -268,13 +267,20 @@ class EventLoop:
         step than to its end, or on the point where it bisects; and the root of a step that ends
         within its own error of an impact lies just behind it.
         """
-        fired, fallen = self._fired, self._overlooked(guard)
+        fallen = self._overlooked(guard)
         while fallen is not None and h > _SHORTEST * self._max_step:
             self._back_to(tau)
             h = self._step(_SHORTER * h, True)[1]
-            guard = fired.pop() if fired else None
+            guard = self._fired()
             fallen = self._overlooked(guard)
         return h, guard if fallen is None or guard is not None else fallen
+
+    def _fired(self) -> int | None:
+        """The guard that ended the last step, told once."""
+        index = self._system.fired_index
+        guard = int(self._pars[index]) - 1
+        self._pars[index] = 0.0
+        return guard if guard >= 0 else None
 
     def _overlooked(self, guard: int | None) -> int | None:
         """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""

@@ -8,9 +8,9 @@ one lets go. A gap with friction has two more flags, whether it sticks and which
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.dynamics import Dynamics
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
@@ -80,6 +81,7 @@ class System:
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
+    fired_index : which of them, the last, says which guard ended a step, counted from 1
     """
 
     def __init__(
@@ -114,7 +116,9 @@ class System:
         self.guards = [Guard(i, 0) for i in range(len(gaps))]
         if not d.compliant:
             self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
+        p.reserve('fired')
         self.parameters = np.array(p.values)
+        self.fired_index = len(self.parameters) - 1
         self.flag_index = [p.names[f'{g.name}.closed'] for g in self.gaps]
         self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
         self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
@@ -150,7 +154,7 @@ class System:
         )
 
     def integrator(
-        self, rtol: float, scale: float, fell: Callable[[int], object], compact: bool = False
+        self, rtol: float, scale: float = 1.0, compact: bool = False
     ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
@@ -166,7 +170,6 @@ class System:
         ----------
         rtol : wanted error of a step relative to `scale`
         scale : size of the largest rate [rad/s]
-        fell : called with the index of the guard that ends a step
         compact : compile slower but smaller code (for many coordinates)
         """
         order = math.ceil(5.0 - 0.5 * math.log(rtol))
@@ -178,36 +181,19 @@ class System:
         driven = self._driven([*self._by_directions([*a, *self._guards]), *rates])
         n, m = len(a), len(self._guards)
         a, guards, rates = driven[:n], driven[n : n + m], driven[n + m :]
-
-        def told(index: int) -> Callable[[Any, int], bool]:
-            def stop(_integrator: Any, _direction: int) -> bool:
-                fell(index)
-                return False
-
-            return stop
-
-        sys = [(frames.q[c], frames.v[c]) for c in self.free]
-        sys += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
-        events = [
-            hy.t_event(
-                g, direction=hy.event_direction.negative, cooldown=0.0, callback=told(index)
-            )
-            for index, g in enumerate(guards)
-        ]
+        motion = [(frames.q[c], frames.v[c]) for c in self.free]
+        motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
         # too small to matter: its Taylor series tells the guard at the start of a step for nothing
         watch = [(hy.make_vars('watch'), 1e-30 * guards[0])] if self.lone else []
         directions: list[tuple[hy.expression, hy.expression]] = []
         for (cosine, sine), rate in zip(self._direction_symbols, rates, strict=True):
             directions += [(cosine, -(rate * sine)), (sine, rate * cosine)]
         # the constant's rate, which is nothing, names the last parameter: heyoka wants no others
-        return hy.taylor_adaptive(
-            [*sys, (constant, TINY * hy.par[len(self.parameters) - 1]), *watch, *directions],
-            [0.0] * len(sys) + [scale * rtol / tolerance] + [0.0] * (len(watch) + len(directions)),
-            pars=self.parameters,
-            tol=tolerance,
-            t_events=events,
-            compact_mode=compact,
-        )
+        equations = [*motion, (constant, TINY * hy.par[self.fired_index]), *watch, *directions]
+        integrator = compiled.integrator(equations, guards, tolerance, compact, self.fired_index)
+        integrator.state[len(motion)] = scale * rtol / tolerance
+        integrator.pars[:] = self.parameters
+        return integrator
 
     @cached_property
     def _guards(self) -> list[hy.expression]:
@@ -280,7 +266,7 @@ class System:
         replace[hy.time] = hy.make_vars('now')
         state = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
         expressions = self._driven([dense(o) for o in outputs])
-        return hy.cfunc(list(hy.subs(expressions, replace)), vars=[*state, *replace.values()])
+        return compiled.function(hy.subs(expressions, replace), [*state, *replace.values()])
 
     @cached_property
     def watch(self) -> hy.cfunc_dbl:
@@ -425,8 +411,8 @@ class System:
             expressions = list(hy.subs(expressions, replace))
         frames = eq.frames
         symbols = [*frames.q.values(), *frames.v.values()]
-        return hy.cfunc(
-            expressions, vars=[*symbols, *(frames.a[c] for c in self.prescribed), *variables]
+        return compiled.function(
+            expressions, [*symbols, *(frames.a[c] for c in self.prescribed), *variables]
         )
 
     def observe(
@@ -491,7 +477,7 @@ class System:
     def _values_function(self) -> hy.cfunc_dbl:
         frames, d = self.equations.frames, self.dynamics
         values = [dense(jet.value) for jet in (*d.normal, *d.relation)]
-        return hy.cfunc(values, vars=list(frames.q.values()))
+        return compiled.function(values, list(frames.q.values()))
 
     def _values(self, q: Array) -> Array:
         pars = np.repeat(

@@ -10,6 +10,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
@@ -69,11 +70,11 @@ class InverseDynamics:
         rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
         supplied = [*generalized_forces(eq, a), *rows]
         forces = [x for f in tree_reactions(eq, a, closing).values() for x in f]
-        second = hy.cfunc(
+        second = compiled.function(
             [dense(x) for x in (*forces, *energies(eq))],
-            vars=[*motion, *(x for pair in closing.values() for x in pair)],
+            [*motion, *(x for pair in closing.values() for x in pair)],
         )
-        first = hy.cfunc([dense(x) for x in supplied], vars=motion)
+        first = compiled.function([dense(x) for x in supplied], motion)
         return first, second, np.array(eq.parameters.values)
 
     def __call__(self, q: Array, v: Array, a: Array) -> Observation:

@@ -1,0 +1,78 @@
+"""Compiled expressions, each compiled once in a process.
+
+What varies between scenes of one kind are parameters, so that their expressions are equal. heyoka
+keeps machine code in memory and on disk, but to find it there it builds the code anew: 10 to 70 ms
+for a scene, against 1 ms for a copy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from functools import lru_cache
+
+import heyoka as hy
+
+
+@lru_cache(maxsize=128)
+def _function(
+    expressions: tuple[hy.expression, ...], variables: tuple[hy.expression, ...]
+) -> hy.cfunc_dbl:
+    return hy.cfunc(list(expressions), vars=list(variables))
+
+
+def function(
+    expressions: Sequence[hy.expression], variables: Sequence[hy.expression]
+) -> hy.cfunc_dbl:
+    """Values of the expressions as a function of the variables and parameters."""
+    return _function(tuple(expressions), tuple(variables))
+
+
+@lru_cache(maxsize=16)
+def _integrator(
+    equations: tuple[tuple[hy.expression, hy.expression], ...],
+    guards: tuple[hy.expression, ...],
+    tolerance: float,
+    compact: bool,
+    flag: int,
+) -> hy.taylor_adaptive_dbl:
+    def told(index: int) -> hy.callback:
+        def fell(integrator: hy.taylor_adaptive_dbl, _direction: int) -> bool:
+            integrator.pars[flag] = index + 1.0
+            return False
+
+        return fell
+
+    events = [
+        hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0, callback=told(index))
+        for index, g in enumerate(guards)
+    ]
+    return hy.taylor_adaptive(
+        list(equations),
+        [0.0] * len(equations),
+        pars=[0.0] * (flag + 1),
+        tol=tolerance,
+        t_events=events,
+        compact_mode=compact,
+    )
+
+
+def integrator(
+    equations: Sequence[tuple[hy.expression, hy.expression]],
+    guards: Sequence[hy.expression],
+    tolerance: float,
+    compact: bool,
+    flag: int,
+) -> hy.taylor_adaptive_dbl:
+    """A Taylor integrator whose steps end where a guard falls through zero.
+
+    Parameters
+    ----------
+    equations : states and their derivatives
+    guards : functions of state, time and parameters
+    tolerance : heyoka's
+    compact : compile slower but smaller code
+    flag : the last parameter, which becomes 1 plus the index of the guard that ended a step; some
+        equation must name it
+    """
+    return copy(_integrator(tuple(equations), tuple(guards), tolerance, compact, flag))
