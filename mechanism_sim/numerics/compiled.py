@@ -3,6 +3,8 @@
 What varies between scenes of one kind are parameters, so that their expressions are equal. heyoka
 keeps machine code in memory and on disk, but to find it there it builds the code anew: 10 to 70 ms
 for a scene, against 1 ms for a copy.
+
+Expressions share parts, but heyoka compares them as trees: those too large for that are not kept.
 """
 
 from __future__ import annotations
@@ -12,6 +14,14 @@ from copy import copy
 from functools import lru_cache
 
 import heyoka as hy
+
+_LARGEST = 200_000
+"""Nodes of expressions that are compared in a few milliseconds."""
+
+
+def _kept(expressions: Sequence[hy.expression]) -> bool:
+    nodes = [len(x) for x in expressions]  # 0: too many to count
+    return 0 not in nodes and sum(nodes) <= _LARGEST
 
 
 @lru_cache(maxsize=128)
@@ -25,7 +35,8 @@ def function(
     expressions: Sequence[hy.expression], variables: Sequence[hy.expression]
 ) -> hy.cfunc_dbl:
     """Values of the expressions as a function of the variables and parameters."""
-    return _function(tuple(expressions), tuple(variables))
+    make = _function if _kept(expressions) else _function.__wrapped__
+    return make(tuple(expressions), tuple(variables))
 
 
 @lru_cache(maxsize=16)
@@ -75,4 +86,6 @@ def integrator(
     flag : the last parameter, which becomes 1 plus the index of the guard that ended a step; some
         equation must name it
     """
-    return copy(_integrator(tuple(equations), tuple(guards), tolerance, compact, flag))
+    kept = _kept([*(right for _, right in equations), *guards])
+    make = _integrator if kept else _integrator.__wrapped__
+    return copy(make(tuple(equations), tuple(guards), tolerance, compact, flag))
