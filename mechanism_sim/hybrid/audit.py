@@ -60,6 +60,7 @@ class Audit:
     ----------
     max_penetration : [m] deepest violation of an open gap
     max_closure_error : [m] farthest a closed gap was from zero
+    drive_work, dissipated : [J] so far
     min_normal_force : [N] smallest force in following; infinite without following
     """
 
@@ -71,15 +72,15 @@ class Audit:
         self._largest_force = 0.0
         self._initial: float | None = None
         self._final = 0.0
-        self._drive_work = 0.0
-        self._dissipated = 0.0
+        self.drive_work = 0.0
+        self.dissipated = 0.0
 
     @property
     def energy(self) -> Energy | None:
         """The energy books so far; ``None`` where forces are not known."""
         if self._initial is None:
             return None
-        return Energy(self._initial, self._final, self._drive_work, self._dissipated)
+        return Energy(self._initial, self._final, self.drive_work, self.dissipated)
 
     def add(self, motion: Motion, impacts: Sequence[Impact]) -> Work:
         """Enter a batch of m segments and the impacts at their ends; returns their shares."""
@@ -90,8 +91,8 @@ class Audit:
             self._balance(motion, impacts)
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
-        self._drive_work += float(work.drive.sum()) + sum(i.drive_work for i in impacts)
-        self._dissipated += float(work.friction.sum()) + sum(i.energy_loss for i in impacts)
+        self.drive_work += float(work.drive.sum()) + sum(i.drive_work for i in impacts)
+        self.dissipated += float(work.friction.sum()) + sum(i.energy_loss for i in impacts)
         return work
 
     def judge(self, tolerance: float) -> None:

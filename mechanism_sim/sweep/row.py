@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes
@@ -150,7 +148,7 @@ def _measure(machine: Machine, extent: Extent, file: Path | None) -> dict[str, V
             audit.judge(machine.allowed_penetration)
             tally.add(motion, impacts, changes, work.friction)
             _follow(crank, edges, motion, gauge.coordinates.index('crank'))
-            _hash(digest, motion, impacts)
+            digest.add(motion, impacts)
             largest = max([largest, *(i.normal_impulse for i in impacts if i.t >= edges[skip])])
     turned = np.abs(np.diff(crank))[skip:] / (2.0 * np.pi)
     if extent.revolutions:
@@ -176,13 +174,3 @@ def _follow(crank: Array, edges: Array, motion: Motion, index: int) -> None:
         # the last edge may be the end but for rounding
         inside = (edges >= curve.start[0]) & (edges <= curve.end * (1.0 + 1e-12))
         crank[inside] = curve(np.minimum(edges[inside], curve.end))[:, index]
-
-
-def _hash(digest: MotionDigest, motion: Motion, impacts: Sequence[Impact]) -> None:
-    c = motion.curve
-    digest.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
-    for i in impacts:
-        digest.add_impact(
-            i.t, i.joint, i.normal_angle, i.approach_speed, i.rebound_speed, i.normal_impulse,
-            i.tangential_impulse, i.energy_loss, i.drive_impulse,
-        )  # fmt: skip
