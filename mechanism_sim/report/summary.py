@@ -97,8 +97,8 @@ def render(run: Stream) -> str:
     stats, data = run.stats, _final(run)
     lines = [
         f'{run.machine.name} ({run.machine.level.value}): {run.duration:.9g} s in '
-        f'{stats.steps} steps, {stats.cpu_time * 1e3:.1f} ms CPU, compiled in {stats.compile_time * 1e3:.0f} ms; '
-        f'{StopReason.COMPLETE.value}'
+        f'{stats.steps} steps, {stats.cpu_time * 1e3:.1f} ms CPU, '
+        f'compiled in {stats.compile_time * 1e3:.0f} ms; {StopReason.COMPLETE.value}'
     ]
     totals = run.totals
     if run.machine.physics.clearances:
