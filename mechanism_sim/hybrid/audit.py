@@ -71,16 +71,18 @@ class Audit:
         self._physics = physics
         self._largest_force = 0.0
         self._initial: float | None = None
-        self._final = 0.0
+        self._end: tuple[Motion, float] | None = None  # and what impacts make there [J]
         self.drive_work = 0.0
         self.dissipated = 0.0
 
     @property
     def energy(self) -> Energy | None:
         """The energy books so far; ``None`` where forces are not known."""
-        if self._initial is None:
+        if self._initial is None or self._end is None:
             return None
-        return Energy(self._initial, self._final, self.drive_work, self.dissipated)
+        motion, made = self._end
+        final = self._total(motion, len(motion) - 1, float(motion.curve.duration[-1])) + made
+        return Energy(self._initial, final, self.drive_work, self.dissipated)
 
     def add(self, motion: Motion, impacts: Sequence[Impact]) -> Work:
         """Enter a batch of m segments and the impacts at their ends; returns their shares."""
@@ -128,17 +130,19 @@ class Audit:
             self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
 
     def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
-        ends = np.array([0, len(motion) - 1])
-        times = np.array([0.0, motion.curve.duration[-1]])
-        observed = self._physics.observe(motion, ends, times)
-        total = observed.kinetic_energy + observed.potential_energy
         if self._initial is None:
             # an impact at the very start comes before the first segment
             first = [i for i in impacts if i.t <= motion.curve.start[0]]
-            self._initial = float(total[0]) + sum(i.energy_loss - i.drive_work for i in first)
+            made = sum(i.energy_loss - i.drive_work for i in first)
+            self._initial = self._total(motion, 0, 0.0) + made
         # and one at the very end after the last
         last = [i for i in impacts if i.t > motion.curve.start[-1]]
-        self._final = float(total[1]) + sum(i.drive_work - i.energy_loss for i in last)
+        self._end = motion, sum(i.drive_work - i.energy_loss for i in last)
+
+    def _total(self, motion: Motion, segment: int, dt: float) -> float:
+        """Kinetic and potential energy [J]."""
+        seen = self._physics.observe(motion, np.array([segment]), np.array([dt]))
+        return float(seen.kinetic_energy[0] + seen.potential_energy[0])
 
     def _check_open(self, motion: Motion) -> None:
         """Sample every open gap, and again more densely where a parabola foresees a violation."""

@@ -501,8 +501,10 @@ class System:
         inputs, torque = self._inputs(q, v, a_p, modes, torque, approach)
         gap, closure, N, friction, prescribed = self._account(inputs)
         drive_torque = np.concatenate([prescribed, torque])
-        closed = self.distances(gap)[modes > Mode.FREE_FLIGHT]
-        left = max(np.abs(x).max(initial=0.0) for x in (closed, closure))
+        closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
+        ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
+        farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
+        left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
         power = (drive_torque * v[self.driven_index]).sum(axis=0)
         return Account(N, friction[0], power, float(left))
 
