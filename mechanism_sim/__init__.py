@@ -11,7 +11,7 @@ from typing import Any
 
 __path__ = extend_path(__path__, __name__)
 
-__all__ = ['load_scene', 'scene_names', 'simulate']
+__all__ = ['load_scene', 'scene_names', 'simulate', 'stream']
 
 
 def __getattr__(name: str) -> Any:

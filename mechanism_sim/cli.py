@@ -7,10 +7,14 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.errors import InputError, RunError
+
+if TYPE_CHECKING:
+    from mechanism_sim.report.tables import Writer
 
 NODE_NAMES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
 
@@ -72,6 +76,9 @@ def _parser() -> argparse.ArgumentParser:
     _length_options(sub)
     sub.add_argument('--sample-rate', type=float, metavar='HZ', help='sample the solution at')
     sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
+    sub.add_argument(
+        '--no-events', action='store_true', help='JSON with the counts of events, not their lists'
+    )
     sub.add_argument('--save', metavar='FILE', help='write what it takes to go on from the end')
     sub.add_argument(
         '--resume', metavar='FILE',
@@ -185,29 +192,51 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _solve(options: argparse.Namespace) -> int:
+    from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
+    from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
-    from mechanism_sim.report import progress, summary, tables  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.report import progress, summary  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, span, stream  # noqa: PLC0415
 
-    if options.output:
-        tables.check_output(options.output, options.sample_rate)
+    if options.no_events and not options.json:
+        raise InputError('--no-events goes with --json: without it no events are listed')
     machine = load_scene(options.scene, _overrides(options))
     end = span(machine, options.revolutions, options.duration)
     snapshot = Snapshot.load(options.resume) if options.resume else None
-    with progress.bar('solve', end, quiet=options.json) as show:
-        solution = simulate(machine, duration=end, progress=show, resume=snapshot)
+    digest = MotionDigest()
+    impacts: list[Impact] = []
+    modes: list[ModeChange] = []
+    with _samples(options) as table, progress.bar('solve', end, quiet=options.json) as show:
+        run = stream(machine, duration=end, progress=show, resume=snapshot)
+        for piece in run:
+            if table:
+                table.add(piece)
+            if options.json:
+                digest.add(piece.motion, piece.impacts)
+                if not options.no_events:
+                    impacts += piece.impacts
+                    modes += piece.modes
     if options.save:
         try:
-            solution.snapshot.save(options.save)
+            run.snapshot.save(options.save)
         except OSError as error:
             raise InputError(f"'{options.save}' cannot be written: {error.strerror}") from error
-    if options.output:
-        tables.write(solution, options.output, options.sample_rate)
     if options.json:
-        _print_json(summary.to_json(solution))
+        events = (None, None) if options.no_events else (impacts, modes)
+        _print_json(summary.to_json(run, digest.hexdigest(), *events))
     else:
-        print(summary.render(solution))
+        print(summary.render(run))
     return 0
+
+
+def _samples(options: argparse.Namespace) -> AbstractContextManager[Writer | None]:
+    """Where `--output` goes; nothing if it is not asked for."""
+    if not options.output:
+        return nullcontext()
+    from mechanism_sim.report import tables  # noqa: PLC0415
+
+    tables.check_output(options.output, options.sample_rate)
+    return tables.Writer(options.output, options.sample_rate)
 
 
 def _run(options: argparse.Namespace) -> int:

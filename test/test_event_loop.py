@@ -535,8 +535,8 @@ def test_the_pin_lost_at_the_end_of_a_coarse_step_is_found():
 @pytest.mark.parametrize('e', [0.0, 1e-12, 0.02])
 def test_plastic_impacts_leave_nothing_to_bounce(e):
     s = ms.simulate(loose(e), revolutions=1.0)
-    # with e = 0.02 rebounds fall by 2500 in height each, from 1e-7 m to 1e-14 m
-    assert len(s.impacts) == (1 if e < 0.01 else 4)
+    # with e = 0.02 rebounds fall by 2500 in height each, from 1e-7 m to 1e-13 m
+    assert len(s.impacts) == (1 if e < 0.01 else 3)
     assert s.impacts[-1].ends_chatter
     assert s.impacts[-1].rebound_speed == 0.0
     assert [m.mode for m in s.modes] == [Mode.FREE_FLIGHT, Mode.FOLLOWING]
@@ -672,8 +672,7 @@ def test_two_loose_loops_on_one_crank_do_not_know_of_each_other():
         mine = [i for i in impacts if i.joint == joint]
         assert len(mine) == len(alone[1])
         for a, b in zip(mine, alone[1], strict=True):
-            # positions are known to 1e-16 m: the slower the approach, the less its instant
-            assert a.t == pytest.approx(b.t, abs=1e-13 + 1e-16 / b.approach_speed)
+            assert a.t == pytest.approx(b.t, abs=1e-13)
             assert a.normal_impulse == pytest.approx(b.normal_impulse, rel=1e-6, abs=1e-11)
         assert [m.mode for m in modes if m.joint == joint] == [m.mode for m in alone[2]]
     end = np.array([0.29 * TURN])

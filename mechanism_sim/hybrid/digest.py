@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.tape import Motion
 
 
 class MotionDigest:
@@ -27,6 +31,16 @@ class MotionDigest:
     def __init__(self) -> None:
         self._segments = hashlib.sha256()
         self._impacts = hashlib.sha256()
+
+    def add(self, motion: Motion, impacts: Iterable[Impact]) -> None:
+        """Add the motion and the impacts of a part of a run."""
+        c = motion.curve
+        self.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
+        for i in impacts:
+            self.add_impact(
+                i.t, i.joint, i.normal_angle, i.approach_speed, i.rebound_speed, i.normal_impulse,
+                i.tangential_impulse, i.energy_loss, i.drive_impulse,
+            )  # fmt: skip
 
     def add_segments(
         self,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.inverse_dynamics import Account, Observation
 
 
 class Physics(Protocol):
@@ -43,12 +43,11 @@ class Physics(Protocol):
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
 
-    def closure_error(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation
-    ) -> float:
-        """Largest distance [m] that should be zero: in closed gaps, or where loops close.
+    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+        """What books are kept of; powers and forces count only where `has_forces`.
 
-        `observed` is what `observe` says of the same instants.
+        `closure_error` is the largest distance [m] from zero: of closed gaps, and of what is left
+        open where loops close.
         """
 
 
@@ -67,33 +66,47 @@ class DynamicPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
+        seen = self.system.observe(*self._state(motion, segments, dt))
+        return seen._replace(position=motion.curve.at(segments, dt).T)
+
+    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+        """What books are kept of."""
+        return self.system.account(*self._state(motion, segments, dt))
+
+    def _state(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array]:
+        """What `System.observe` asks for, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
-        q, v = (curve.at(segments, dt, derivative).T for derivative in (0, 1))
+        if isinstance(dt, Nodes):
+            q, v = curve.at_nodes(segments, dt)
+        else:
+            q, v = (curve.local(segments, dt, derivative).T for derivative in (0, 1))
         steady = self.system.degree <= 1
         powered = self.system.driven_index[len(driven) :]
-        constant, per_angle, per_speed = motion.torques_at(segments, dt).transpose(1, 0, 2)
-        return self.system.observe(
+        torque = np.zeros((0, q.shape[1]))
+        if powered:
+            constant, per_angle, per_speed = motion.torques_at(segments, dt).transpose(1, 0, 2)
+            angle = curve.at(segments, dt).T[powered]
+            torque = constant + per_angle * angle + per_speed * v[powered]
+        return (
             q,
             v,
-            np.zeros_like(q[driven]) if steady else curve.at(segments, dt, 2).T[driven],
+            np.zeros((len(driven), q.shape[1]))
+            if steady
+            else curve.local(segments, dt, 2).T[driven],
             motion.modes_at(segments, dt),
-            constant + per_angle * q[powered] + per_speed * v[powered],
+            torque,
             motion.approach_at(segments, dt),
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed."""
-        values = self.system.gap_values(motion.curve.at(segments, dt).T)
+        curve = motion.curve
+        if isinstance(dt, Nodes):
+            q, _ = curve.at_nodes(segments, dt)
+        else:
+            q = curve.local(segments, dt).T
+        values = self.system.gap_values(q)
         gaps = self.system.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
-
-    def closure_error(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation
-    ) -> float:
-        """Largest distance from zero [m], of closed gaps and of closures."""
-        closed = observed.gap[motion.closed_at(segments, dt)]
-        largest = float(np.abs(closed).max(initial=0.0))
-        if self.system.relations:
-            left = self.system.closures(observed.position)
-            largest = max(largest, float(np.abs(left).max(initial=0.0)))
-        return largest

@@ -8,15 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.audit import Work
+from mechanism_sim.hybrid.audit import NODES, WEIGHTS, Work
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.polynomials import gauss_nodes
 from mechanism_sim.planar.inverse_dynamics import Observation
-
-_NODES, _WEIGHTS = gauss_nodes(12)
 
 
 class Books(NamedTuple):
@@ -64,11 +61,11 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
 
 def _work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
     """The same from the start of segment k to `dt` later (N,), by quadrature."""
-    observed = physics.observe(motion, k, dt[:, None] * _NODES)
+    account = physics.account(motion, k, dt[:, None] * NODES)
     return Work(
         *(
-            np.asarray(dt * (power.reshape(-1, len(_NODES)) @ _WEIGHTS))
-            for power in (observed.drive_power, observed.friction_power)
+            np.asarray(dt * (power.reshape(-1, len(NODES)) @ WEIGHTS))
+            for power in (account.drive_power, account.friction_power)
         )
     )
 

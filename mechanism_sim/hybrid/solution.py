@@ -29,37 +29,21 @@ class Stats:
 
 
 @dataclass(frozen=True)
-class Solution:
-    """A finished run.
+class Piece:
+    """A part of a run.
 
     Attributes
     ----------
-    scene, level : names
     motion : polynomials of all coordinates and the state of the gaps
+    books : work and losses of its segments, and what they were before
     impacts, modes : events in the order of time
-    energy : the books; ``None`` where masses are not part of the scene
-    max_penetration, max_closure_error : [m]
-    snapshot : from where a longer run goes on, not later than the end
     """
 
-    scene: str
-    level: str
     physics: Physics
     motion: Motion
     books: Books
     impacts: list[Impact]
     modes: list[ModeChange]
-    stats: Stats
-    energy: Energy | None
-    max_penetration: float
-    max_closure_error: float
-    stop_reason: StopReason
-    snapshot: Snapshot
-
-    @property
-    def duration(self) -> float:
-        """Simulated time [s]."""
-        return self.motion.curve.end
 
     def samples(self, t: Array | float) -> Samples:
         """Everything at times `t` (N,) [s] in one structure."""
@@ -80,26 +64,39 @@ class Solution:
         Raises
         ------
         ValueError
-            For a time outside of the solution.
+            For a time outside of the motion.
         """
         return table(self.physics, self.samples(t))
+
+
+@dataclass(frozen=True)
+class Solution(Piece):
+    """A finished run, kept whole.
+
+    Attributes
+    ----------
+    scene, level : names
+    energy : the books; ``None`` where masses are not part of the scene
+    max_penetration, max_closure_error : [m]
+    snapshot : from where a longer run goes on, not later than the end
+    """
+
+    scene: str
+    level: str
+    stats: Stats
+    energy: Energy | None
+    max_penetration: float
+    max_closure_error: float
+    stop_reason: StopReason
+    snapshot: Snapshot
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return self.motion.curve.end
 
     def digest(self) -> str:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
         digest = MotionDigest()
-        c = self.motion.curve
-        modes = self.motion.modes
-        digest.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, modes)
-        for i in self.impacts:
-            digest.add_impact(
-                i.t,
-                i.joint,
-                i.normal_angle,
-                i.approach_speed,
-                i.rebound_speed,
-                i.normal_impulse,
-                i.tangential_impulse,
-                i.energy_loss,
-                i.drive_impulse,
-            )
+        digest.add(self.motion, self.impacts)
         return digest.hexdigest()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dynamics import Dynamics
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
-from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
@@ -347,7 +348,8 @@ class System:
         return self._on_now(outputs)
 
     @cached_property
-    def _observe(self) -> hy.cfunc_dbl:
+    def _terms(self) -> dict[str, list[Term]]:
+        """What `observe` and `account` say, as expressions."""
         eq, d = self.equations, self.dynamics
         solved = d.exact
         a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
@@ -384,18 +386,21 @@ class System:
                 friction.append(lost * rate)
                 potential = add(potential, d.closed[i] * law.elastic_energy(depth))
                 forces_N[i] = push
-        outputs: list[Term] = [
-            *(a[c] for c in self.coordinates),
-            *(jet.value for jet in d.normal),
-            *(jet.value for jet in d.relation),
-            *forces_N,
-            *solved.T,
-            add(*friction),
-            *torques,
-            *(x for force in reactions.values() for x in force),
-            kinetic,
-            potential,
-        ]
+        return {
+            'acceleration': [a[c] for c in self.coordinates],
+            'gap': [jet.value for jet in d.normal],
+            'closure': [jet.value for jet in d.relation],
+            'normal_force': forces_N,
+            'friction_force': list(solved.T),
+            'friction_power': [add(*friction)],
+            'drive_torque': torques,
+            'reaction': [x for force in reactions.values() for x in force],
+            'energy': [kinetic, potential],
+        }
+
+    def _compiled(self, names: Sequence[str]) -> Evaluation:
+        """These terms as a function of what `_inputs` makes."""
+        eq, d = self.equations, self.dynamics
         replace: dict[str | hy.expression, hy.expression] = {}
         flags = (*d.closed, *d.sticks.values(), *d.slips.values(), *d.approach)
         for k, flag in enumerate(flags):
@@ -406,14 +411,24 @@ class System:
             replace[constant] = hy.make_vars(f'{c}_torque')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
-        expressions = [dense(o) for o in outputs]
+        groups = [self._terms[name] for name in names]
+        expressions = [dense(term) for group in groups for term in group]
         if replace:
             expressions = list(hy.subs(expressions, replace))
         frames = eq.frames
         symbols = [*frames.q.values(), *frames.v.values()]
-        return compiled.function(
+        function = compiled.function(
             expressions, [*symbols, *(frames.a[c] for c in self.prescribed), *variables]
         )
+        return Evaluation(function, eq.parameters.values, [len(group) for group in groups])
+
+    @cached_property
+    def _observe(self) -> Evaluation:
+        return self._compiled(list(self._terms))
+
+    @cached_property
+    def _account(self) -> Evaluation:
+        return self._compiled(['gap', 'closure', 'normal_force', 'friction_power', 'drive_torque'])
 
     def observe(
         self,
@@ -434,24 +449,8 @@ class System:
         torque : (k, N) [N m] on the powered coordinates
         approach : (m, N) [m/s] of the first touch of compliant contacts
         """
-        d, count = self.dynamics, q.shape[1]
-        torque = np.zeros((len(self.powered), count)) if torque is None else torque
-        modes = np.asarray(modes)
-        held = modes[d.frictional] == Mode.STICKING
-        forward = modes[d.frictional] == Mode.SLIDING_FORWARD
-        backward = modes[d.frictional] == Mode.SLIDING_BACKWARD
-        flags = [modes > Mode.FREE_FLIGHT, held, forward * 1.0 - backward]
-        if self.compliant:
-            flags.append(np.ones_like(modes, float) if approach is None else approach)
-        inputs = np.ascontiguousarray(
-            np.concatenate([q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque])
-        )
-        pars = np.repeat(self._observe_parameters[:, None], count, axis=1)
-        out = self._observe(inputs, pars=pars)
-        n, m, p = len(self.coordinates), len(self.gaps), len(self.prescribed)
-        joints = len(self.mechanism.joints)
-        ends = np.cumsum([n, m, len(d.relation), m, m, 1, p, 2 * joints])
-        a, gap, _, N, T, friction, prescribed, reaction, energy = np.split(out, ends)
+        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach)
+        a, gap, _, N, T, friction, prescribed, reaction, energy = self._observe(inputs)
         drive_torque = np.concatenate([prescribed, torque])
         return Observation(
             q,
@@ -461,12 +460,55 @@ class System:
             N,
             T,
             friction[0],
-            reaction.reshape(-1, 2, count),
+            reaction.reshape(-1, 2, q.shape[1]),
             drive_torque,
             (drive_torque * v[self.driven_index]).sum(axis=0),
             energy[0],
             energy[1],
         )
+
+    def account(
+        self,
+        q: Array,
+        v: Array,
+        a_p: Array,
+        modes: NDArray[np.uint8],
+        torque: Array | None = None,
+        approach: Array | None = None,
+    ) -> Account:
+        """What books are kept of, at the instants that `observe` would be given; far cheaper."""
+        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach)
+        gap, closure, N, friction, prescribed = self._account(inputs)
+        drive_torque = np.concatenate([prescribed, torque])
+        closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
+        ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
+        farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
+        left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
+        power = (drive_torque * v[self.driven_index]).sum(axis=0)
+        return Account(N, friction[0], power, float(left))
+
+    def _inputs(
+        self,
+        q: Array,
+        v: Array,
+        a_p: Array,
+        modes: NDArray[np.uint8],
+        torque: Array | None,
+        approach: Array | None,
+    ) -> tuple[Array, Array]:
+        """One array of all inputs, and the torques."""
+        d, count = self.dynamics, q.shape[1]
+        torque = np.zeros((len(self.powered), count)) if torque is None else torque
+        flags: list[NDArray[Any]] = [modes > Mode.FREE_FLIGHT]
+        if d.frictional:
+            frictional = modes[d.frictional]
+            forward = frictional == Mode.SLIDING_FORWARD
+            backward = frictional == Mode.SLIDING_BACKWARD
+            flags += [frictional == Mode.STICKING, forward * 1.0 - backward]
+        if self.compliant:
+            flags.append(np.ones_like(modes, float) if approach is None else approach)
+        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque)
+        return np.concatenate(rows), torque
 
     def distances(self, values: Array) -> Array:
         """The gaps (m, N) [m] that belong to values in their own measure."""
@@ -474,25 +516,18 @@ class System:
         return np.array(rows).reshape(values.shape)
 
     @cached_property
-    def _values_function(self) -> hy.cfunc_dbl:
+    def _values(self) -> Evaluation:
         frames, d = self.equations.frames, self.dynamics
         values = [dense(jet.value) for jet in (*d.normal, *d.relation)]
-        return compiled.function(values, list(frames.q.values()))
-
-    def _values(self, q: Array) -> Array:
-        pars = np.repeat(
-            self.parameters[: self._values_function.nparams, None], q.shape[1], axis=1
+        function = compiled.function(values, list(frames.q.values()))
+        return Evaluation(
+            function, self.equations.parameters.values, [len(d.normal), len(d.relation)]
         )
-        return np.asarray(self._values_function(np.ascontiguousarray(q), pars=pars))
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""
-        return self._values(q)[: len(self.gaps)] if self.gaps else np.zeros((0, q.shape[1]))
+        return self._values(q)[0]
 
     def closures(self, q: Array) -> Array:
         """What is left open where loops close (k, N) [m] at coordinates q (n, N)."""
-        return self._values(q)[len(self.gaps) :]
-
-    @cached_property
-    def _observe_parameters(self) -> Array:
-        return np.array(self.equations.parameters.values[: self._observe.nparams])
+        return self._values(q)[1]

@@ -161,11 +161,13 @@ class Tape:
         each = np.diff([*begins, count])
         f, order = len(system.free), self._shape[1]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
-        free = [system.coordinates.index(c) for c in system.free]
-        used = self._blocks[: count // _BLOCK + 1]
-        raw = (used[0] if len(used) == 1 else np.concatenate(used))[:count]
-        coefficients[:, free, 0] = raw[:, :f, 0]
-        coefficients[:, free, 1:] = raw[:, f:, :] / np.arange(1.0, order + 1.0)
+        orders = np.arange(1.0, order + 1.0)
+        for first, block in zip(range(0, count, _BLOCK), self._blocks, strict=False):
+            raw, into = block[: count - first], coefficients[first : first + _BLOCK]
+            for i, name in enumerate(system.free):
+                c = system.coordinates.index(name)
+                into[:, c, 0] = raw[:, i, 0]
+                np.divide(raw[:, f + i], orders, out=into[:, c, 1:])
         tau, of = np.array(self.taus), np.repeat(np.array(marked, dtype=np.intp), each)
         for p, name in enumerate(system.prescribed):
             law = np.zeros((len(self._bases), system.degree + 1))

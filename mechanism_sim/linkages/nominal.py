@@ -26,7 +26,7 @@ from mechanism_sim.numerics.polynomials import (
     shift_powers,
 )
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.inverse_dynamics import InverseDynamics, Observation
+from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
@@ -177,12 +177,12 @@ class NominalPhysics:
         """There are none: (0, N)."""
         return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
-    def closure_error(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes, observed: Observation
-    ) -> float:
-        """How far the interpolated motion leaves the loop open [m]."""
-        th2, th3, th4 = motion.curve.at(segments, dt).T
+    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+        """What books are kept of, and how far the interpolated motion leaves the loop open."""
+        seen = self.observe(motion, segments, dt)
+        th2, th3, th4 = motion.curve.local(segments, dt).T
         l = self._linkage  # noqa: E741 - the lengths
         x = l.crank * np.cos(th2) + l.coupler * np.cos(th3) - l.rocker * np.cos(th4) - l.ground
         y = l.crank * np.sin(th2) + l.coupler * np.sin(th3) - l.rocker * np.sin(th4)
-        return float(np.hypot(x, y).max(initial=0.0))
+        left = float(np.hypot(x, y).max(initial=0.0))
+        return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)

@@ -91,8 +91,7 @@ class Linkage(SimulationNode):
     def _publish(
         self, motion: MotionBatch, impacts: list[ImpactEvent], changes: list[ModeChangeEvent]
     ) -> None:
-        energy = self._audit.energy
-        before = (energy.drive_work, energy.dissipated) if energy else (0.0, 0.0)
+        before = self._audit.drive_work, self._audit.dissipated
         work = self._audit.add(motion, impacts)
         self._audit.judge(self.machine.allowed_penetration)
         for change in changes:

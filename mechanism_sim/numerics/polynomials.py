@@ -16,9 +16,20 @@ TWO_PI = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class Nodes:
-    """The same K places in every segment: fractions (K,) of its duration."""
+    """The same K places in every segment: fractions of its duration."""
 
-    fractions: Array
+    fractions: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.fractions)
+
+    @lru_cache  # noqa: B019 - there are two or three of them
+    def powers(self, count: int) -> Array:
+        """Of the fractions, beside the derivatives of these powers: (count, 2 K)."""
+        values = np.vander(self.fractions, count, increasing=True)
+        rates = np.zeros_like(values)
+        rates[:, 1:] = values[:, :-1] * np.arange(1.0, count)
+        return np.concatenate([values, rates]).T.copy()
 
 
 @dataclass(frozen=True)
@@ -74,33 +85,45 @@ class PiecewisePolynomial:
         -------
         (N, n), or (N K, n) array
         """
-        n, d = self.coefficients.shape[1], self.coefficients.shape[2] - 1
+        out = self.local(segment, dt, derivative)
+        if derivative == 0 and self.turns[segment].any():
+            out += TWO_PI * np.repeat(
+                self.turns[segment], len(out) // max(len(segment), 1), axis=0
+            )
+        return out
+
+    def local(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
+        """The same without the whole turns, which cost an angle its last digits."""
         if isinstance(dt, Nodes):
-            return self._at_nodes(segment, dt, derivative)
-        chosen = np.ascontiguousarray(self.coefficients[segment].transpose(2, 1, 0))
-        turns = self.turns[segment].T
+            dt = self.duration[segment, None] * dt.fractions
+        n, count = self.coefficients.shape[1:]
+        chosen = self.coefficients[segment, :, derivative:].transpose(2, 1, 0)
+        falling = [float(math.perm(j, derivative)) for j in range(derivative, count)]
+        rows = np.ascontiguousarray(chosen)
         if dt.ndim == 2:
-            chosen, turns = chosen[..., None], turns[..., None]
+            rows = rows[..., None]
         out = np.zeros((n, *dt.shape))
-        for j in range(d, derivative - 1, -1):
+        for row, factor in zip(rows[::-1], falling[::-1], strict=True):
             out *= dt
-            out += math.perm(j, derivative) * chosen[j]
-        if derivative == 0 and turns.any():
-            out += TWO_PI * turns
+            out += factor * row
         return out.reshape(n, -1).T
 
-    def _at_nodes(self, segment: NDArray[np.intp], nodes: Nodes, derivative: int) -> Array:
-        """The same by one matrix product: powers of the duration go into the coefficients."""
-        n, orders = self.coefficients.shape[1], np.arange(self.coefficients.shape[2])
-        falling = np.array([float(math.perm(j, derivative)) for j in orders])
-        widths = self.duration[segment, None] ** np.maximum(orders - derivative, 0)
-        scaled = self.coefficients[segment] * (widths * falling)[:, None, :]
-        powers = np.vander(nodes.fractions, len(orders), increasing=True).T
-        powers[derivative:] = powers[: len(orders) - derivative].copy()
-        out = scaled @ powers
-        if derivative == 0:
-            out += TWO_PI * self.turns[segment][:, :, None]
-        return np.asarray(out.transpose(0, 2, 1).reshape(-1, n))
+    def at_nodes(self, segment: NDArray[np.intp], nodes: Nodes) -> tuple[Array, Array]:
+        """Values and rates (n, N K) as `local` gives them, by one matrix product for each of n.
+
+        Powers of the durations go into the coefficients, powers of the fractions into the matrix.
+        Below 2^18 multiplications a product, ``N 2 K (d + 1)``, BLAS starts no threads; they would
+        cost several times what they do.
+        """
+        n, count = self.coefficients.shape[1:]
+        duration = self.duration[segment]
+        scaled = np.empty((n, len(segment), count))
+        widths = np.vander(duration, count, increasing=True)
+        np.multiply(self.coefficients[segment].transpose(1, 0, 2), widths, out=scaled)
+        values = scaled @ nodes.powers(count)
+        k = len(nodes)
+        rates = values[:, :, k:] / duration[:, None]
+        return values[:, :, :k].reshape(n, -1), rates.reshape(n, -1)
 
     def __call__(self, t: Array, derivative: int = 0) -> Array:
         """Value of a derivative at times `t` (N,) [s]: (N, n)."""

@@ -39,6 +39,15 @@ class Observation(NamedTuple):
     potential_energy: Array  #: (N,) [J]
 
 
+class Account(NamedTuple):
+    """What books are kept of, at N instants: m joints with clearance."""
+
+    normal_force: Array  #: (m, N) [N]
+    friction_power: Array  #: (N,) [W] lost by sliding
+    drive_power: Array  #: (N,) [W]
+    closure_error: float  #: [m] largest distance that should be zero
+
+
 class InverseDynamics:
     """Joint forces and drive torques of a mechanism with ideal joints.
 

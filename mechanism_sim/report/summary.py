@@ -1,11 +1,11 @@
-"""A solution in a few lines, or as the JSON others build on."""
+"""A finished run in a few lines, or as the JSON others build on."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mechanism_sim.hybrid.events import Impact, gains
-from mechanism_sim.hybrid.solution import Solution
+from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.scene.simulate import Stream
 
 _IMPACT_KEYS = (
     't',
@@ -21,27 +21,38 @@ _IMPACT_KEYS = (
 )
 
 
-def to_json(solution: Solution) -> dict[str, object]:
-    """The result of `solve --json`: SI units throughout."""
-    stats, energy = solution.stats, solution.energy
+def to_json(
+    run: Stream, digest: str, impacts: list[Impact] | None, modes: list[ModeChange] | None
+) -> dict[str, object]:
+    """The result of `solve --json`: SI units throughout; without events, only their counts."""
+    stats, energy, totals = run.stats, run.energy, run.totals
+    events: dict[str, object] = {}
+    if impacts is not None:
+        events['impacts'] = [_impact(impact) for impact in impacts]
+    if modes is not None:
+        events['modes'] = [
+            {'t': c.t, 'joint': c.joint, 'mode': c.mode.name.lower()} for c in modes
+        ]
     return {
-        'scene': solution.scene,
-        'level': solution.level,
-        'duration': solution.duration,
+        'scene': run.machine.name,
+        'level': run.machine.level.value,
+        'duration': run.duration,
         'wall_time': stats.wall_time,
         'cpu_time': stats.cpu_time,
         'compile_time': stats.compile_time,
         'steps': stats.steps,
         'switches': stats.switches,
-        'stop_reason': solution.stop_reason.value,
-        'coordinates': list(solution.physics.coordinates),
-        'final': _final(solution),
-        'impacts': [_impact(impact) for impact in solution.impacts],
-        'modes': [
-            {'t': c.t, 'joint': c.joint, 'mode': c.mode.name.lower()} for c in solution.modes
-        ],
-        'max_penetration': solution.max_penetration,
-        'max_closure_error': solution.max_closure_error,
+        'stop_reason': StopReason.COMPLETE.value,
+        'coordinates': list(run.machine.physics.coordinates),
+        'final': _final(run),
+        'impact_count': totals.impacts,
+        'mode_change_count': totals.mode_changes,
+        'losses_of_contact': totals.losses_of_contact,
+        'normal_impulse': totals.normal_impulse,
+        'largest_impulse': totals.largest_impulse,
+        **events,
+        'max_penetration': run.max_penetration,
+        'max_closure_error': run.max_closure_error,
         'energy': None
         if energy is None
         else {
@@ -51,7 +62,7 @@ def to_json(solution: Solution) -> dict[str, object]:
             'dissipated': energy.dissipated,
             'residual': energy.residual,
         },
-        'digest': solution.digest(),
+        'digest': digest,
     }
 
 
@@ -59,15 +70,15 @@ def _impact(impact: Impact) -> dict[str, object]:
     return {key: getattr(impact, key) for key in _IMPACT_KEYS}
 
 
-def _final(solution: Solution) -> dict[str, object]:
-    physics = solution.physics
-    o = solution.samples(solution.duration).observed
+def _final(run: Stream) -> dict[str, object]:
+    physics = run.machine.physics
+    o = run.final
 
     def by_name(rows: np.ndarray) -> dict[str, float]:
         return {c: float(row[0]) for c, row in zip(physics.coordinates, rows, strict=True)}
 
     final: dict[str, object] = {
-        't': solution.duration,
+        't': run.duration,
         'position': by_name(o.position),
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
@@ -81,40 +92,39 @@ def _final(solution: Solution) -> dict[str, object]:
     return final
 
 
-def render(solution: Solution) -> str:
-    """A solution for people."""
-    stats, data = solution.stats, _final(solution)
+def render(run: Stream) -> str:
+    """A run for people."""
+    stats, data = run.stats, _final(run)
     lines = [
-        f'{solution.scene} ({solution.level}): {solution.duration:.9g} s in {stats.steps} steps, '
-        f'{stats.cpu_time * 1e3:.1f} ms CPU, compiled in {stats.compile_time * 1e3:.0f} ms; '
-        f'{solution.stop_reason.value}'
+        f'{run.machine.name} ({run.machine.level.value}): {run.duration:.9g} s in '
+        f'{stats.steps} steps, {stats.cpu_time * 1e3:.1f} ms CPU, '
+        f'compiled in {stats.compile_time * 1e3:.0f} ms; {StopReason.COMPLETE.value}'
     ]
-    if solution.physics.clearances:
-        impulse = sum(impact.normal_impulse for impact in solution.impacts)
-        losses = sum(c.previous > 1 and c.mode == 1 for c in solution.modes)
+    totals = run.totals
+    if run.machine.physics.clearances:
         lines.append(
-            f'  {len(solution.impacts)} impacts, normal impulse {impulse * 1e3:.6g} mN s, '
-            f'{losses} losses of contact'
+            f'  {totals.impacts} impacts, normal impulse {totals.normal_impulse * 1e3:.6g} mN s, '
+            f'{totals.losses_of_contact} losses of contact'
         )
-        made = [gain for gain in gains(solution.impacts) if gain > 1e-15]
-        if made:
+        count, made = totals.gains
+        if count:
             lines.append(
-                f'  warning: {len(made)} impacts created {sum(made):.3g} J, '
+                f'  warning: {count} impacts created {made:.3g} J, '
                 "as Newton's restitution with friction can; 'hypothesis: poisson' or 'stronge' "
                 'cannot'
             )
-    if solution.energy:
-        e = solution.energy
+    if run.energy:
+        e = run.energy
         lines.append(
             f'  energy {e.initial:.6g} J to {e.final:.6g} J, drive work {e.drive_work:.6g} J, '
             f'dissipated {e.dissipated:.6g} J, residual {e.residual:.2g} J'
         )
     lines.append(
-        f'  largest penetration {solution.max_penetration:.2g} m, closure error '
-        f'{solution.max_closure_error:.2g} m'
+        f'  largest penetration {run.max_penetration:.2g} m, closure error '
+        f'{run.max_closure_error:.2g} m'
     )
-    lines.append(f'  at the end, t = {solution.duration:.9g} s')
-    for c in solution.physics.coordinates:
+    lines.append(f'  at the end, t = {run.duration:.9g} s')
+    for c in run.machine.physics.coordinates:
         q, v, a = (data[k][c] for k in ('position', 'velocity', 'acceleration'))  # type: ignore[index]
         unit = 'm' if '.' in c else 'rad'
         lines.append(f'    {c:9} {q:16.10g} {unit} {v:16.10g} {unit}/s {a:16.10g} {unit}/s^2')

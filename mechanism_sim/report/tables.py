@@ -1,13 +1,18 @@
-"""Samples of a solution as files."""
+"""Samples of a run as files, written while it runs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Self
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.solution import Solution
+from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.hybrid.system import Array
 
 SUFFIXES = ('.npz', '.csv', '.parquet')
 
@@ -30,18 +35,131 @@ def check_output(file: str, rate: float | None) -> None:
         raise InputError(f'--output {file}: exists already, not overwriting')
 
 
-def write(solution: Solution, file: str, rate: float) -> None:
-    """Write the solution sampled at `rate` [Hz]; columns as `Solution.sample` names them."""
-    count = int(np.floor(solution.duration * rate * (1.0 + 1e-12))) + 1
-    columns = solution.sample(np.minimum(np.arange(count) / rate, solution.duration))
-    suffix = Path(file).suffix
-    if suffix == '.npz':
-        np.savez(file, **dict(columns))  # type: ignore[arg-type]
-    elif suffix == '.csv':
-        rows = np.column_stack(list(columns.values()))
-        np.savetxt(file, rows, '%.17g', ',', header=','.join(columns), comments='')
-    else:
-        import pyarrow as pa  # noqa: PLC0415
-        import pyarrow.parquet as pq  # noqa: PLC0415
+class Writer:
+    """Writes the pieces of a run, sampled at an even rate.
 
-        pq.write_table(pa.table(dict(columns)), file)
+    Columns are those of `Solution.sample`. CSV and Parquet are written as the run goes on, `.npz`
+    at the end: that format needs all samples in memory. The file gets its name when it is
+    complete; a run that fails leaves none.
+
+    Parameters
+    ----------
+    file : to write, see `check_output`
+    rate : [Hz]
+
+    Raises
+    ------
+    InputError
+        If nothing can be written there.
+    """
+
+    def __init__(self, file: str, rate: float) -> None:
+        self._file, self._rate = Path(file), rate
+        self._part = self._file.with_name(f'.{self._file.name}.part')
+        try:
+            self._part.touch()
+        except OSError as error:
+            raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+        self._sink = _SINKS[self._file.suffix](self._part)
+        self._piece: Piece | None = None
+        self._count = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            if kind is None and self._piece:
+                end = self._piece.motion.curve.end
+                last = int(np.floor(end * self._rate * (1.0 + 1e-12)))
+                self._write(self._piece, np.minimum(self._times(last + 1), end))
+            self._sink.close()
+            if kind is None:
+                self._part.replace(self._file)
+        finally:
+            self._part.unlink(missing_ok=True)
+
+    def add(self, piece: Piece) -> None:
+        """Write the piece before, up to where this one begins: there this one's values hold."""
+        if not len(piece.motion):
+            return
+        begin = float(piece.motion.curve.start[0])
+        if self._piece:
+            times = self._times(int(np.ceil(begin * self._rate)) + 1)
+            self._write(self._piece, times[times < begin])
+        else:
+            self._count = int(np.ceil(begin * self._rate))
+        self._piece = piece
+
+    def _times(self, before: int) -> Array:
+        return np.arange(self._count, before) / self._rate
+
+    def _write(self, piece: Piece, t: Array) -> None:
+        if t.size:
+            self._count += len(t)
+            self._sink.write(dict(piece.sample(t)))
+
+
+class _Npz:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._parts: list[dict[str, Array]] = []
+
+    def write(self, columns: dict[str, Array]) -> None:
+        self._parts.append(columns)
+
+    def close(self) -> None:
+        names = self._parts[0] if self._parts else {}
+        joined = {name: np.concatenate([part[name] for part in self._parts]) for name in names}
+        with self._path.open('wb') as file:  # savez adds an ending to a name
+            np.savez(file, **joined)  # type: ignore[arg-type]
+
+
+class _Csv:
+    def __init__(self, path: Path) -> None:
+        self._file = path.open('w', encoding='utf-8')
+
+    def write(self, columns: dict[str, Array]) -> None:
+        names = ','.join(columns) if self._file.tell() == 0 else ''
+        rows = np.column_stack(list(columns.values()))
+        np.savetxt(self._file, rows, '%.17g', ',', header=names, comments='')
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class _Parquet:
+    """Gathers rows to groups that are worth their overhead."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._parts: list[pa.Table] = []
+        self._rows = 0
+        self._writer: pq.ParquetWriter | None = None
+
+    def write(self, columns: dict[str, Array]) -> None:
+        self._parts.append(pa.table(columns))
+        self._rows += len(columns['t'])
+        if self._rows >= _ROW_GROUP:
+            self._flush()
+
+    def _flush(self) -> None:
+        table = pa.concat_tables(self._parts)
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self._path, table.schema)
+        self._writer.write_table(table)
+        self._parts, self._rows = [], 0
+
+    def close(self) -> None:
+        if self._parts:
+            self._flush()
+        if self._writer:
+            self._writer.close()
+
+
+_SINKS: dict[str, Callable[[Path], _Npz | _Csv | _Parquet]] = {
+    '.npz': _Npz,
+    '.csv': _Csv,
+    '.parquet': _Parquet,
+}
+_ROW_GROUP = 1 << 16

@@ -2,6 +2,6 @@
 
 from mechanism_sim.scene.files import scene_names
 from mechanism_sim.scene.machine import Level, Machine
-from mechanism_sim.scene.simulate import load_scene, simulate, span
+from mechanism_sim.scene.simulate import load_scene, simulate, span, stream
 
-__all__ = ['Level', 'Machine', 'load_scene', 'scene_names', 'simulate', 'span']
+__all__ = ['Level', 'Machine', 'load_scene', 'scene_names', 'simulate', 'span', 'stream']

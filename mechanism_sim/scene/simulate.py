@@ -1,21 +1,23 @@
-"""A scene from start to end in this process: no nodes, no middleware."""
+"""A scene from start to end in this process, in pieces or whole: no nodes, no middleware."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit, Work
-from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.audit import Audit, Energy, Work
+from mechanism_sim.hybrid.events import StopReason
 from mechanism_sim.hybrid.sampling import Books
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.solution import Solution, Stats
+from mechanism_sim.hybrid.solution import Piece, Solution, Stats
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.totals import Totals
+from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.scene.machine import Machine
@@ -60,6 +62,143 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
     return duration
 
 
+class Stream:
+    """A run in pieces, each forgotten when the next one is asked for; iterate over it once.
+
+    What does not grow with the run is kept here, and is up to date after every piece.
+
+    Attributes
+    ----------
+    machine : that runs
+    totals : counts and sums of its events
+    """
+
+    def __init__(
+        self, machine: Machine, end: float, progress: Progress | None, resume: Snapshot | None
+    ) -> None:
+        wall = time.perf_counter()
+        self.machine = machine
+        self.totals = Totals()
+        self._run = machine.resume(resume) if resume else machine.start()
+        if self._run.time >= end:
+            raise InputError(
+                f'the snapshot is at {self._run.time:g} s already: ask for more than that'
+            )
+        self._end = end
+        self._progress = progress
+        self._audit = Audit(machine.physics)
+        self._snapshot: Snapshot | None = None
+        self._last: Piece | None = None
+        self._compile_time = time.perf_counter() - wall
+        self._wall_time = self._cpu_time = 0.0
+
+    def __iter__(self) -> Iterator[Piece]:
+        """Run on to the end.
+
+        Raises
+        ------
+        RunError
+            If the integration breaks down, or the motion violates a gap.
+        """
+        while self._run.time < self._end:
+            cpu, wall = time.process_time(), time.perf_counter()
+            piece = self._advance()
+            self._cpu_time += time.process_time() - cpu
+            self._wall_time += time.perf_counter() - wall
+            if self._progress:
+                self._progress(min(self._run.time, self._end), self.totals.impacts)
+            yield piece
+
+    def _advance(self) -> Piece:
+        """The next piece; steps up to the last one before the end first, for the snapshot."""
+        run, physics = self._run, self.machine.physics
+        if self._snapshot is None:
+            steps = run.steps
+            run.advance(self._end, most=_BATCH)
+            if run.steps - steps < _BATCH:
+                self._snapshot = self.machine.snapshot(run)
+        else:
+            run.advance(self._end, final=True)
+        motion, impacts, changes = run.drain()
+        before = self._audit.drive_work, self._audit.dissipated
+        work = self._audit.add(motion, impacts)
+        self._audit.judge(self.machine.allowed_penetration)
+        self.totals.add(impacts, changes)
+        piece = Piece(physics, motion, Books(work, impacts, *before), impacts, changes)
+        if len(motion):
+            self._last = piece
+        return piece
+
+    @property
+    def duration(self) -> float:
+        """Simulated time so far [s]."""
+        return self._last.motion.curve.end if self._last else self._run.time
+
+    @property
+    def final(self) -> Observation:
+        """The machine at the end of what was run.
+
+        Raises
+        ------
+        ValueError
+            Before the first piece.
+        """
+        if self._last is None:
+            raise ValueError('nothing has been run yet')
+        return self._last.samples(self.duration).observed
+
+    @property
+    def energy(self) -> Energy | None:
+        """The books so far; ``None`` where masses are not part of the scene."""
+        return self._audit.energy
+
+    @property
+    def max_penetration(self) -> float:
+        """Deepest violation of an open gap so far [m]."""
+        return self._audit.max_penetration
+
+    @property
+    def max_closure_error(self) -> float:
+        """Farthest a closed gap or a loop was from zero so far [m]."""
+        return self._audit.max_closure_error
+
+    @property
+    def stats(self) -> Stats:
+        """What the run cost so far, without what was done with its pieces."""
+        return Stats(
+            self._wall_time,
+            self._cpu_time,
+            self._compile_time,
+            self._run.steps,
+            self._run.events,
+        )
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """From where a longer run goes on, not later than the end."""
+        return self._snapshot or self.machine.snapshot(self._run)
+
+
+def stream(
+    machine: Machine,
+    revolutions: float | None = None,
+    duration: float | None = None,
+    progress: Progress | None = None,
+    resume: Snapshot | None = None,
+) -> Stream:
+    """Run a machine piece by piece, in memory that does not grow with the length of the run.
+
+    ``for piece in stream(machine, revolutions=100_000): ...`` gives `Piece`s of some thousand
+    steps, which can be sampled as a whole solution can; the arguments are those of `simulate`.
+
+    Raises
+    ------
+    InputError
+        If the length of the run is not positive, or the snapshot is of another machine.
+    """
+    return Stream(machine, span(machine, revolutions, duration), progress, resume)
+
+
 def simulate(
     machine: Machine,
     revolutions: float | None = None,
@@ -84,55 +223,22 @@ def simulate(
     RunError
         If the integration breaks down, or the finished motion violates a gap.
     """
-    end = span(machine, revolutions, duration)
-    wall = time.perf_counter()
-    run = machine.resume(resume) if resume else machine.start()
-    if run.time >= end:
-        raise InputError(f'the snapshot is at {run.time:g} s already: ask for more than that')
-    physics = machine.physics
-    compile_time = time.perf_counter() - wall
-    audit = Audit(physics)
-    parts: list[Motion] = []
-    works: list[Work] = []
-    impacts: list[Impact] = []
-    modes: list[ModeChange] = []
-    cpu, wall = time.process_time(), time.perf_counter()
-    snapshot = None
-    while run.time < end:
-        if snapshot is None:
-            steps = run.steps
-            run.advance(end, most=_BATCH)
-            if run.steps - steps < _BATCH:
-                snapshot = machine.snapshot(run)
-        else:
-            run.advance(end, final=True)
-        motion, struck, changed = run.drain()
-        works.append(audit.add(motion, struck))
-        audit.judge(machine.allowed_penetration)
-        parts.append(motion)
-        impacts += struck
-        modes += changed
-        if progress:
-            progress(min(run.time, end), len(impacts))
-    stats = Stats(
-        time.perf_counter() - wall,
-        time.process_time() - cpu,
-        compile_time,
-        run.steps,
-        run.events,
-    )
+    run = stream(machine, revolutions, duration, progress, resume)
+    pieces = list(run)
+    impacts = [impact for piece in pieces for impact in piece.impacts]
+    work = np.concatenate([piece.books.work for piece in pieces], axis=1)
     return Solution(
+        machine.physics,
+        Motion.joined([piece.motion for piece in pieces]),
+        Books(Work(*work), impacts),
+        impacts,
+        [change for piece in pieces for change in piece.modes],
         machine.name,
         machine.level.value,
-        physics,
-        Motion.joined(parts),
-        Books(Work(*np.concatenate(works, axis=1)), impacts),
-        impacts,
-        modes,
-        stats,
-        audit.energy,
-        audit.max_penetration,
-        audit.max_closure_error,
+        run.stats,
+        run.energy,
+        run.max_penetration,
+        run.max_closure_error,
         StopReason.COMPLETE,
-        snapshot or machine.snapshot(run),
+        run.snapshot,
     )

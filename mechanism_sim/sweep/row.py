@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +15,10 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.inverse_dynamics import Account
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import FourBarScene
 from mechanism_sim.study.statistics import Tally, ratio
@@ -62,7 +60,7 @@ FIGURES = (
     ),
     Column('revolutions', '', 'of the crank that these figures are made of'),
     Column('largest_impulse', 'N s', 'of an impact'),
-    Column('largest_force', 'N', 'in any joint, between impacts, at 12 points of every step'),
+    Column('largest_force', 'N', 'in any joint, between impacts, at 8 points of every step'),
     Column('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
     Column('energy_residual', 'J', 'what the energy books leave over, whole run'),
 )
@@ -101,20 +99,18 @@ class Gauge:
         self.largest_force = 0.0
         self.coordinates, self.joints = physics.coordinates, physics.joints
         self.clearances, self.has_forces = physics.clearances, physics.has_forces
-        self.open_gaps, self.closure_error = physics.open_gaps, physics.closure_error
+        self.observe, self.open_gaps = physics.observe, physics.open_gaps
         self._physics, self._since = physics, since
 
-    def observe(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> Observation:
+    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """What the machine's physics says."""
-        seen = self._physics.observe(motion, segments, dt)
-        if self.has_forces and len(segments):
+        if self.has_forces:
+            seen = self.observe(motion, segments, dt)
             late = motion.curve.start[segments] >= self._since
             force = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
             at = force.reshape(len(force), len(segments), -1)[:, late]
             self.largest_force = max(self.largest_force, float(at.max(initial=0.0)))
-        return seen
+        return self._physics.account(motion, segments, dt)
 
 
 def compute(task: Task) -> Finished:
@@ -152,7 +148,7 @@ def _measure(machine: Machine, extent: Extent, file: Path | None) -> dict[str, V
             audit.judge(machine.allowed_penetration)
             tally.add(motion, impacts, changes, work.friction)
             _follow(crank, edges, motion, gauge.coordinates.index('crank'))
-            _hash(digest, motion, impacts)
+            digest.add(motion, impacts)
             largest = max([largest, *(i.normal_impulse for i in impacts if i.t >= edges[skip])])
     turned = np.abs(np.diff(crank))[skip:] / (2.0 * np.pi)
     if extent.revolutions:
@@ -178,13 +174,3 @@ def _follow(crank: Array, edges: Array, motion: Motion, index: int) -> None:
         # the last edge may be the end but for rounding
         inside = (edges >= curve.start[0]) & (edges <= curve.end * (1.0 + 1e-12))
         crank[inside] = curve(np.minimum(edges[inside], curve.end))[:, index]
-
-
-def _hash(digest: MotionDigest, motion: Motion, impacts: Sequence[Impact]) -> None:
-    c = motion.curve
-    digest.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
-    for i in impacts:
-        digest.add_impact(
-            i.t, i.joint, i.normal_angle, i.approach_speed, i.rebound_speed, i.normal_impulse,
-            i.tangential_impulse, i.energy_loss, i.drive_impulse,
-        )  # fmt: skip
