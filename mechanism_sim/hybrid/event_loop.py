@@ -250,10 +250,14 @@ class EventLoop:
             tau = end
             if guard is not None:
                 ta.time = end
-                self._count_event()
+                self._count_event(end)
+                status = contacts.status
                 contacts.handle(guard)
-                self._go_on()
-                reach = min(longest, contacts.horizon)
+                ta.reset_cooldowns()
+                if contacts.status is not status:
+                    tape.mark(self._base, contacts.status)
+                if contacts.horizon < longest:
+                    reach = contacts.horizon
             if end > next_base:
                 ta.time = end
                 self._rebase()
@@ -325,9 +329,9 @@ class EventLoop:
             self._directions[2 * i], self._directions[2 * i + 1] = math.cos(angle), math.sin(angle)
         self._since = 0
 
-    def _count_event(self) -> None:
+    def _count_event(self, tau: float) -> None:
         self.events += 1
-        t = self.time
+        t = self._base.at(tau)
         self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
         self._last_event = t
         if self._simultaneous > _MAX_SIMULTANEOUS:
