@@ -26,6 +26,7 @@ _DENSE = np.linspace(0.0, 1.0, 33)
 _PLACES, _DENSE_PLACES = Nodes(tuple(NODES.tolist())), Nodes(tuple(_DENSE.tolist()))
 _BLOCK = 512  # segments at once, so that they stay in a processor's cache
 _OPEN_BLOCK = 128  # the same where every segment is sampled densely
+_ROUNDING = 1e-14  # [m] deeper than what is measured already: not worth a closer look
 
 PULL = 1e-3
 """Pull in a contact relative to its largest force that a step's error may leave."""
@@ -157,7 +158,7 @@ class Audit:
         low = float(gaps.min())
         foreseen = _vertices(gaps.reshape(len(gaps), len(flying), -1)).min(axis=0)
         where = foreseen.argmin(axis=1)
-        doubtful = np.flatnonzero(foreseen.min(axis=1) < min(low, 0.0))
+        doubtful = np.flatnonzero(foreseen.min(axis=1) < min(low, 0.0) - _ROUNDING)
         if doubtful.size:
             begin, step = _DENSE[where[doubtful], None], _DENSE[2] - _DENSE[0]
             dt = motion.curve.duration[flying[doubtful], None] * (begin + step * _DENSE)
