@@ -516,18 +516,11 @@ class System:
         return np.array(rows).reshape(values.shape)
 
     @cached_property
-    def _values(self) -> Evaluation:
-        frames, d = self.equations.frames, self.dynamics
-        values = [dense(jet.value) for jet in (*d.normal, *d.relation)]
-        function = compiled.function(values, list(frames.q.values()))
-        return Evaluation(
-            function, self.equations.parameters.values, [len(d.normal), len(d.relation)]
-        )
+    def _gap_values(self) -> Evaluation:
+        values = [dense(jet.value) for jet in self.dynamics.normal]
+        function = compiled.function(values, list(self.equations.frames.q.values()))
+        return Evaluation(function, self.equations.parameters.values, [len(values)])
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""
-        return self._values(q)[0]
-
-    def closures(self, q: Array) -> Array:
-        """What is left open where loops close (k, N) [m] at coordinates q (n, N)."""
-        return self._values(q)[1]
+        return self._gap_values(q)[0] if self.gaps else np.zeros((0, q.shape[1]))
