@@ -15,7 +15,7 @@ from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.scene import load_scene
 
-TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
+TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 
 
 def ours(start: str, e: float, end: float) -> Callable[[float], Run]:
