@@ -25,7 +25,7 @@ from mechanism_sim.scene.machine import Machine
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
 
-_BATCH = 2048
+_BATCH = 8192
 
 
 def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Machine:
