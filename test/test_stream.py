@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import import_module
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -22,6 +23,14 @@ from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
 from mechanism_sim.report import tables
 
 REVOLUTIONS = 25.3
+
+
+@pytest.fixture(scope='module', autouse=True)
+def short_pieces():
+    """Many pieces of a short run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(import_module('mechanism_sim.scene.simulate'), '_BATCH', 1024)
+        yield
 
 
 @pytest.fixture(scope='module')
