@@ -32,21 +32,46 @@ def solve_lcp(A: list[list[float]], b: list[float]) -> list[float]:
     m = len(b)
     if m == 1:
         return [max(0.0, -b[0] / A[0][0])]
-    matrix, vector = np.array(A), np.array(b)
+    largest = max(map(abs, b))
     for rtol in (1e-12, 1e-8):
         for size in range(m + 1):
             for active in combinations(range(m), size):
-                x = np.zeros(m)
-                if active:
-                    rows = list(active)
-                    try:
-                        x[rows] = np.linalg.solve(matrix[np.ix_(rows, rows)], -vector[rows])
-                    except np.linalg.LinAlgError:
-                        continue
-                cancels = np.abs(matrix) @ np.abs(x) + np.abs(vector).max()
-                if (x >= 0.0).all() and (matrix @ x + vector >= -rtol * cancels).all():
-                    return list(map(float, x))
+                x = [0.0] * m
+                part = _solve([[A[i][k] for k in active] for i in active], [-b[i] for i in active])
+                if part is None or min(part, default=0.0) < 0.0:
+                    continue
+                for i, force in zip(active, part, strict=True):
+                    x[i] = force
+                if all(
+                    sum([a * y for a, y in zip(row, x, strict=True)]) + free
+                    >= -rtol * (sum([abs(a) * y for a, y in zip(row, x, strict=True)]) + largest)
+                    for row, free in zip(A, b, strict=True)
+                ):
+                    return x
     raise ArithmeticError('no impulses satisfy all contacts of this instant')
+
+
+def _solve(A: list[list[float]], b: list[float]) -> list[float] | None:
+    """Solution of ``A x = b``, ``None`` if A is singular.
+
+    For two or three rows plain floats are much faster than NumPy.
+    """
+    n = len(b)
+    rows = [[*row, right] for row, right in zip(A, b, strict=True)]
+    for k in range(n):
+        pivot = max(range(k, n), key=lambda i: abs(rows[i][k]))
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        if rows[k][k] == 0.0:
+            return None
+        for row in rows[k + 1 :]:
+            factor = row[k] / rows[k][k]
+            for j in range(k, n + 1):
+                row[j] -= factor * rows[k][j]
+    x = [0.0] * n
+    for k in reversed(range(n)):
+        known = sum([rows[k][j] * x[j] for j in range(k + 1, n)])
+        x[k] = (rows[k][n] - known) / rows[k][k]
+    return x
 
 
 class Grip(Enum):
