@@ -22,7 +22,7 @@ from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
 NODES, WEIGHTS = gauss_nodes(8)
 """Of every step: exact to rounding where a step is a third of the radius of convergence."""
 
-_DENSE = np.linspace(0.0, 1.0, 33)
+_DENSE = np.linspace(0.0, 1.0, 17)
 _PLACES, _DENSE_PLACES = Nodes(tuple(NODES.tolist())), Nodes(tuple(_DENSE.tolist()))
 _BLOCK = 512  # segments at once, so that they stay in a processor's cache
 _OPEN_BLOCK = 128  # the same where every segment is sampled densely
