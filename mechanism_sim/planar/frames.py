@@ -84,7 +84,7 @@ class Frames:
                 y.append(Jet(arm[1], {}, None, None))
                 continue
             wx, wy = self.world(frame, *arm)
-            # arms come last: the products of rate and direction are shared by all points
+            # arms come last in rates: all points share the products of rate and direction
             c, s, v = hy.cos(self.q[frame]), hy.sin(self.q[frame]), self.v[frame]
             vx, vy = _turned(v * c, v * s, *arm)
             ax, ay = mul(v, vx), mul(v, vy)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.evaluation import COLUMNS, Evaluation
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
@@ -18,8 +19,6 @@ from mechanism_sim.planar.protocols import Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 
 Array = NDArray[np.float64]
-
-_BLOCK = 2048  # instants at a time: what belongs to them stays in the processor's cache
 
 
 class Observation(NamedTuple):
@@ -70,21 +69,28 @@ class InverseDynamics:
         self._equations = Equations(mechanism, relations=relations)
 
     @cached_property
-    def _functions(self) -> tuple[hy.cfunc_dbl, hy.cfunc_dbl, Array]:
+    def _functions(self) -> tuple[Evaluation, Evaluation]:
         """What must be supplied with the closure rows; and the joint forces from the closures'."""
         eq = self._equations
         a = dict(eq.frames.a)
         closing = {r.name: hy.make_vars(f'{r.name}_x', f'{r.name}_y') for r in self.relations}
         motion = [*eq.frames.q.values(), *eq.frames.v.values(), *eq.frames.a.values()]
         rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        supplied = [*generalized_forces(eq, a), *rows]
         forces = [x for f in tree_reactions(eq, a, closing).values() for x in f]
-        second = compiled.function(
-            [dense(x) for x in (*forces, *energies(eq))],
-            [*motion, *(x for pair in closing.values() for x in pair)],
+        known = [*motion, *(x for pair in closing.values() for x in pair)]
+        groups = (
+            ([*generalized_forces(eq, a)], rows, motion),
+            (forces, energies(eq), known),
         )
-        first = compiled.function([dense(x) for x in supplied], motion)
-        return first, second, np.array(eq.parameters.values)
+        first, second = (
+            Evaluation(
+                compiled.function([dense(x) for x in (*left, *right)], variables),
+                eq.parameters.values,
+                [len(left), len(right)],
+            )
+            for left, right, variables in groups
+        )
+        return first, second
 
     def __call__(self, q: Array, v: Array, a: Array) -> Observation:
         """Forces and energies at N instants.
@@ -99,25 +105,21 @@ class InverseDynamics:
             At a singular position, where the forces are not determined.
         """
         n, count = q.shape
-        if count > _BLOCK:
-            blocks = [slice(i, i + _BLOCK) for i in range(0, count, _BLOCK)]
+        if count > COLUMNS:
+            blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
             parts = [self(q[:, b], v[:, b], a[:, b]) for b in blocks]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
-        first, second, values = self._functions
+        first, second = self._functions
         closures = 2 * len(self.relations)
-        motion = np.ascontiguousarray(np.concatenate([q, v, a]))
-        pars = np.repeat(values[:, None], count, axis=1)
-        out = first(motion, pars=np.ascontiguousarray(pars[: first.nparams]))
+        motion = np.concatenate([q, v, a])
+        supplied, rows = first(motion)
         matrix = np.zeros((count, n, closures + len(self._driven)))
-        matrix[:, :, :closures] = out[n:].reshape(closures, n, count).transpose(2, 1, 0)
+        matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
         for k, i in enumerate(self._driven):
             matrix[:, i, closures + k] = 1.0
-        unknown = np.linalg.solve(matrix, out[:n].T[:, :, None])[:, :, 0].T
+        unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
         on_second = -unknown[:closures]
-        forces = second(
-            np.ascontiguousarray(np.concatenate([motion, on_second])),
-            pars=np.ascontiguousarray(pars[: second.nparams]),
-        )
+        forces, energy = second(np.concatenate([motion, on_second]))
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = unknown[closures:]
@@ -129,9 +131,9 @@ class InverseDynamics:
             none,
             none,
             np.zeros(count),
-            forces[: 2 * joints].reshape(joints, 2, count),
+            forces.reshape(joints, 2, count),
             torque,
             (torque * v[self._driven]).sum(axis=0),
-            forces[-2],
-            forces[-1],
+            energy[0],
+            energy[1],
         )
