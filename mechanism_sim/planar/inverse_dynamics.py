@@ -122,7 +122,7 @@ class InverseDynamics:
         forces, energy = second(np.concatenate([motion, on_second]))
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
-        torque = unknown[closures:]
+        torque = np.asarray(unknown[closures:], np.float64)
         return Observation(
             q,
             v,
