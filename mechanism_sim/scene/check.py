@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.linkages.closures import closures
-from mechanism_sim.planar.mechanism import GROUND, PinInSlot, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HIGHER, Revolute
 from mechanism_sim.scene.machine import Level, Machine
 
 _WHY = {
@@ -75,7 +75,7 @@ def check(machine: Machine) -> Report:
             )
     for joint in closures(machine.mechanism, machine.mechanism.cut):
         if joint.name not in machine.clearances:
-            count = 1 if isinstance(machine.mechanism.joint(joint.name), PinInSlot) else 2
+            count = 1 if isinstance(machine.mechanism.joint(joint.name), HIGHER) else 2
             equations = 'equation' if count == 1 else 'equations'
             relations.append(f'{joint.name}: closes a loop, {count} {equations}')
     left_out = []
