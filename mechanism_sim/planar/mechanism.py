@@ -37,6 +37,34 @@ class Revolute:
 
 
 @dataclass(frozen=True)
+class Prismatic:
+    """A prismatic joint: a point of the second link slides along a line of the first."""
+
+    name: str
+    first: str
+    second: str
+    on_first: Vector2  #: [m] a point of the line, in the frame of `first`
+    on_second: Vector2  #: [m] the sliding point, in the frame of `second`
+    axis: float = 0.0  #: [rad] direction of the line, in the frame of `first`
+    angle: float = 0.0  #: [rad] of the frame of `second` relative to that of `first`
+
+
+@dataclass(frozen=True)
+class PinInSlot:
+    """A pin of the first link in a straight slot of the second: a higher pair."""
+
+    name: str
+    first: str
+    second: str
+    on_first: Vector2  #: [m] the pin, in the frame of `first`
+    on_second: Vector2  #: [m] a point of the slot, in the frame of `second`
+    axis: float = 0.0  #: [rad] direction of the slot, in the frame of `second`
+
+
+Joint = Revolute | Prismatic | PinInSlot
+
+
+@dataclass(frozen=True)
 class Mechanism:
     """Links, joints, and which joints are cut so that the rest is a tree.
 
@@ -148,6 +176,10 @@ class Mechanism:
             x += math.cos(angle) * dx - math.sin(angle) * dy
             y += math.sin(angle) * dx + math.cos(angle) * dy
         return x, y
+
+    def angle(self, link: str, q: Mapping[str, float]) -> float:
+        """Angle of a link [rad]."""
+        return 0.0 if link == GROUND else q[link]
 
     def separation(self, joint: str) -> Point:
         """Point of the first link minus point of the second link at a cut joint."""
