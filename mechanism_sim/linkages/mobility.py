@@ -68,7 +68,7 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
         If the joints do not fit at these poses, to 1e-9 of the longest link.
     """
     residual, jacobian = constraints.normalise(poses)
-    if np.abs(residual).max(initial=0.0) > 1e-9:
+    if not np.all(np.abs(residual) <= 1e-9):
         worst = constraints.rows[int(np.abs(residual).argmax())]
         raise ValueError(f'the mechanism is not assembled: the links of {worst} do not meet')
     higher = sum(isinstance(j, PinInSlot) for j in constraints.joints)

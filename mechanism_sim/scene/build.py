@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.schema import Clearance, FourBarScene
 
@@ -30,7 +31,7 @@ def build(name: str, scene: FourBarScene) -> Machine:
             f'not shorter than the three other links together ({others:g} m)'
         )
     _check_drive(name, scene)
-    if not machine.torque_driven and not linkage.assembles_everywhere():
+    if not machine.torque_driven and not crank_turns(linkage):
         raise InputError(
             f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
             'crank in line must leave a triangle with coupler and rocker; shorten the crank'

@@ -2,10 +2,29 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import (
+    change_points,
+    classify,
+    crank_limits,
+    crank_turns,
+    excess,
+    transmission_range,
+)
+from mechanism_sim.linkages.mobility import mobility
+from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.machine import CLOSING_JOINT, Level, Machine
+
+#: transmission angles [deg] below this are usually avoided
+LEAST_TRANSMISSION = 30.0
 
 _WHY = {
     Level.KINEMATIC: 'the crank is prescribed, every joint is ideal, and forces are not asked for '
@@ -109,12 +128,11 @@ def _drive(machine: Machine) -> str:
 
 
 def _notes(machine: Machine) -> list[str]:
-    linkage, scene = machine.linkage, machine.scene
-    grashof = linkage.grashof()
-    notes = [
-        f'Grashof: the sum of shortest and longest link is {abs(grashof):.6g} m '
-        f'{"less" if grashof > 0 else "more"} than that of the others'
-    ]
+    scene = machine.scene
+    crank = machine.start_of_crank[0]
+    coupler, rocker = (float(x) for x in machine.linkage.positions(np.array(crank)))
+    start = {'crank': crank, 'coupler': coupler, 'rocker': rocker}
+    notes = [mobility_note(machine.ideal, start), *four_bar_notes(machine.linkage)]
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {s.at:g} m from its proximal joint, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
@@ -123,6 +141,53 @@ def _notes(machine: Machine) -> list[str]:
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
+
+
+def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
+    """Degrees of freedom at coordinates, and why they are not as many as Kutzbach counts."""
+    seen = mobility(Constraints.of(mechanism), poses(mechanism, q))
+    alike = seen.finite == seen.kutzbach
+    text = f'mobility: {seen.finite}, {"as" if alike else "where"} Kutzbach counts'
+    if not alike:
+        text += f' {seen.kutzbach}'
+    if seen.instantaneous > seen.finite:
+        text += f'; {seen.instantaneous} at the start, which is a singular position'
+    if seen.redundant:
+        text += f'; {seen.redundancy} redundant among {", ".join(seen.redundant)}'
+    return text
+
+
+def four_bar_notes(linkage: FourBar) -> list[str]:
+    """How the links of a four-bar move, and how well the coupler moves the rocker."""
+    spare = float(excess(linkage.lengths))
+    compared = f'{abs(spare):.6g} m {"less" if spare > 0 else "more"} than'
+    if lines := change_points(linkage):
+        compared = 'equal to'
+    notes = [
+        f'Grashof: {classify(linkage.lengths)}, the sum of shortest and longest link is '
+        f'{compared} that of the others'
+    ]
+    if lines:
+        angles = ' and '.join(f'{math.degrees(x):g}' for x in lines)
+        notes.append(f'change point: all links lie in one line at crank angle {angles} deg')
+    elif not crank_turns(linkage):
+        low, high = (math.degrees(x) for x in crank_limits(linkage))
+        notes.append(f'the crank cannot turn: it stays between {_between(low, high)} deg')
+    least, greatest = (math.degrees(x) for x in transmission_range(linkage))
+    note = f'transmission angle: {least:.4g} to {greatest:.4g} deg'
+    worst = min(least, 180.0 - greatest)
+    if worst < LEAST_TRANSMISSION:
+        note += f'; within {LEAST_TRANSMISSION:g} deg of 0 or 180 the rocker is hard to move'
+    return [*notes, note]
+
+
+def _between(low: float, high: float) -> str:
+    """Limits [deg] of an angle whose absolute value is limited."""
+    if high == 180.0:
+        return f'{low:.6g} and {360.0 - low:.6g}'
+    if low == 0.0:
+        return f'{-high:.6g} and {high:.6g}'
+    return f'{low:.6g} and {high:.6g}, or {-high:.6g} and {-low:.6g}'
 
 
 def render(report: Report) -> str:

@@ -145,6 +145,11 @@ class Machine:
         """Bodies and joints, cut where joints are loose; links without mass data are massless."""
         return self._cut_at(tuple(self.clearances) or (CLOSING_JOINT,))
 
+    @cached_property
+    def ideal(self) -> Mechanism:
+        """The mechanism as if no joint were loose."""
+        return self._cut_at((CLOSING_JOINT,))
+
     def _cut_at(self, cut: tuple[str, ...]) -> Mechanism:
         links = self.scene.links
         turning = {'crank': self.scene.drive.flywheel}
@@ -209,8 +214,7 @@ class Machine:
     @cached_property
     def inverse_dynamics(self) -> InverseDynamics:
         """Forces of the ideal mechanism."""
-        ideal = self._cut_at((CLOSING_JOINT,))
-        return InverseDynamics(ideal, [Closure(CLOSING_JOINT, ideal)], ['crank'])
+        return InverseDynamics(self.ideal, [Closure(CLOSING_JOINT, self.ideal)], ['crank'])
 
     @cached_property
     def system(self) -> System:
@@ -236,8 +240,7 @@ class Machine:
     @cached_property
     def ideal_system(self) -> System:
         """The torque-driven mechanism without clearance."""
-        ideal = self._cut_at((CLOSING_JOINT,))
-        return System(ideal, [], (), 1, [Closure(CLOSING_JOINT, ideal)], ('crank',))
+        return System(self.ideal, [], (), 1, [Closure(CLOSING_JOINT, self.ideal)], ('crank',))
 
     @cached_property
     def physics(self) -> Physics:
