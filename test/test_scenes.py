@@ -8,9 +8,10 @@ from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.check import check, mobility_note, render
+from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.files import config_folder, read_scene
 from mechanism_sim.scene.machine import Level
+from mechanism_sim.scene.motion_notes import mobility_note
 
 LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'
 
@@ -266,19 +267,19 @@ def test_check_says_how_a_four_bar_moves():
     assert 'cannot turn' not in crank_rocker
     triple = notes(400, 100, 700, 300)  # [V] Figure 2.11
     assert 'triple-rocker' in triple
-    assert 'cannot turn: it stays between 82.8192 and 277.181 deg' in triple
+    assert 'the crank cannot turn fully: it stays between 82.8192 and 277.181 deg' in triple
     assert 'transmission angle: 0 to 38.21 deg; within 30 deg of 0 or 180' in triple
     double = notes(400, 500, 100, 600, start='80 deg')
     assert 'Grashof: double-rocker' in double
     assert ', or -' in double
     parallel = notes(400, 100, 400, 100)
     assert 'Grashof: change point, the sum of shortest and longest link is equal' in parallel
-    assert 'all links lie in one line at crank angle 0 and 180 deg' in parallel
+    assert 'all links lie in one line at 0 and 180 deg between crank' in parallel
     assert 'mobility: 1, as Kutzbach counts\n' in parallel
 
 
 def test_check_tells_a_singular_position_from_more_freedom():
-    parallel = four_bar(400, 100, 400, 100, '120 deg').ideal
+    parallel = four_bar(400, 100, 400, 100, '120 deg').plan.ideal
     assert mobility_note(parallel, dict.fromkeys(parallel.coordinates, 0.0)) == (
         'mobility: 1, as Kutzbach counts; 2 at the start, which is a singular position; '
         '1 redundant among ground_crank, crank_coupler, coupler_rocker, rocker_ground'

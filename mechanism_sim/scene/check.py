@@ -2,37 +2,23 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.grashof import (
-    change_points,
-    classify,
-    crank_limits,
-    crank_turns,
-    excess,
-    transmission_range,
-)
-from mechanism_sim.linkages.mobility import mobility
-from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.machine import CLOSING_JOINT, Level, Machine
-
-#: transmission angles [deg] below this are usually avoided
-LEAST_TRANSMISSION = 30.0
+from mechanism_sim.linkages.closures import closures
+from mechanism_sim.planar.mechanism import GROUND, PinInSlot, Revolute
+from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.motion_notes import motion_notes
 
 _WHY = {
-    Level.KINEMATIC: 'the crank is prescribed, every joint is ideal, and forces are not asked for '
-    'or masses not given: closed-form loop closure',
-    Level.INVERSE_DYNAMICS: 'the crank is prescribed, every joint is ideal, and forces are asked '
-    'for: closed-form loop closure and a linear solve for the forces',
-    Level.SMOOTH: 'every joint is ideal and a torque moves the crank: equations of motion with a '
-    'closed loop',
+    Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
+    'for or masses not given: loop closure',
+    Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are asked '
+    'for: loop closure and a linear solve for the forces',
+    Level.SMOOTH: 'every joint is ideal and the drives leave a motion free: equations of motion '
+    'with closed loops',
     Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
     'free flight, impact and following',
     Level.COMPLIANT: 'joints have clearance and a law of contact force: equations of motion with '
@@ -70,9 +56,13 @@ def check(machine: Machine) -> Report:
     scene, level = machine.scene, machine.level
     if machine.dynamic:
         machine.initial_state()
-    rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loop'
-    coordinates = dict.fromkeys(machine.mechanism.coordinates, rest)
-    coordinates['crank'] = _drive(machine)
+    rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loops'
+    straight = machine.mechanism.displacements
+    coordinates = {
+        c: ('displacement, ' if c in straight else '') + rest
+        for c in machine.mechanism.coordinates
+    }
+    coordinates |= {c: _drive(machine, c) for c in machine.plan.laws}
     relations, gaps, warnings = [], [], []
     for joint, c in machine.clearances.items():
         friction = f', friction {c.friction:g}' if c.friction else ''
@@ -86,8 +76,11 @@ def check(machine: Machine) -> Report:
                 f"{joint}: Newton's restitution with friction can create energy where sliding "
                 "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
             )
-    if not gaps:
-        relations.append(f'{CLOSING_JOINT}: closes the loop, 2 equations')
+    for joint in closures(machine.mechanism, machine.mechanism.cut):
+        if joint.name not in machine.clearances:
+            count = 1 if isinstance(machine.mechanism.joint(joint.name), PinInSlot) else 2
+            equations = 'equation' if count == 1 else 'equations'
+            relations.append(f'{joint.name}: closes a loop, {count} {equations}')
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
@@ -96,10 +89,12 @@ def check(machine: Machine) -> Report:
     if gaps:
         if not any(c.friction for c in machine.clearances.values()):
             left_out.append('friction and pin radius: none given')
-        if len(gaps) < len(type(scene.joints).model_fields):
+        if len(gaps) < sum(isinstance(j, Revolute) for j in machine.plan.joints):
             left_out.append('clearance in the other joints: none given')
-    if machine.dynamic and 'crank' in machine.system.prescribed:
-        left_out.append('crank inertia: its motion is given')
+    grounded = [j for j in machine.plan.joints if GROUND in (j.first, j.second)]
+    for c in machine.plan.prescribed if machine.dynamic else ():
+        if any(c in (j.first, j.second) for j in grounded):
+            left_out.append(f'{c} inertia: its motion is given')
     return Report(
         machine.name,
         scene.title,
@@ -113,28 +108,32 @@ def check(machine: Machine) -> Report:
     )
 
 
-def _drive(machine: Machine) -> str:
-    """What moves the crank."""
-    law, profile = machine.law, machine.scene.drive.profile
+def _drive(machine: Machine, coordinate: str) -> str:
+    """What moves a coordinate."""
+    laws = machine.plan.laws[coordinate]
+    law, straight = laws[0], coordinate in machine.mechanism.displacements
+    pace, force, place = ('m/s', 'N', 'm') if straight else ('rad/s', 'N m', 'rad')
     if not isinstance(law, DriveLaw):
         constant, per_angle, per_speed = law.coefficients
+        if not any(law.coefficients):
+            return 'free'
+        begin = machine.plan.begins[coordinate][1]
         return (
-            f'free, moved by {constant:g} N m {per_angle:+g} N m/rad times angle {per_speed:+g} '
-            f'N m s/rad times speed, from {machine.start_of_crank[1]:g} rad/s'
+            f'free, moved by {constant:g} {force} {per_angle:+g} {force}/{place} times '
+            f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '
+            f'speed, from {begin:g} {pace}'
         )
-    if profile:
-        return f'prescribed, {len(profile.points)} speeds joined by {profile.ramp} ramps'
-    return f'prescribed, {machine.scene.drive.speed:g} rad/s'
+    if len(laws) > 1:
+        return f'prescribed, a profile of speeds in {len(laws)} pieces'
+    return f'prescribed, {law.coefficients[1]:g} {pace}'
 
 
 def _notes(machine: Machine) -> list[str]:
-    scene = machine.scene
-    crank = machine.start_of_crank[0]
-    coupler, rocker = (float(x) for x in machine.linkage.positions(np.array(crank)))
-    start = {'crank': crank, 'coupler': coupler, 'rocker': rocker}
-    notes = [mobility_note(machine.ideal, start), *four_bar_notes(machine.linkage)]
+    scene, mechanism = machine.scene, machine.plan.ideal
+    start = dict(zip(mechanism.coordinates, _start(machine), strict=True))
+    notes = motion_notes(mechanism, start, machine.plan.laws)
     notes += [
-        f'sensor {name}: {s.kind} on the {s.link}, {s.at:g} m from its proximal joint, {s.axis} '
+        f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
         for name, s in scene.sensors.items()
     ]
@@ -143,51 +142,13 @@ def _notes(machine: Machine) -> list[str]:
     return notes
 
 
-def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
-    """Degrees of freedom at coordinates, and why they are not as many as Kutzbach counts."""
-    seen = mobility(Constraints.of(mechanism), poses(mechanism, q))
-    alike = seen.finite == seen.kutzbach
-    text = f'mobility: {seen.finite}, {"as" if alike else "where"} Kutzbach counts'
-    if not alike:
-        text += f' {seen.kutzbach}'
-    if seen.instantaneous > seen.finite:
-        text += f'; {seen.instantaneous} at the start, which is a singular position'
-    if seen.redundant:
-        text += f'; {seen.redundancy} redundant among {", ".join(seen.redundant)}'
-    return text
-
-
-def four_bar_notes(linkage: FourBar) -> list[str]:
-    """How the links of a four-bar move, and how well the coupler moves the rocker."""
-    spare = float(excess(linkage.lengths))
-    compared = f'{abs(spare):.6g} m {"less" if spare > 0 else "more"} than'
-    if lines := change_points(linkage):
-        compared = 'equal to'
-    notes = [
-        f'Grashof: {classify(linkage.lengths)}, the sum of shortest and longest link is '
-        f'{compared} that of the others'
-    ]
-    if lines:
-        angles = ' and '.join(f'{math.degrees(x):g}' for x in lines)
-        notes.append(f'change point: all links lie in one line at crank angle {angles} deg')
-    elif not crank_turns(linkage):
-        low, high = (math.degrees(x) for x in crank_limits(linkage))
-        notes.append(f'the crank cannot turn: it stays between {_between(low, high)} deg')
-    least, greatest = (math.degrees(x) for x in transmission_range(linkage))
-    note = f'transmission angle: {least:.4g} to {greatest:.4g} deg'
-    worst = min(least, 180.0 - greatest)
-    if worst < LEAST_TRANSMISSION:
-        note += f'; within {LEAST_TRANSMISSION:g} deg of 0 or 180 the rocker is hard to move'
-    return [*notes, note]
-
-
-def _between(low: float, high: float) -> str:
-    """Limits [deg] of an angle whose absolute value is limited."""
-    if high == 180.0:
-        return f'{low:.6g} and {360.0 - low:.6g}'
-    if low == 0.0:
-        return f'{-high:.6g} and {high:.6g}'
-    return f'{low:.6g} and {high:.6g}, or {-high:.6g} and {-low:.6g}'
+def _start(machine: Machine) -> list[float]:
+    """Coordinates of the mechanism without clearance at the start."""
+    four_bar = machine.plan.four_bar
+    if four_bar is None:
+        return [float(x) for x in machine.assembly.q]
+    crank = machine.start_of_crank[0]
+    return [crank, *(float(x) for x in four_bar.positions(np.array(crank)))]
 
 
 def render(report: Report) -> str:
@@ -204,3 +165,8 @@ def render(report: Report) -> str:
         if items:
             lines += [heading, *(f'  {item}' for item in items)]
     return '\n'.join(lines)
+
+
+def _at(place: float | tuple[float, float]) -> str:
+    x, y = place if isinstance(place, tuple) else (place, 0.0)
+    return f'({x:g}, {y:g}) m' if y else f'{x:g} m'
