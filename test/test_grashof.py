@@ -245,6 +245,17 @@ def test_figure_2_11_limits_of_the_triple_rocker():
     assert high == np.pi
 
 
+def test_problem_2_17_double_rocker():
+    """Ground 10, arms 7, coupler 1 cm: the coupler can turn, and arm 1 rocks by 16.43 deg."""
+    f = FourBar(0.10, 0.07, 0.01, 0.07)
+    assert classify(f.lengths) == 'double-rocker'
+    low, high = crank_limits(f)
+    # triangles of 10, 7 and 7 - 1, or 7 + 1
+    assert np.cos(low) == pytest.approx((100.0 + 49.0 - 36.0) / 140.0)
+    assert np.cos(high) == pytest.approx((100.0 + 49.0 - 64.0) / 140.0)
+    assert np.degrees(swing(crank_limits(f))) == pytest.approx(16.4345, abs=1e-4)
+
+
 SIDES = st.floats(0.1, 1.0)
 
 

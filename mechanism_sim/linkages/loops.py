@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def _loops(mechanism: Mechanism, driven: Collection[str]) -> Iterator[Loop]:
         ring = (GROUND, *links, GROUND)
         between = [
             [j for j in mechanism.joints if {j.first, j.second} == {a, b}]
-            for a, b in zip(ring, ring[1:], strict=False)
+            for a, b in pairwise(ring)
         ]
         if all(len(js) == 1 for js in between):
             a, b, c, d = (js[0] for js in between)

@@ -12,6 +12,9 @@ from mechanism_sim.linkages.grashof import (
     crank_limits,
     crank_turns,
     excess,
+    rocker_limits,
+    swing,
+    time_ratio,
     transmission_range,
 )
 from mechanism_sim.linkages.loops import four_bars, slider_cranks
@@ -34,9 +37,9 @@ def motion_notes(
         *slider_cranks(mechanism, driven).items(),
     ]
     for links, linkage in found:
-        crank = links[0]
+        crank, _, last = links
         lines = (
-            four_bar_notes(linkage, crank)
+            four_bar_notes(linkage, crank, last)
             if isinstance(linkage, FourBar)
             else slider_crank_notes(linkage, crank)
         )
@@ -59,7 +62,7 @@ def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
     return text
 
 
-def four_bar_notes(linkage: FourBar, crank: str = 'crank') -> list[str]:
+def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
     """How the links of a four-bar move, and how well the coupler moves the rocker."""
     spare = float(excess(linkage.lengths))
     compared = f'{abs(spare):.6g} m {"less" if spare > 0 else "more"} than'
@@ -81,10 +84,14 @@ def four_bar_notes(linkage: FourBar, crank: str = 'crank') -> list[str]:
             f'the {crank} cannot turn fully: it stays between {_between(low, high)} deg from the '
             'line of the ground joints'
         )
+    if (through := swing(rocker_limits(linkage))) < 2.0 * math.pi:
+        note = f'the {rocker} swings through {math.degrees(through):.6g} deg'
+        ratio = time_ratio(linkage)
+        notes.append(note + ('' if math.isnan(ratio) else f', time ratio {ratio:.6g}'))
     return [*notes, _transmission(*transmission_range(linkage))]
 
 
-def slider_crank_notes(linkage: SliderCrank, crank: str = 'crank') -> list[str]:
+def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
     """How the links of a slider-crank move, and how well the rod moves the slider."""
     if linkage.turns == 'crank':
         first = f'slider-crank: the {crank} turns fully, stroke {linkage.stroke:.6g} m'
