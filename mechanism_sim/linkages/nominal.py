@@ -242,6 +242,8 @@ class NominalPhysics:
     ) -> None:
         self.coordinates = mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
+        self.driven = tuple(self.coordinates[i] for i in ideal.driven)
+        self.displacements = mechanism.displacements
         self.has_forces = forces is not None
         self._ideal = ideal
         self._forces = forces
