@@ -117,7 +117,7 @@ def close_vector(b: Motion | Array) -> Closure:
     its length).
     """
     z = vector_series(b)
-    largest = np.nanmax(np.abs(z[0]), initial=np.finfo(np.float64).tiny)
+    largest = float(np.nanmax(np.abs(z[0]), initial=0.0)) or 1.0
     vanishes = np.abs(z[0]) <= 4.0 * _EPS * largest
     angle = np.angle(np.where(vanishes, z[1], z[0]))
     angle = np.where(vanishes & (z[1] == 0.0), np.nan, angle)
