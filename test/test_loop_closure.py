@@ -350,6 +350,19 @@ def test_a_linkage_at_rest_in_a_dead_point_rests():
     np.testing.assert_array_equal(closure.first.rate, 0.0)
 
 
+@pytest.mark.parametrize('speed', [0.3, -1.7, 11.0])
+def test_a_stretched_linkage_may_turn_as_a_whole(speed):
+    """Both roots are the one speed; what comes after is open, so there is no acceleration."""
+    angle = Motion(TURN, *(np.full_like(TURN, x) for x in (speed, 0.0, 0.0)))
+    long = Motion(np.full_like(TURN, 3.0), *np.zeros((3, TURN.size)))
+    closure = close_two_angles(vector(long, angle), 1.0, 2.0)
+    assert closure.singular.all()
+    for x in (closure.first, closure.second):
+        assert np.abs(wrapped(x.value - TURN)).max() < 1e-15
+        assert np.abs(x.rate - speed).max() < 1e-14 * abs(speed)
+        assert np.isnan(x.acceleration).all()
+
+
 # --- Slider-crank and four-bar ------------------------------------------------------------------
 
 

@@ -146,5 +146,6 @@ def limit_of_rates(
 
     x[0, 2] = dot(t, left_over(2)) / np.abs(p)
     none = across(2, 0.0)
-    x[:, 2] -= unit**2 * null * none / (across(2, unit**2) - none)
+    slope = np.where(root == 0.0, np.nan, across(2, unit**2) - none)
+    x[:, 2] -= unit**2 * null * none / slope
     return np.where(passes, x[:, 1:3], np.nan)
