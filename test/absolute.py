@@ -99,7 +99,8 @@ class Absolute:
         if isinstance(j, SlottedRack):
             u = np.array([np.cos(j.axis), np.sin(j.axis)])
             if (across(u) @ (a - np.array(j.centre)) < 0.0).real:
-                return [u @ (Jb - Ja)], [(u, cross(a - b, u))]
+                row = u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.second)
+                return [row], [(u, cross(a - b, u))]
             return [u @ Jb], [(u, 0.0)]
         D = Jb - Ja
         return [D[0], D[1]], [(np.array([1.0, 0.0]), 0.0), (np.array([0.0, 1.0]), 0.0)]
