@@ -1,9 +1,9 @@
 """Newton and Euler for every body, all reactions unknown: the second route to forces.
 
 Coordinates are x, y of the mass centre and the angle of every body; joints are constraints on
-them, drives too. ``[M, -J^T; J, 0] [a; lambda] = [F; gamma]`` is solved densely. Nothing here knows of
-trees, of absolute link angles as coordinates, or of symbols; derivatives along the motion are
-complex steps.
+them, drives too. ``[M, -J^T; J, 0] [a; lambda] = [F; gamma]`` is solved densely. Nothing here
+knows of trees, of absolute link angles as coordinates, or of symbols; derivatives along the motion
+are complex steps.
 """
 
 import numpy as np

@@ -40,7 +40,7 @@ class Revolute:
 
 @dataclass(frozen=True)
 class Prismatic:
-    """A prismatic joint: a point of `second` slides on a line of `first`; it does not turn there."""
+    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn."""
 
     name: str
     first: str

@@ -88,7 +88,7 @@ def closed_near(
             best = int(np.argmin(left))
             near, miss = (
                 (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
-            )  # noqa: E501
+            )
             _refuse(name, kinematics, near, float(miss), targets)
         far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
         q = q[:, [int(np.argmin(np.where(left > 0.0, np.inf, far)))]]

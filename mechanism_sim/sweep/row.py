@@ -19,8 +19,7 @@ from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.inverse_dynamics import Account
-from mechanism_sim.scene import Machine
-from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.scene.machine import Machine, Scene
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import BagError, RunBag
 from mechanism_sim.sweep.plan import Extent
@@ -73,7 +72,7 @@ class Task:
 
     key: str
     name: str
-    scene: FourBarScene
+    scene: Scene
     extent: Extent
     bag: Path | None = None
 
