@@ -44,7 +44,7 @@ from mechanism_sim.scene.schema import Clearance, FourBarScene
 Scene = FourBarScene | LinkageScene
 
 _COMPACT_FROM = 8
-"""Free coordinates and contact rows from which on compact code pays: it compiles much faster."""
+"""Free coordinates, contacts and closures from which on compact code pays: it compiles faster."""
 
 
 class Level(Enum):
@@ -375,7 +375,7 @@ class Machine:
                 solver.atol,
                 min(self.period / 8.0, 0.1),
                 compact=self.system.elements != ()
-                or len(self.system.free) + len(self.system.dynamics.rows) >= _COMPACT_FROM,
+                or len(self.system.free) + self._rows >= _COMPACT_FROM,
                 fastest=self._fastest,
             )
         else:
@@ -400,6 +400,11 @@ class Machine:
         if not used:
             return None
         return lambda q: np.concatenate([guards(q) for guards in used])
+
+    @property
+    def _rows(self) -> int:
+        """How many contacts and closures the equations of motion are solved for."""
+        return len(self.system.dynamics.rows) + len(self.system.dynamics.relation)
 
     @cached_property
     def fingerprint(self) -> str:
