@@ -1,0 +1,392 @@
+"""The equations that `equations` prints, read back and held against what the engine computes."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from functools import cache
+
+import heyoka as hy
+import numpy as np
+import pytest
+from running import run, run_json
+
+import mechanism_sim as ms
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.numerics.symbolic import add, dense, mul
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.reactions import generalized_forces
+from mechanism_sim.scene.files import scene_names
+
+sympy = pytest.importorskip('sympy')
+
+from mechanism_sim.report.derivation import derive  # noqa: E402
+from mechanism_sim.report.typeset import Typesetter  # noqa: E402
+
+LOOSE = 'joints.{}.clearance.'
+AT = LOOSE.format('coupler_rocker')
+RUBBING = {AT + 'friction': 0.2, AT + 'pin_radius': '4 mm'}
+VARIANTS = {
+    **{name: (name, {}) for name in scene_names()},
+    'profile': (
+        'four_bar_nominal',
+        {'drive.speed': None, 'drive.profile': {'points': [[0, 1], [1, 30]], 'ramp': 'smooth'}},
+    ),
+    'motor': ('four_bar_nominal', {'drive.motor': {'stall_torque': 2, 'no_load_speed': 40}}),
+    'rubbing': ('four_bar_clearance', RUBBING),
+    'all loose': (
+        'four_bar_clearance',
+        {'drive.torque.constant': 0.3, 'drive.torque.per_speed': -0.01}
+        | RUBBING
+        | {
+            LOOSE.format(joint) + key: value
+            for joint in ('ground_crank', 'crank_coupler', 'rocker_ground')
+            for key, value in (('radial', '0.1 mm'), ('restitution', 0.3))
+        },
+    ),
+    'compliant': (
+        'four_bar_clearance',
+        RUBBING | {AT + 'contact': {'law': 'flores', 'stiffness': 1e10}},
+    ),
+    'film': (
+        'four_bar_clearance',
+        {'start': 'centred'}
+        | {AT + 'contact.' + key: value for key, value in (
+            ('law', 'film'), ('viscosity', 0.05), ('width', '20 mm'), ('radius', '10 mm'),
+        )},
+    ),
+}  # fmt: skip
+
+
+@cache
+def machine_of(variant):
+    scene, overrides = VARIANTS[variant]
+    return ms.load_scene(scene, overrides=overrides)
+
+
+@cache
+def printed(variant):
+    return Typesetter(derive(machine_of(variant), rates=True)).to_json()
+
+
+class Reader:
+    """Evaluates printed text with the numbers it is given, and those it has found."""
+
+    def __init__(self, page, **given):
+        self.page = page
+        self.values = {p['text']: p['value'] for p in page['parameters']} | given
+
+    def __call__(self, text):
+        names = {name: sympy.Symbol(name) for name in re.findall(r'[A-Za-z_]\w*', text)}
+        for function in ('sin', 'cos', 'sqrt', 'atan2'):
+            names.pop(function, None)
+        expression = sympy.parse_expr(text, local_dict=names)
+        symbols = sorted(expression.free_symbols, key=str)
+        evaluate = sympy.lambdify(symbols, expression, 'numpy')
+        return float(evaluate(*(self.values[s.name] for s in symbols)))
+
+    def sides(self, equation):
+        return equation['text'].split(' = ')
+
+    def define(self, *parts):
+        """Work through parts whose left-hand sides are symbols."""
+        found = []
+        for part in parts:
+            for equation in self.page.get(part, []):
+                left, right = self.sides(equation)
+                self.values[left] = self(right)
+                found.append(self.values[left])
+        return np.array(found)
+
+
+def equations_of(machine):
+    if machine.dynamic:
+        return machine.system.equations
+    return machine.inverse_dynamics._equations
+
+
+def engine(machine, terms, state, parameters=()):
+    """Values of the engine's own terms in a state (q, v, a), compiled by heyoka."""
+    eq = equations_of(machine)
+    symbols = [*eq.frames.q.values(), *eq.frames.v.values(), *eq.frames.a.values()]
+    function = hy.cfunc([*(dense(t) for t in terms), hy.expression(0.0)], vars=symbols)
+    values = np.array(eq.parameters.values)
+    for name, value in parameters:
+        values[eq.parameters.names[name]] = value
+    return function(np.concatenate(state), pars=values[: function.nparams])[:-1]
+
+
+def second_derivative(jet, frames):
+    return add(*(mul(slope, frames.a[c]) for c, slope in jet.gradient.items()), jet.curvature)
+
+
+def anywhere(machine):
+    """A state (q, v, a), not one that the machine can reach."""
+    rng = np.random.default_rng(5)
+    n = len(machine.mechanism.coordinates)
+    return rng.uniform(-3.0, 3.0, n), rng.uniform(-40.0, 40.0, n), rng.uniform(-1e3, 1e3, n)
+
+
+def in_motion(machine, time):
+    """The state at a time [s] of a run."""
+    at = ms.simulate(machine, duration=1.5 * time).sample([time])
+    return tuple(
+        np.array([at[f'{kind}.{c}'][0] for c in machine.mechanism.coordinates])
+        for kind in ('position', 'velocity', 'acceleration')
+    )
+
+
+def reader_of(variant, state):
+    page = printed(variant)
+    given = {}
+    for i, c in enumerate(page['coordinates']):
+        for key, values in zip(('text', 'rate', 'acceleration'), state, strict=True):
+            given[c[key]] = values[i]
+    return Reader(page, **given)
+
+
+def close(found, expected):
+    found, expected = np.asarray(found, float), np.asarray(expected, float)
+    scale = np.abs(expected).max(initial=0.0)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize('variant', VARIANTS)
+def test_printed_closures_and_gaps_are_those_of_the_engine(variant):
+    machine = machine_of(variant)
+    eq, state = equations_of(machine), anywhere(machine)
+    reader = reader_of(variant, state)
+    page = reader.page
+    assert [c['name'] for c in page['coordinates']] == list(eq.coordinates)
+    reader.define('vectors')
+    quantities = (
+        lambda jet: jet.value, lambda jet: jet.rate, lambda jet: second_derivative(jet, eq.frames)
+    )  # fmt: skip
+    for part, quantity in zip(
+        ('closures', 'closure_rates', 'closure_accelerations'), quantities, strict=True
+    ):
+        found = [reader(reader.sides(e)[0]) for e in page.get(part, [])]
+        close(found, engine(machine, map(quantity, eq.relation_jets), state))
+    terms = [jet.value for jet in eq.gap_jets]
+    for i, gap in enumerate(eq.gaps):
+        if gap.friction:
+            terms.append(machine.system.dynamics.tangent[i].rate)
+    close(sorted(reader.define('gaps')), sorted(engine(machine, terms, state)))
+    for part, quantity in zip(('gap_rates', 'gap_accelerations'), quantities[1:], strict=True):
+        close(reader.define(part), engine(machine, map(quantity, eq.gap_jets), state))
+
+
+@pytest.mark.parametrize('variant', VARIANTS)
+def test_printed_equations_of_motion_are_those_of_the_engine(variant):
+    """Left: M a + h; right: every force alone, along its row of the Jacobian."""
+    machine = machine_of(variant)
+    eq, state = equations_of(machine), anywhere(machine)
+    reader = reader_of(variant, state)
+    motion = reader.page.get('motion', [])
+    if machine.level.value == 'kinematic':
+        assert not motion
+        return
+    reader.define('vectors', 'gaps')
+    left = [reader(reader.sides(e)[0]) for e in motion]
+    close(left, engine(machine, generalized_forces(eq, eq.frames.a), state))
+    unknown = [s['text'] for s in reader.page['variables']]
+    closing = [name for name in unknown if name.startswith('lambda')]
+    rows = {
+        name: engine(machine, jet.row(eq.coordinates), state)
+        for name, jet in zip(closing, eq.relation_jets, strict=True)
+    }
+    for i, (gap, jet) in enumerate(zip(eq.gaps, eq.gap_jets, strict=True)):
+        rows[f'N_{gap.name}'] = engine(machine, jet.row(eq.coordinates), state)
+        if gap.friction:
+            slip = machine.system.dynamics.tangent[i].row(eq.coordinates)
+            rows[f'T_{gap.name}'] = engine(machine, slip, state)
+    for law in machine.laws:
+        stem = 'F' if law.coordinate in eq.frames.displacements else 'tau'
+        rows[f'{stem}_{law.coordinate}'] = np.array([c == law.coordinate for c in eq.coordinates])
+    for element in machine.system.elements if machine.dynamic else ():
+        for c in element.generalised(eq.frames):
+            rows[f'Q_{element.name}_{c}'] = np.array([d == c for d in eq.coordinates])
+    for force, row in rows.items():
+        reader.values |= dict.fromkeys(rows, 0.0) | {force: 1.0}
+        close([reader(reader.sides(e)[1]) for e in motion], row)
+
+
+@pytest.mark.parametrize('variant', ['four_bar_nominal', 'profile'])
+def test_forces_of_inverse_dynamics_fulfil_the_printed_equations(variant):
+    machine = machine_of(variant)
+    state = in_motion(machine, 0.7)
+    reader = reader_of(variant, state)
+    inverse = machine.inverse_dynamics(*(x[:, None] for x in state))
+    joints = [j.name for j in machine.mechanism.joints]
+    on_second = inverse.reaction[joints.index('coupler_rocker'), :, 0]
+    reader.values['lambdax_coupler_rocker'] = -on_second[0]
+    reader.values['lambday_coupler_rocker'] = -on_second[1]
+    reader.values['tau_crank'] = inverse.drive_torque[0, 0]
+    sides = [[reader(s) for s in reader.sides(e)] for e in reader.page['motion']]
+    close([left for left, _ in sides], [right for _, right in sides])
+
+
+@pytest.mark.parametrize(
+    'variant', ['four_bar_clearance', 'rubbing', 'motor', 'compliant', 'film']
+)
+def test_motion_that_is_solved_fulfils_the_printed_equations(variant):
+    """Accelerations and forces of the compiled system, in the contact that rubs or presses."""
+    machine = machine_of(variant)
+    system = machine.system
+    q, v, _ = in_motion(machine, 0.0137)
+    sliding = (
+        Mode.SLIDING_FORWARD if system.frictional and not system.compliant else Mode.FOLLOWING
+    )
+    modes = np.full((len(system.gaps), 1), sliding, np.uint8)
+    if system.compliant:  # pressed in by some micrometres
+        q = pressed_in(machine, q)
+    torque = None
+    if system.powered:
+        constant, _, per_speed = machine.law.coefficients
+        torque = np.array([[constant + per_speed * v[0]]])
+    approach = np.full((len(system.gaps), 1), 0.3) if system.compliant else None
+    a_p = np.zeros((len(system.prescribed), 1))
+    seen = system.observe(q[:, None], v[:, None], a_p, modes, torque, approach)
+    reader = reader_of(variant, (q, v, seen.acceleration[:, 0]))
+    reader.values |= {'v0_coupler_rocker': 0.3, 't': 0.0}
+    reader.define('vectors', 'gaps', 'gap_rates')
+    if system.compliant:
+        assert reader.values['g_coupler_rocker'] < 0.0
+    else:
+        for i, gap in enumerate(system.gaps):
+            reader.values[f'N_{gap.name}'] = seen.normal_force[i, 0]
+            reader.values[f'T_{gap.name}'] = seen.friction_force[i, 0]
+    if machine.torque_driven:
+        reader.define('drive_laws')
+    else:
+        reader.values['tau_crank'] = seen.drive_torque[0, 0]
+    reader.define('forces')
+    joints = [j.name for j in machine.mechanism.joints]
+    for relation in system.relations:
+        x, y = -seen.reaction[joints.index(relation.name), :, 0]
+        reader.values |= {f'lambdax_{relation.name}': x, f'lambday_{relation.name}': y}
+    sides = np.array([[reader(s) for s in reader.sides(e)] for e in reader.page['motion']])
+    scale = np.abs(sides).max()
+    np.testing.assert_allclose(sides[:, 0], sides[:, 1], rtol=1e-11, atol=1e-11 * scale)
+
+
+def pressed_in(machine, q):
+    """The same with the rocker turned until the pin is 10 micrometres deep."""
+    system = machine.system
+    for angle in np.linspace(0.0, 2e-3, 2001):
+        moved = q + angle * (np.array(system.coordinates) == 'rocker')
+        gap = system.distances(system.gap_values(moved[:, None]))[0, 0]
+        if -2e-5 < gap < -5e-6:
+            return moved
+    raise AssertionError('never pressed in')
+
+
+def test_laws_of_the_drive_are_printed_with_the_times_from_which_they_hold():
+    machine = machine_of('profile')
+    laws = [e for e in printed('profile')['drive_laws'] if e['text'].startswith('theta_')]
+    assert len(laws) == len(machine.laws) > 1
+    for law, e in zip(machine.laws, laws, strict=True):
+        assert isinstance(law, DriveLaw)
+        assert e['note'] == f'for t >= {law.valid_from!r} s'
+        t = law.valid_from + 0.37
+        expected = np.polynomial.polynomial.polyval(t - law.reference_time, law.coefficients)
+        reader = Reader(printed('profile'), t=t)
+        assert reader(reader.sides(e)[1]) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_four_bar_reads_as_in_the_thesis():
+    """[SB] 4.1-20 and 4.2-1: I_A3, I_O4, m3 l2 S3 with the angle between crank and coupler."""
+    page = printed('four_bar_clearance')
+    rows = {e['name']: e['text'].split(' = ')[0] for e in page['motion']}
+    assert rows['coupler'] == (
+        'I_coupler*thetaddot_coupler + P_crank_coupler*thetaddot_crank*cos(theta_coupler - '
+        'theta_crank) + P_crank_coupler*thetadot_crank**2*sin(theta_coupler - theta_crank) + '
+        'W_coupler*cos(theta_coupler)'
+    )
+    assert rows['rocker'] == 'I_rocker*thetaddot_rocker + W_rocker*cos(theta_rocker)'
+    values = {p['text']: p['value'] for p in page['parameters']}
+    assert values['P_crank_coupler'] == pytest.approx(0.2439 * 0.064 * 0.185, rel=1e-14)
+    assert values['I_coupler'] == pytest.approx(2950e-6 + 0.2439 * 0.185**2, rel=1e-14)
+    assert values['c_coupler_rocker'] == 0.254e-3
+    assert all(value > 0.0 for value in values.values())
+
+
+def test_the_same_scene_is_always_printed_the_same():
+    """Whatever the order in which sets of symbols come."""
+    texts = {
+        run('equations', 'four_bar_clearance', '--rates').stdout for _ in range(2)
+    }  # fmt: skip
+    assert len(texts) == 1
+
+
+@pytest.mark.parametrize('variant', VARIANTS)
+def test_latex_is_balanced(variant):
+    text = Typesetter(derive(machine_of(variant), rates=True)).document()
+    assert balanced(text)
+    assert re.findall(r'\\left\W', text).__len__() == len(re.findall(r'\\right\W', text))
+    environments = []
+    for what, name in re.findall(r'\\(begin|end)\{(\w+)\}', text):
+        if what == 'begin':
+            environments.append(name)
+        else:
+            assert environments.pop() == name
+    assert not environments
+    assert '_' not in re.sub(r'\\_|_\{', '', text)
+
+
+def balanced(text):
+    depth = 0
+    for brace in re.findall(r'(?<!\\)[{}]', text):
+        depth += 1 if brace == '{' else -1
+        if depth < 0:
+            return False
+    return depth == 0
+
+
+@pytest.mark.skipif(
+    not (shutil.which('tectonic') or shutil.which('pdflatex')), reason='no LaTeX here'
+)
+@pytest.mark.parametrize('variant', ['four_bar_clearance', 'all loose', 'film'])
+def test_latex_compiles(variant, tmp_path):
+    source = tmp_path / 'equations.tex'
+    source.write_text(Typesetter(derive(machine_of(variant), rates=True)).document())
+    program = shutil.which('tectonic') or shutil.which('pdflatex')
+    options = [] if program.endswith('tectonic') else ['-halt-on-error']
+    subprocess.run([program, *options, source.name], cwd=tmp_path, check=True, capture_output=True)
+    assert source.with_suffix('.pdf').exists()
+
+
+def test_command_line(tmp_path):
+    page = run_json('equations', 'four_bar_clearance')
+    assert page == json.loads(json.dumps(page))
+    assert set(page) == {
+        'scene', 'title', 'level', 'coordinates', 'parameters', 'variables', 'drive_laws',
+        'vectors', 'gaps', 'motion', 'notes',
+    }  # fmt: skip
+    assert set(page['motion'][0]) == {'name', 'latex', 'text'}
+    text = run('equations', 'four_bar_clearance').stdout
+    joined = ' '.join(text.split())
+    assert all(e['text'] in joined for e in page['motion'])
+    assert run('equations', 'four_bar_nominal', '--latex').stdout.startswith('% needs')
+    assert '$$' in run('equations', 'four_bar_nominal', '--markdown').stdout
+    file = tmp_path / 'machine.tex'
+    done = run('equations', 'four_bar_crossed', '-o', str(file))
+    assert (done.returncode, done.stdout) == (0, '')
+    assert file.read_text().startswith(r'\documentclass')
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['-o', 'machine.doc'], 'the ending must be one of'),
+        (['-o', '/nowhere/machine.tex'], 'cannot be written'),
+        (['--set', 'drive.speed=1 kg'], 'drive.speed'),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, said):
+    done = run('equations', 'four_bar_nominal', *arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert 'Traceback' not in done.stderr
