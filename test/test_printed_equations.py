@@ -11,6 +11,7 @@ from functools import cache
 import heyoka as hy
 import numpy as np
 import pytest
+from matplotlib.mathtext import MathTextParser
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -325,7 +326,7 @@ def test_the_same_scene_is_always_printed_the_same():
 def test_latex_is_balanced(variant):
     text = Typesetter(derive(machine_of(variant), rates=True)).document()
     assert balanced(text)
-    assert re.findall(r'\\left\W', text).__len__() == len(re.findall(r'\\right\W', text))
+    assert len(re.findall(r'\\left\W', text)) == len(re.findall(r'\\right\W', text))
     environments = []
     for what, name in re.findall(r'\\(begin|end)\{(\w+)\}', text):
         if what == 'begin':
@@ -334,6 +335,23 @@ def test_latex_is_balanced(variant):
             assert environments.pop() == name
     assert not environments
     assert '_' not in re.sub(r'\\_|_\{', '', text)
+
+
+@pytest.mark.parametrize('variant', ['four_bar_clearance', 'all loose', 'compliant', 'film'])
+def test_every_formula_is_read_by_another_program(variant):
+    """The mathematics of matplotlib: a smaller LaTeX, written by others."""
+    page, parser = printed(variant), MathTextParser('path')
+    tables = ('coordinates', 'parameters', 'variables')
+    symbols = [s['latex'] for table in tables for s in page[table]]
+    equations = [
+        line.replace('&', '')
+        for name, part in page.items() if isinstance(part, list) and name not in tables
+        for e in part
+        for line in e['latex'].split('\\\\')
+    ]  # fmt: skip
+    assert len(equations) > 10
+    for formula in (*symbols, *equations):
+        parser.parse(f'${formula.strip()}$')
 
 
 def balanced(text):

@@ -7,6 +7,7 @@ relation or a force element, so a new kind of those needs nothing here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -322,7 +323,9 @@ def _condition(gap: Gap) -> str:
         f'{j}: g_{j} >= 0, N_{j} >= 0, and one of both is zero; impacts by '
         f"{gap.hypothesis.capitalize()}'s hypothesis with restitution {gap.restitution:g}"
     )
-    if gap.friction:
+    if math.isinf(gap.friction):
+        text += f'; while closed it never slips, u_{j} = 0'
+    elif gap.friction:
         text += (
             f'; |T_{j}| <= {gap.friction:g} N_{j}, and where u_{j} is not zero T_{j} is as large '
             'as that and against it'
