@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 _NUMBER = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)\s*')
 
@@ -21,6 +21,9 @@ EXAMPLES = {
     'Pa s': '0.03 Pa s',
     'Hz': '500 Hz',
     's': '20 ms',
+    'N': '10 N',
+    'N/m': '200 N/m',
+    'N s/m': '5 N s/m',
     'N m': '0.1 N m',
     'N m/rad': '0.1 N m/rad',
     'N m s/rad': '0.01 N m s/rad',
@@ -55,6 +58,37 @@ def to_si(value: object, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f'is not a quantity: {hint}')
     return float(value) if isinstance(value, int | float) else _text_to_si(value, unit, hint)
+
+
+class Measure(NamedTuple):
+    """A number in an SI unit, which is empty for a bare number."""
+
+    value: float
+    unit: str
+
+
+def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
+    """A quantity in the first of several SI units that it fits; a bare number fits any.
+
+    Raises
+    ------
+    ValueError
+        One clause that says what is wrong and what would do.
+    """
+    if isinstance(value, Measure):
+        return value
+    for unit in units[:-1]:
+        try:
+            found = to_si(value, unit)
+        except ValueError:
+            continue
+        return Measure(found, unit if isinstance(value, str) and _NUMBER.sub(r'\2', value) else '')
+    try:
+        found = to_si(value, units[-1])
+    except ValueError as error:
+        examples = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
+        raise ValueError(f'is not a quantity of this place: write for example {examples}') from error
+    return Measure(found, units[-1])
 
 
 @lru_cache(maxsize=4096)  # a sweep reads the same text again for every run

@@ -446,7 +446,9 @@ def test_derivatives_of_the_gap_against_multiprecision_differences(q, v):
 def test_jets_of_sums_products_and_quotients_against_differences():
     parameters = Parameters()
     frames = Frames(('p', 'r'), parameters)
-    x, y = frames.position({'p': (0.3, 0.1), 'r': (-0.2, 0.7), GROUND: (0.5, -0.4)}, 'point')
+    x, y = frames.position(
+        {('p', None): (0.3, 0.1), ('r', None): (-0.2, 0.7), (GROUND, None): (0.5, -0.4)}, 'point'
+    )
     jets = [x * y, x - y, -(x * x), (x + 2.0) * 3.0, y / 4.0, x.half_square() * y - 1.5]
 
     def numbers(q):
@@ -473,7 +475,7 @@ def test_jets_of_sums_products_and_quotients_against_differences():
 
 def test_a_number_lifted_to_a_jet_does_not_move():
     frames = Frames(('p',), Parameters())
-    x, _ = frames.position({'p': (1.0, 0.0)}, 'x')
+    x, _ = frames.position({('p', None): (1.0, 0.0)}, 'x')
     assert isinstance(x * 2.0, Jet)
     assert (x - x.value).gradient.keys() == {'p'}
 

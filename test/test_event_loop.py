@@ -278,7 +278,7 @@ class Floor:
         self.restitution = restitution
 
     def value(self, frames):
-        return frames.position({'arm': (1.0, 0.0)}, 'tip')[1]
+        return frames.position({('arm', None): (1.0, 0.0)}, 'tip')[1]
 
     def normal(self, _):
         return lift(0.0), lift(-1.0)

@@ -42,6 +42,7 @@ class Contacts:
     Attributes
     ----------
     modes : of every gap
+    switches : whether they are on
     flying : whether any gap is open
     impacts, mode_changes : the events so far
     horizon : [s] longest next step: a root much nearer to its start than to its end gets lost
@@ -88,6 +89,7 @@ class Contacts:
             for guard in system.guards
         ]  # fmt: skip
         self.approach = (1.0,) * len(system.approach_index)
+        self.switches: tuple[bool, ...] = (False,) * len(system.switches)
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(system.gaps))
 
     @property
@@ -120,12 +122,27 @@ class Contacts:
         values: Array = function(self._now)
         return values
 
+    def set_switches(self, on: tuple[bool, ...] | None = None) -> None:
+        """Turn the switches of loads as told, or as the present state has them."""
+        if on is None:
+            self._set(self._system.switch_index, [1.0] * len(self.switches))
+            seen = self._at_present(self._system.watch)[self._first_switch : len(self._floor)]
+            on = tuple(bool(x > 0.0) for x in seen.tolist())
+        self.switches = on
+        self._set(self._system.switch_index, [float(x) for x in on])
+
+    @property
+    def _first_switch(self) -> int:
+        return len(self._floor) - len(self.switches)
+
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
         return self.modes[gap] > Mode.FREE_FLIGHT
 
     def start(self, closed: Sequence[bool]) -> None:
         """Begin a run: some gaps are closed by decree, those that touch are resolved."""
+        if self.switches:
+            self.set_switches()
         modes = [int(Mode.FOLLOWING if shut else Mode.FREE_FLIGHT) for shut in closed]
         if any(closed) and self._system.frictional and not self._system.compliant:
             terms = self._terms()
@@ -168,7 +185,10 @@ class Contacts:
 
     def _respond(self, guard: Guard) -> None:
         gap, before = guard.gap, self.modes
-        if self._system.compliant:
+        if guard.switch is not None:
+            k, on = guard.switch, self.switches
+            self.set_switches((*on[:k], not on[k], *on[k + 1 :]))
+        elif self._system.compliant:
             self._touch(gap)
         elif not guard.friction:
             if not self.closed(gap):
@@ -192,7 +212,7 @@ class Contacts:
         """
         seen = self._at_present(self._system.watch).tolist()
         modes = self.modes
-        if len(seen) == 2:  # one gap without friction, the common case
+        if self._system.lone:  # one gap without friction, the common case
             fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
             return 0 if fell and seen_now is None else None
         margin = 0.0 if seen_now is None else self._touching

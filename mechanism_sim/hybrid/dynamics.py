@@ -26,6 +26,7 @@ from mechanism_sim.numerics.symbolic import (
 )
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 
@@ -60,6 +61,7 @@ class Dynamics:
     closed, sticks, slips : flags of the gaps; the latter by index of those that have them
     active : flag of every row: closed for a normal, sticking for a tangent
     exact, stabilised : the solution without and with Baumgarte's terms
+    loads : forces and moments of the elements
     torques : of every powered coordinate the three coefficients of its law
     """
 
@@ -102,10 +104,8 @@ class Dynamics:
         if self.compliant:  # nothing is kept closed
             self.active = [hy.expression(0.0)] * len(self.active)
         self._gaps = tuple(gaps)
-        self._pushes: dict[str, Term] = {}
-        for element in elements:
-            for c, force in element.generalised(eq.frames).items():
-                self._pushes[c] = add(self._pushes.get(c), force)
+        self.loads = [load for element in elements for load in element.loads(eq.frames)]
+        self._pushes = generalised(self.loads, eq.frames, mechanism)
         self._reduce(powered)
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)

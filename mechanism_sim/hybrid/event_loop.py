@@ -166,7 +166,7 @@ class EventLoop:
         slots, lengths = tape.slots, tape.lengths
         enter_tau, enter_length = tape.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
-        watched, watch = bool(contacts.modes), self._guard_series
+        watched, watch = bool(self._system.guards), self._guard_series
         quick = (lone or not watched) and not timed
         stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
         longest, reach = self._max_step, min(self._max_step, contacts.horizon)
@@ -377,6 +377,9 @@ class EventLoop:
         for index, torque in zip(self._system.torque_index, self._base.torques, strict=True):
             for i, coefficient in zip(index, torque, strict=True):
                 self._pars[i] = coefficient
+        for name, i in zip(self._system.outside, self._system.outside_index, strict=True):
+            known = name == 'time'
+            self._pars[i] = self._base.high if known else self._base.turns[name.rpartition('.')[0]]
         self._contacts.base = self._base
         rates = self._state[len(self._state) // 2 :][list(self._system.angular)]
         self._next_base = self._base.next_after(float(np.abs(rates).max(initial=0.0)))
@@ -430,6 +433,7 @@ class EventLoop:
             self._since,
             contacts.modes,
             contacts.approach,
+            contacts.switches,
             alpha,
             horizon,
             self._next_base,
@@ -451,6 +455,7 @@ class EventLoop:
         self._ta.time = s.tau
         self._pars[self._stabilisation] = s.stabilisation
         self._contacts.set_modes(s.modes, s.approach)
+        self._contacts.set_switches(s.switches)
         self._contacts.horizon = s.horizon
         self._contacts.impacts, self._contacts.mode_changes = [], []
         self._pending = None

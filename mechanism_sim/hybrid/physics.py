@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
 
 
@@ -75,7 +76,7 @@ class DynamicPhysics:
 
     def _state(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array]:
+    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array]:
         """What `System.observe` asks for, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         if isinstance(dt, Nodes):
@@ -98,6 +99,7 @@ class DynamicPhysics:
             motion.modes_at(segments, dt),
             torque,
             motion.approach_at(segments, dt),
+            outside(self.system.outside, self.coordinates, curve, segments, dt),
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
@@ -110,3 +112,28 @@ class DynamicPhysics:
         values = self.system.gap_values(q)
         gaps = self.system.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
+
+
+def outside(
+    names: Sequence[str],
+    coordinates: Sequence[str],
+    curve: PiecewisePolynomial,
+    segments: NDArray[np.intp],
+    dt: Array | Nodes,
+) -> Array:
+    """Rows (k, N) of what loads ask for beside the motion: ``time``, ``COORDINATE.turns``.
+
+    The instants are those of ``curve.at(segments, dt)``.
+    """
+    if isinstance(dt, Nodes):
+        since = np.outer(curve.duration[segments], dt.fractions)
+    else:
+        since = dt.reshape(len(segments), -1)
+    rows = []
+    for name in names:
+        if name == 'time':
+            rows.append((curve.start[segments, None] + since).ravel())
+        else:
+            index = list(coordinates).index(name.rpartition('.')[0])
+            rows.append(np.repeat(curve.turns[segments, index], since.shape[1]).astype(float))
+    return np.array(rows).reshape(len(rows), since.size)

@@ -40,6 +40,7 @@ class Snapshot:
     since: int  #: steps since these were computed from the angles
     modes: tuple[int, ...]
     approach: tuple[float, ...]  #: [m/s] of the first touch of compliant contacts
+    switches: tuple[bool, ...]  #: of the loads that act in a part of the cycle
     stabilisation: float  #: [1/s]
     horizon: float  #: [s] longest next step
     next_base: float  #: [s]
@@ -84,6 +85,7 @@ class Snapshot:
             for key in ('state', 'directions', 'approach'):
                 data[key] = tuple(float.fromhex(x) for x in data[key])
             data['modes'] = tuple(data['modes'])
+            data['switches'] = tuple(data['switches'])
             data['laws'] = tuple(_law_from_json(law) for law in data['laws'])
             data['coming'] = tuple(_law_from_json(law) for law in data['coming'])
             return cls(**data)

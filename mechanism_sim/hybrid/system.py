@@ -22,6 +22,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
+from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
@@ -51,13 +52,18 @@ class ContactTerms(NamedTuple):
     normal_angle: list[float]  #: (m,) [rad]
 
 
+SWITCH_MARGIN = 1e-12
+"""How far past zero a switch turns over: as far the other way is the next time."""
+
+
 class Guard(NamedTuple):
-    """What a guard watches: the normal direction of a gap, or its friction."""
+    """What a guard watches: the normal direction of a gap, its friction, or a switch."""
 
     gap: int
     #: 0: touching or letting go; +1: sliding that ends, or sticking that gives way backwards;
     #: -1: sticking that gives way forwards
     friction: int
+    switch: int | None = None
 
 
 class System:
@@ -76,11 +82,13 @@ class System:
     Attributes
     ----------
     parameters : values of the runtime parameters ``par[]``, SI units
-    guards : of the integrator, in the order of its events
+    guards : of the integrator, in the order of its events: gaps, friction, switches
     flag_index, stick_index, slip_index : of every gap, which of them say that it is closed, that
         it sticks, and the sign of its slip
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
+    switch_index : of every switch of the loads, which of them says that it is on
+    outside_index : of the time of the base and of whole turns that loads ask for, which of them
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
     fired_index : which of them, the last, says which guard ended a step, counted from 1
     """
@@ -117,12 +125,20 @@ class System:
         self.guards = [Guard(i, 0) for i in range(len(gaps))]
         if not d.compliant:
             self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
+        frames = self.equations.frames
+        self.switches = list(frames.switches.values())
+        self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
+        self.outside = tuple(frames.outside)
+        for name in (*frames.switches, *self.outside):
+            p.reserve(f'{name}.now')
         p.reserve('fired')
         self.parameters = np.array(p.values)
         self.fired_index = len(self.parameters) - 1
         self.flag_index = [p.names[f'{g.name}.closed'] for g in self.gaps]
         self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
         self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
+        self.switch_index = [p.names[f'{name}.now'] for name in frames.switches]
+        self.outside_index = [p.names[f'{name}.now'] for name in self.outside]
         self.stabilisation_index = p.names['stabilisation']
         self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
         self.law_index = [
@@ -133,7 +149,7 @@ class System:
     @property
     def lone(self) -> bool:
         """Whether there is one gap, and no friction in it: the case that is made fastest."""
-        return len(self.guards) == 1 and not self.compliant
+        return len(self.guards) == len(self.gaps) == 1 and not self.compliant
 
     @property
     def compliant(self) -> bool:
@@ -201,7 +217,11 @@ class System:
         """Functions that fall through zero at events, in the order of `guards`."""
         d, solved = self.dynamics, self.dynamics.stabilised
         result = []
-        for gap, friction in self.guards:
+        for gap, friction, switch in self.guards:
+            if switch is not None:
+                flag, guard = self.switches[switch]
+                result.append((2.0 * flag - 1.0) * guard + SWITCH_MARGIN)
+                continue
             s = d.closed[gap]
             if not friction:
                 value, force = dense(d.normal[gap].value), FORCE_SCALE * dense(solved.N[gap])
@@ -231,7 +251,7 @@ class System:
     @property
     def timed(self) -> bool:
         """Whether the integrator's equations contain the time."""
-        return bool(self.prescribed) and not self.turning
+        return (bool(self.prescribed) and not self.turning) or 'time' in self.outside
 
     @property
     def _direction_symbols(self) -> list[tuple[hy.expression, hy.expression]]:
@@ -246,7 +266,7 @@ class System:
         return list(hy.subs(list(expressions), replace))
 
     def _driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
-        """The expressions with the laws of the prescribed coordinates put in."""
+        """The expressions with the laws of the prescribed coordinates, and what loads ask for."""
         frames = self.equations.frames
         replace: dict[str | hy.expression, hy.expression] = {}
         for name, c in self._laws.items():
@@ -255,6 +275,10 @@ class System:
                 for k in range(self.degree, d - 1, -1):
                     value = add(mul(value, hy.time), math.perm(k, d) * c[k])
                 replace[symbol[name]] = dense(value)
+        for known, index in zip(frames.switches.values(), self.switch_index, strict=True):
+            replace[known.flag] = hy.par[index]
+        for (name, symbol), index in zip(frames.outside.items(), self.outside_index, strict=True):
+            replace[symbol] = hy.par[index] + hy.time if name == 'time' else hy.par[index]
         return list(hy.subs(list(expressions), replace))
 
     def _on_now(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
@@ -354,21 +378,29 @@ class System:
         solved = d.exact
         a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
         a |= {c: eq.frames.a[c] if self.degree > 1 else None for c in self.prescribed}
-        cut: dict[str, tuple[Term, Term]] = {}
+        cut: dict[str, Wrench] = {}
         for i, gap in enumerate(self.gaps):
             x, y = gap.normal(eq.frames)
             N, T = solved.N[i], solved.T[i]
-            # the friction force acts on the first-named link, this is the force on the second
-            cut[gap.name] = (
+            # the friction force acts on the first-named link, this is what the second feels
+            cut[gap.name] = Wrench(
                 add(mul(N, x.value), mul(T, y.value)),
                 add(mul(N, y.value), neg(mul(T, x.value))),
+                neg(mul(eq.parameters(f'{gap.name}.arm', gap.arm), T)),
             )
+        loads = []
         for element in self.elements:
-            cut[element.name] = element.on_second(eq.frames)
-        forces = iter(solved.closing_forces)
+            if element.name in self.mechanism.cut:
+                on_second = element.loads(eq.frames)[1]
+                cut[element.name] = Wrench(*on_second.force, on_second.moment)
+            else:
+                loads += element.loads(eq.frames)
+        forces = list(solved.closing_forces)
         for relation in self.relations:
-            cut[relation.name] = (neg(next(forces)), neg(next(forces)))
-        reactions = tree_reactions(eq, a, cut)
+            count = len(relation.values(eq.frames))
+            cut[relation.name] = relation.wrench(eq.frames, forces[:count])
+            forces = forces[count:]
+        reactions = tree_reactions(eq, a, cut, loads)
         supplied = generalized_forces(eq, a)
         torques = [
             add(supplied[self.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
@@ -377,6 +409,7 @@ class System:
         friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
         friction += [element.power_lost(eq.frames) for element in self.elements]
         kinetic, potential = energies(eq)
+        potential = add(potential, *(element.energy(eq.frames) for element in self.elements))
         forces_N = list(solved.N)
         for i, law in enumerate(d.laws):
             if law is not None:
@@ -394,7 +427,8 @@ class System:
             'friction_force': list(solved.T),
             'friction_power': [add(*friction)],
             'drive_torque': torques,
-            'reaction': [x for force in reactions.values() for x in force],
+            'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
+            'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],
         }
 
@@ -413,12 +447,14 @@ class System:
             replace |= dict.fromkeys(others, hy.expression(0.0))
         groups = [self._terms[name] for name in names]
         expressions = [dense(term) for group in groups for term in group]
+        replace |= eq.frames.evaluated()
         if replace:
             expressions = list(hy.subs(expressions, replace))
         frames = eq.frames
         symbols = [*frames.q.values(), *frames.v.values()]
+        prescribed = [frames.a[c] for c in self.prescribed]
         function = compiled.function(
-            expressions, [*symbols, *(frames.a[c] for c in self.prescribed), *variables]
+            expressions, [*symbols, *prescribed, *variables, *frames.outside.values()]
         )
         return Evaluation(function, eq.parameters.values, [len(group) for group in groups])
 
@@ -438,6 +474,7 @@ class System:
         modes: NDArray[np.uint8],
         torque: Array | None = None,
         approach: Array | None = None,
+        outside: Array | None = None,
     ) -> Observation:
         """Accelerations, forces and energies at N instants.
 
@@ -448,9 +485,12 @@ class System:
         modes : (m, N) of the gaps
         torque : (k, N) [N m] on the powered coordinates
         approach : (m, N) [m/s] of the first touch of compliant contacts
+        outside : (k, N) what is named by the attribute `outside`
         """
-        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach)
-        a, gap, _, N, T, friction, prescribed, reaction, energy = self._observe(inputs)
+        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        (
+            a, gap, _, N, T, friction, prescribed, reaction, moment, energy,
+        ) = self._observe(inputs)  # fmt: skip
         drive_torque = np.concatenate([prescribed, torque])
         return Observation(
             q,
@@ -461,6 +501,7 @@ class System:
             T,
             friction[0],
             reaction.reshape(-1, 2, q.shape[1]),
+            moment,
             drive_torque,
             (drive_torque * v[self.driven_index]).sum(axis=0),
             energy[0],
@@ -475,9 +516,10 @@ class System:
         modes: NDArray[np.uint8],
         torque: Array | None = None,
         approach: Array | None = None,
+        outside: Array | None = None,
     ) -> Account:
         """What books are kept of, at the instants that `observe` would be given; far cheaper."""
-        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach)
+        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
         gap, closure, N, friction, prescribed = self._account(inputs)
         drive_torque = np.concatenate([prescribed, torque])
         closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
@@ -495,6 +537,7 @@ class System:
         modes: NDArray[np.uint8],
         torque: Array | None,
         approach: Array | None,
+        outside: Array | None,
     ) -> tuple[Array, Array]:
         """One array of all inputs, and the torques."""
         d, count = self.dynamics, q.shape[1]
@@ -507,7 +550,8 @@ class System:
             flags += [frictional == Mode.STICKING, forward * 1.0 - backward]
         if self.compliant:
             flags.append(np.ones_like(modes, float) if approach is None else approach)
-        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque)
+        given = np.zeros((len(self.outside), count)) if outside is None else outside
+        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, given)
         return np.concatenate(rows), torque
 
     def distances(self, values: Array) -> Array:

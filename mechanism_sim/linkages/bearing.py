@@ -1,4 +1,4 @@
-"""The revolute joint as the engine sees it: a closed loop, or a pin loose in its bushing."""
+"""The loose revolute joint as the engine sees it: a gap between pin and bushing, or a film."""
 
 from __future__ import annotations
 
@@ -12,22 +12,11 @@ from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Closure:
-    """An ideal revolute joint that closes a loop: pin and bushing centre coincide."""
-
-    name: str
-    mechanism: Mechanism
-
-    def values(self, frames: Frames) -> list[Jet]:
-        """Components of the vector from bushing centre to pin centre [m]."""
-        return list(_pin_in_bushing(self.mechanism, self.name, frames))
 
 
 @dataclass(frozen=True)
@@ -56,6 +45,11 @@ class BearingClearance:
         gap: Jet = (x.half_square() + y.half_square()) * self._minus_curvature(frames) + half
         return gap
 
+    @property
+    def arm(self) -> float:
+        """From the bushing's centre to the contact [m]."""
+        return self.pin_radius + self.clearance
+
     def stretch(self, value: Term) -> Term:
         """``|Q|/c = sqrt(1 - 2 y/c)`` of a value y."""
         return hy.sqrt(1.0 - (2.0 / self.clearance) * value)
@@ -74,10 +68,11 @@ class BearingClearance:
         tangential: Jet = -(x.across(y) * self._minus_curvature(frames))
         joint = self.mechanism.joint(self.name)
         radius = self.pin_radius
-        for link, arm in ((joint.first, radius), (joint.second, -(radius + self.clearance))):
-            if link != GROUND and arm != 0.0:
+        for link, arm in ((joint.first, radius), (joint.second, -self.arm)):
+            frame = self.mechanism.frame(link)[0]
+            if frame != GROUND and arm != 0.0:
                 r = frames.parameters(f'{self.name}.slip.{link}', arm)
-                tangential += Jet(None, {link: r}, mul(r, frames.v[link]), None)
+                tangential += Jet(None, {frame: r}, mul(r, frames.v[frame]), None)
         return tangential
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
@@ -108,38 +103,30 @@ class FilmBearing:
         """Q in components, and what the film asks for: Q, Q', spins of journal and bushing."""
         x, y = _pin_in_bushing(self.mechanism, self.name, frames)
         joint = self.mechanism.joint(self.name)
-        spins = [frames.v.get(link, hy.expression(0.0)) for link in (joint.first, joint.second)]
+        turning = [self.mechanism.frame(link)[0] for link in (joint.first, joint.second)]
+        spins = [frames.v.get(frame, hy.expression(0.0)) for frame in turning]
         return x, y, [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
 
-    def generalised(self, frames: Frames) -> dict[str, Term]:
-        """``F.dQ`` and the moments on journal and bushing, by coordinate."""
-        x, y, motion = self._motion(frames)
+    def loads(self, frames: Frames) -> list[Load]:
+        """On journal and bushing, at their centres."""
+        _, _, motion = self._motion(frames)
         fx, fy = self.film.force(*motion)
-        joint = self.mechanism.joint(self.name)
-        found: dict[str, Term] = {}
-        for jet, force in ((x, fx), (y, fy)):
-            for c, slope in jet.gradient.items():
-                found[c] = add(found.get(c), mul(force, slope))
-        for link, moment in zip((joint.first, joint.second), self._moments(motion), strict=True):
-            if link != GROUND:
-                found[link] = add(found.get(link), moment)
-        return found
-
-    def _moments(self, motion: list[Term]) -> tuple[Term, Term]:
-        """Moments on the links about the centres of journal and bushing [N m]."""
         on_journal, on_bushing = self.film.moments(*motion)
-        return on_journal, on_bushing
+        joint, name = self.mechanism.joint(self.name), self.name
+        return [
+            Load(f'{name}.first', joint.first, joint.on_first, (fx, fy), on_journal),
+            Load(f'{name}.second', joint.second, joint.on_second, (neg(fx), neg(fy)), on_bushing),
+        ]
 
-    def on_second(self, frames: Frames) -> tuple[Term, Term]:
-        """Minus the force on the journal."""
-        fx, fy = self.film.force(*self._motion(frames)[2])
-        return neg(fx), neg(fy)
+    def energy(self, _: Frames) -> Term:
+        """A film stores none."""
+        return None
 
     def power_lost(self, frames: Frames) -> Term:
         """``-(F.Q' + moments.spins)``."""
         x, y, motion = self._motion(frames)
         fx, fy = self.film.force(*motion)
-        moments = self._moments(motion)
+        moments = self.film.moments(*motion)
         return neg(
             add(mul(fx, x.rate), mul(fy, y.rate), mul(moments[0], motion[4]),
                 mul(moments[1], motion[5]))

@@ -41,6 +41,7 @@ class GuideClearance:
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
     creep_speed: float = 1e-3  #: [m/s]
+    arm: float = 0.0  #: [m] the wall belongs to the ground
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""

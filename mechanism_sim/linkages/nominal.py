@@ -1,26 +1,30 @@
-"""The motion of an ideal four-bar under a prescribed crank, as polynomials like any other motion.
+"""The motion of an ideal linkage under prescribed drives, as polynomials like any other motion.
 
-The closed form is exact at every instant; for topics and sensors it is interpolated on pieces of a
-sixty-fourth of a turn.
+Positions are exact at every instant; for topics and sensors they are interpolated on pieces of a
+sixty-fourth of a turn, or shorter where the motion is sharp.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.events import Impact, ModeChange
+from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.linkages.four_bar import Array, FourBar
+from mechanism_sim.linkages.four_bar import Array
+from mechanism_sim.linkages.ideal import IdealMotion
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
     PiecewisePolynomial,
+    chebyshev_coefficients,
     chebyshev_nodes,
     fit_powers,
     shift_powers,
@@ -31,10 +35,20 @@ from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
 _PIECES_PER_TURN = 64
+_TAIL = 1e-13
+"""Relative size of the last terms of a piece beyond which it is halved."""
+_SHORTEST = 2.0**-20
 
 
 class NominalRun:
-    """Advances an ideal four-bar piece by piece; the same surface as the event loop's.
+    """Advances an ideal linkage piece by piece; the same surface as the event loop's.
+
+    Parameters
+    ----------
+    ideal : its motion, n coordinates of which p are driven
+    laws : of the driven coordinates
+    first : configuration (n,) at the start, or near it
+    size : [m] of the mechanism
 
     Attributes
     ----------
@@ -42,15 +56,27 @@ class NominalRun:
     time : [s] up to which the motion is known
     """
 
-    def __init__(self, linkage: FourBar, law: DriveLaw, start: float = 0.0) -> None:
+    def __init__(
+        self,
+        ideal: IdealMotion,
+        laws: Sequence[DriveLaw],
+        first: Array,
+        size: float,
+        start: float = 0.0,
+    ) -> None:
         self.steps = 0
         self.events = 0
         self.time = start
-        self._linkage = linkage
-        self._law = law
+        self._ideal = ideal
+        self._laws = list(laws)
+        self._scale = np.array(
+            [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
+        )
         self._coming: deque[DriveLaw] = deque()
-        self._pieces: list[tuple[float, float, int, Array]] = []
-        self._previous: Array | None = None
+        self._pieces: list[tuple[float, float, Array, Array]] = []
+        self._turns = np.zeros(len(first), dtype=np.int64)
+        self._last = np.array(first, dtype=float)
+        self._share = 1.0  # of the usual length of a piece
 
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one from ``law.valid_from`` on.
@@ -74,115 +100,148 @@ class NominalRun:
         added = 0
         while most is None or added < most:
             added += 1
-            end = self.time + self._width()
+            end = self.time + self._share * self._width()
             if self._coming and self._coming[0].valid_from <= min(end, until):
                 self._add(self._coming[0].valid_from)
-                self._law = self._coming.popleft()
+                if self.time == self._coming[0].valid_from:
+                    law = self._coming.popleft()
+                    names = [known.coordinate for known in self._laws]
+                    self._laws[names.index(law.coordinate)] = law
                 continue
             if end > until:
-                if final:
+                if final and self.time < until:
                     self._add(until)
+                    continue
                 return
             self._add(end)
 
     def _width(self) -> float:
-        _, local = self._law.about(Fraction(self.time))
-        rate = abs(local[1]) if len(local) > 1 else 0.0
-        return min(2.0 * np.pi / rate / _PIECES_PER_TURN, 0.1) if rate else 0.1
+        widths = [0.1]
+        for law, i in zip(self._laws, self._ideal.driven, strict=True):
+            _, local = law.about(Fraction(self.time))
+            rate = abs(local[1]) / self._scale[i] if len(local) > 1 else 0.0
+            if rate:
+                widths.append(2.0 * np.pi / rate / _PIECES_PER_TURN)
+        return min(widths)
 
     def _add(self, end: float) -> None:
+        """A piece up to `end`, or less if that would not be exact."""
         h = end - self.time
         if h <= 0.0:
             return
-        turns, local = self._law.about(Fraction(self.time))
-        crank = np.array([local])
-        th2 = shift_powers(np.repeat(crank, len(_NODES), axis=0), h * _NODES)[:, 0]
-        angles = np.array(self._linkage.positions(th2))
-        if self._previous is None:
-            self._previous = angles[:, 0]
-        joined = np.unwrap(np.column_stack([self._previous, angles]), axis=1)[:, 1:]
-        self._previous = joined[:, -1]
-        coefficients = np.zeros((3, len(_NODES)))
-        coefficients[0, : len(local)] = local
-        coefficients[1:] = fit_powers(joined, h)
-        self._pieces.append((self.time, h, turns, coefficients))
+        while True:
+            values = self._values(h)
+            terms = np.abs(chebyshev_coefficients(values)).T / self._scale
+            if terms[-2:].max() <= _TAIL or self._share < _SHORTEST:
+                break
+            self._share *= 0.5
+            h *= 0.5
+        coefficients = fit_powers(values, h)
+        for law, i in zip(self._laws, self._ideal.driven, strict=True):
+            _, local = law.about(Fraction(self.time))
+            coefficients[i] = 0.0
+            coefficients[i, : len(local)] = local
+        self._pieces.append((self.time, h, self._turns.copy(), coefficients))
+        # terms decay geometrically: those in the middle foretell the last ones of twice the length
+        if 2.0 ** len(_NODES) * float(terms[6:9].max()) ** 2 <= 0.1 * _TAIL:
+            self._share = min(1.0, 2.0 * self._share)
         self.steps += 1
-        self.time = end
+        self.time = end if h == end - self.time else self.time + h
+        self._last = coefficients @ h ** np.arange(len(_NODES))
+        whole = np.where(self._turning, np.trunc(self._last / TWO_PI), 0.0)
+        self._turns += whole.astype(np.int64)
+        self._last -= TWO_PI * whole
+
+    def _values(self, h: float) -> Array:
+        """The coordinates at the nodes of the next h [s]: (n, nodes)."""
+        driven = []
+        for law, i in zip(self._laws, self._ideal.driven, strict=True):
+            self._turns[i], local = law.about(Fraction(self.time))
+            self._last[i] = local[0]
+            rows = np.repeat(np.array([local]), len(_NODES), axis=0)
+            driven.append(shift_powers(rows, h * _NODES)[:, 0])
+        return self._ideal.follow(self._last, np.array(driven))
+
+    @property
+    def _turning(self) -> NDArray[np.bool_]:
+        """Coordinates whose whole turns are taken off here: angles that follow."""
+        n = len(self._last)
+        fixed = {*self._ideal.driven, *self._ideal.sliding}
+        return np.array([i not in fixed for i in range(n)])
 
     def snapshot(self) -> Snapshot:
         """What it takes to go on."""
-        angles = () if self._previous is None else tuple(self._previous.tolist())
+        turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
         return Snapshot(
-            '', Fraction(0), self.time, {}, angles, (), 0, (), (), 0.0, math.inf, 0.0,
-            (self._law,), tuple(self._coming), -math.inf, 0, 0,
+            '', Fraction(0), self.time, turns, tuple(self._last.tolist()), (), 0, (), (), (),
+            self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0, 0,
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot."""
         self.time = snapshot.tau
-        self._law, *_ = (law for law in snapshot.laws if isinstance(law, DriveLaw))
+        self._laws = [law for law in snapshot.laws if isinstance(law, DriveLaw)]
         self._coming = deque(law for law in snapshot.coming if isinstance(law, DriveLaw))
-        self._previous = np.array(snapshot.state) if snapshot.state else None
+        self._last, self._share = np.array(snapshot.state), snapshot.stabilisation
+        self._turns = np.array([snapshot.turns[c] for c in self._ideal.coordinates])
         self._pieces.clear()
 
     def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
         """Motion since the last call; there are no events."""
         pieces, self._pieces = self._pieces, []
-        count = len(pieces)
-        turns = np.zeros((count, 3), dtype=np.int64)
-        turns[:, 0] = [p[2] for p in pieces]
+        count, n = len(pieces), len(self._last)
         curve = PiecewisePolynomial(
             np.array([p[0] for p in pieces]),
             np.zeros(count),
             np.array([p[1] for p in pieces]),
-            turns,
-            np.array([p[3] for p in pieces]).reshape(count, 3, len(_NODES)),
+            np.array([p[2] for p in pieces], dtype=np.int64).reshape(count, n),
+            np.array([p[3] for p in pieces]).reshape(count, n, len(_NODES)),
         )
         none = np.zeros((count, 0))
         return Motion(curve, np.zeros((count, 0), np.uint8), none, np.zeros((count, 0, 3))), [], []
 
 
 class NominalPhysics:
-    """An ideal four-bar: exact kinematics, and forces where masses are known."""
+    """An ideal linkage: exact kinematics, and forces where masses are known."""
 
     clearances: tuple[str, ...] = ()
 
     def __init__(
-        self, linkage: FourBar, mechanism: Mechanism, forces: InverseDynamics | None
+        self, ideal: IdealMotion, mechanism: Mechanism, forces: InverseDynamics | None
     ) -> None:
         self.coordinates = mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
         self.has_forces = forces is not None
-        self._linkage = linkage
+        self._ideal = ideal
         self._forces = forces
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        fitted = motion.curve.at(segments, dt).T
-        crank = [fitted[0], *(motion.curve.at(segments, dt, d).T[0] for d in (1, 2))]
-        q, v, a = self._linkage.motion(*crank)
-        q[1:] += TWO_PI * np.round((fitted[1:] - q[1:]) / TWO_PI)
+        curve, driven = motion.curve, self._ideal.driven
+        fitted = curve.at(segments, dt).T
+        rates = [curve.at(segments, dt, d).T[driven] for d in (1, 2)]
+        q, v, a = self._ideal.motion(fitted, *rates)
         if self._forces is not None:
-            return self._forces(q, v, a)
+            known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
+            for row, name in zip(known, self._forces.outside, strict=True):
+                if name != 'time':
+                    row[:] = 0.0  # the angles have all their turns
+            return self._forces(q, v, a, known)
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
-        forces = np.zeros((0, 2, count))
         return Observation(
-            q, v, a, none, none, none, np.zeros(count), forces, none, unknown, unknown, unknown
-        )
+            q, v, a, none, none, none, np.zeros(count), np.zeros((0, 2, count)), none, none,
+            unknown, unknown, unknown,
+        )  # fmt: skip
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """There are none: (0, N)."""
         return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
-        """What books are kept of, and how far the interpolated motion leaves the loop open."""
+        """What books are kept of, and how far the interpolated motion leaves the loops open."""
         seen = self.observe(motion, segments, dt)
-        th2, th3, th4 = motion.curve.local(segments, dt).T
-        l = self._linkage  # noqa: E741 - the lengths
-        x = l.crank * np.cos(th2) + l.coupler * np.cos(th3) - l.rocker * np.cos(th4) - l.ground
-        y = l.crank * np.sin(th2) + l.coupler * np.sin(th3) - l.rocker * np.sin(th4)
-        left = float(np.hypot(x, y).max(initial=0.0))
+        left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)

@@ -188,6 +188,11 @@ def fit_powers(values: Array, width: float) -> Array:
     return np.asarray(powers / width ** np.arange(count))
 
 
+def chebyshev_coefficients(values: Array) -> Array:
+    """Chebyshev coefficients (..., d + 1) of values at ``chebyshev_nodes(d + 1)``."""
+    return np.asarray(values @ _chebyshev_matrices(values.shape[-1])[0].T)
+
+
 def shift_powers(coefficients: Array, by: Array) -> Array:
     """Coefficients (N, d + 1) of N polynomials in powers of ``t - by`` instead of ``t``."""
     rows = coefficients.copy()

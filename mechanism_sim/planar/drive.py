@@ -21,6 +21,7 @@ class DriveLaw:
     coefficients: tuple[float, ...]  #: [rad, rad/s, rad/s^2, ...]
     reference_time: float = 0.0  #: [s]
     valid_from: float = 0.0  #: [s]
+    straight: bool = False  #: of a displacement [m], which has no turns
 
     @property
     def degree(self) -> int:
@@ -43,11 +44,13 @@ class DriveLaw:
         The angle left over lies in [0, 2 pi). Exact arithmetic: no digits are lost after however
         many turns.
         """
-        return _about(self.coefficients, time - Fraction(self.reference_time))
+        return _about(self.coefficients, time - Fraction(self.reference_time), self.straight)
 
 
 @lru_cache(maxsize=64)  # studies begin at the same instant again and again
-def _about(coefficients: tuple[float, ...], shift: Fraction) -> tuple[int, tuple[float, ...]]:
+def _about(
+    coefficients: tuple[float, ...], shift: Fraction, straight: bool
+) -> tuple[int, tuple[float, ...]]:
     exact = [Fraction(c) for c in coefficients]
     moved = [
         sum(
@@ -56,7 +59,7 @@ def _about(coefficients: tuple[float, ...], shift: Fraction) -> tuple[int, tuple
         )
         for j in range(len(exact))
     ]
-    turns = int(moved[0] // TWO_PI)
+    turns = 0 if straight else int(moved[0] // TWO_PI)
     moved[0] -= turns * TWO_PI
     return turns, tuple(float(c) for c in moved)
 
@@ -82,7 +85,11 @@ Law = DriveLaw | TorqueLaw
 
 
 def speed_profile(
-    coordinate: str, angle: float, points: Sequence[tuple[float, float]], smooth: bool
+    coordinate: str,
+    angle: float,
+    points: Sequence[tuple[float, float]],
+    smooth: bool,
+    straight: bool = False,
 ) -> list[DriveLaw]:
     """The laws of a coordinate whose speed passes given points.
 
@@ -91,18 +98,19 @@ def speed_profile(
 
     Parameters
     ----------
-    angle : [rad] at time zero
-    points : times [s], rising, and speeds [rad/s]
+    angle : [rad] at time zero, or displacement [m]
+    points : times [s], rising, and speeds [rad/s or m/s]
+    straight : whether it is a displacement
     """
     first, speed = points[0]
-    laws = [DriveLaw(coordinate, (angle, speed))]
+    laws = [DriveLaw(coordinate, (angle, speed), straight=straight)]
     angle += speed * first
     for (start, before), (end, after) in pairwise(points):
         T, rise = end - start, after - before
         ramp = (0.0, rise / T**2, -0.5 * rise / T**3) if smooth else (0.5 * rise / T,)
-        laws.append(DriveLaw(coordinate, (angle, before, *ramp), start, start))
+        laws.append(DriveLaw(coordinate, (angle, before, *ramp), start, start, straight))
         angle += 0.5 * (before + after) * T
     last, speed = points[-1]
-    laws.append(DriveLaw(coordinate, (angle, speed), last, last))
+    laws.append(DriveLaw(coordinate, (angle, speed), last, last, straight))
     return [law for law, later in zip(laws, [*laws[1:], None], strict=True)
             if later is None or later.valid_from > law.valid_from]  # fmt: skip

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.mechanism import GROUND, Point, Vector2
 
 
@@ -38,6 +40,13 @@ class Parameters:
         return hy.par[self.names[name]]
 
 
+class Switch(NamedTuple):
+    """Something that acts only where a function of the coordinates is positive."""
+
+    flag: hy.expression  #: symbol of 1 or 0
+    guard: hy.expression
+
+
 class Frames:
     """Coordinates as symbols, and vectors that turn with the links.
 
@@ -45,20 +54,49 @@ class Frames:
     ----------
     q, v, a : dict
         Symbols of each coordinate, angle [rad] or displacement [m], its rate and acceleration.
+    outside : dict
+        Symbols of what loads ask for beside these: ``time`` [s] since the start of the run, and
+        ``COORDINATE.turns``, the whole turns that its symbol leaves out.
+    switches : dict
+        What acts in a part of the cycle only, by name.
     """
 
     def __init__(
         self,
         coordinates: tuple[str, ...],
         parameters: Parameters,
-        displacements: tuple[str, ...] = (),
     ) -> None:
         self.parameters = parameters
         self.coordinates = coordinates
-        self.displacements = displacements
         self.q = {n: hy.make_vars(n) for n in coordinates}
         self.v = {n: hy.make_vars(f'{n}_rate') for n in coordinates}
         self.a = {n: hy.make_vars(f'{n}_acceleration') for n in coordinates}
+        self.outside: dict[str, hy.expression] = {}
+        self.switches: dict[str, Switch] = {}
+
+    @property
+    def time(self) -> hy.expression:
+        """The time since the start of the run [s]."""
+        return self.outside.setdefault('time', hy.make_vars('run_time'))
+
+    def unwound(self, frame: str) -> Term:
+        """The angle of a frame with all its turns [rad]; not smooth where turns are taken off."""
+        if frame == GROUND:
+            return None
+        turns = self.outside.setdefault(f'{frame}.turns', hy.make_vars(f'{frame}_turns'))
+        return self.q[frame] + 2.0 * math.pi * turns
+
+    def switch(self, name: str, guard: hy.expression) -> hy.expression:
+        """A flag that is 1 where `guard` is positive and 0 elsewhere."""
+        known = self.switches.setdefault(name, Switch(hy.make_vars(f'{name}_on'), guard))
+        return known.flag
+
+    def evaluated(self) -> dict[hy.expression, hy.expression]:
+        """What to put in for the flags where a motion is known."""
+        return {
+            s.flag: hy.select(hy.gt(s.guard, hy.expression(0.0)), 1.0, 0.0)
+            for s in self.switches.values()
+        }
 
     def world(self, frame: str, x: Term, y: Term) -> tuple[Term, Term]:
         """Components in the ground's frame of a vector given in a link's frame."""
@@ -70,28 +108,46 @@ class Frames:
         """World components [m] of a point; `label` names its parameters."""
         x: list[Jet] = []
         y: list[Jet] = []
-        for frame, offset in point.items():
-            names = (f'{label}.{frame}.x', f'{label}.{frame}.y')
-            if frame in self.displacements:
-                for component, name, u in zip((x, y), names, offset, strict=True):
-                    slope = None if u == 0.0 else _direction(u, self.parameters, name)
-                    s, v = self.q[frame], self.v[frame]
-                    component.append(Jet(mul(slope, s), {frame: slope}, mul(slope, v), None))
-                continue
-            arm = tuple(map(self.parameters, names, offset))
-            if frame == GROUND:
-                x.append(Jet(arm[0], {}, None, None))
-                y.append(Jet(arm[1], {}, None, None))
-                continue
-            wx, wy = self.world(frame, *arm)
-            # arms come last in rates: all points share the products of rate and direction
-            c, s, v = hy.cos(self.q[frame]), hy.sin(self.q[frame]), self.v[frame]
-            vx, vy = _turned(v * c, v * s, *arm)
-            ax, ay = mul(v, vx), mul(v, vy)
-            x.append(Jet(wx, {frame: neg(wy)}, neg(vy), neg(ax)))
-            y.append(Jet(wy, {frame: wx}, vx, neg(ay)))
+        for (frame, slide), d in point.items():
+            name = f'{label}.{frame}' if slide is None else f'{label}.{frame}.{slide}'
+            given = (f'{name}.x', d[0]), (f'{name}.y', d[1])
+            if slide is None:
+                arm = tuple(self.parameters(*each) for each in given)
+                turned = self.turned(frame, *arm)
+            else:
+                arm = tuple(self._component(*each) for each in given)
+                way = self.turned(frame, *arm)
+                turned = self.displacement(slide) * way[0], self.displacement(slide) * way[1]
+            x.append(turned[0])
+            y.append(turned[1])
         zero = Jet(None, {}, None, None)
         return sum(x, zero), sum(y, zero)
+
+    def turned(self, frame: str, x: Term, y: Term) -> tuple[Jet, Jet]:
+        """World components of a vector that is fixed in a frame."""
+        if frame == GROUND:
+            return Jet(x, {}, None, None), Jet(y, {}, None, None)
+        wx, wy = self.world(frame, x, y)
+        # arms come last in rates: all points share the products of rate and direction
+        c, s, v = hy.cos(self.q[frame]), hy.sin(self.q[frame]), self.v[frame]
+        vx, vy = _turned(v * c, v * s, x, y)
+        ax, ay = mul(v, vx), mul(v, vy)
+        return (
+            Jet(wx, {frame: neg(wy)}, neg(vy), neg(ax)),
+            Jet(wy, {frame: wx}, vx, neg(ay)),
+        )
+
+    def displacement(self, name: str) -> Jet:
+        """A displacement as a function of the coordinates."""
+        return Jet(self.q[name], {name: hy.expression(1.0)}, self.v[name], None)
+
+    def angle(self, frame: str) -> Jet:
+        """The angle of a frame, without whole turns [rad]."""
+        return lift(0.0) if frame == GROUND else self.displacement(frame)
+
+    def _component(self, name: str, value: float) -> Term:
+        """Of a unit vector: ones need no parameter."""
+        return hy.expression(value) if abs(value) == 1.0 else self.parameters(name, value)
 
     def product(self, f: str, g: str, inner: Term, outer: Term) -> Term:
         """Scalar product of a in frame f and b in frame g.
@@ -115,10 +171,6 @@ class Frames:
 def _turned(c: Term, s: Term, x: Term, y: Term) -> tuple[Term, Term]:
     """``(c x - s y, s x + c y)``."""
     return add(mul(c, x), neg(mul(s, y))), add(mul(s, x), mul(c, y))
-
-
-def _direction(u: float, parameters: Parameters, name: str) -> Term:
-    return hy.expression(u) if abs(u) == 1.0 else parameters(name, u)
 
 
 def rotate_quarter(v: Vector2) -> Vector2:

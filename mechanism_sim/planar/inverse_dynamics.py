@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import COLUMNS, Evaluation
-from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.numerics.symbolic import Term, add, dense, neg
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Relation
+from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 
 Array = NDArray[np.float64]
@@ -32,7 +33,8 @@ class Observation(NamedTuple):
     friction_force: Array  #: (m, N) [N] on the first-named link, along the tangent
     friction_power: Array  #: (N,) [W] lost by sliding
     reaction: Array  #: (j, 2, N) [N] of the first-named on the second-named link
-    drive_torque: Array  #: (p, N) [N m] prescribed drives first
+    reaction_moment: Array  #: (j, N) [N m] likewise, about the joint's point on the latter
+    drive_torque: Array  #: (p, N) [N m, N] prescribed drives first
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
@@ -50,54 +52,83 @@ class Account(NamedTuple):
 class InverseDynamics:
     """Joint forces and drive torques of a mechanism with ideal joints.
 
-    ``M a + bias = J^T lambda + torques`` is linear in the forces ``lambda`` of the joints that
-    close loops and in the torques of the driven coordinates; the other joints follow link by link.
+    ``M a + bias - Q = J^T lambda + torques`` with the generalised forces Q of loads is linear in
+    the forces ``lambda`` of the joints that close loops and in the torques of the driven
+    coordinates; the other joints follow link by link.
 
     Parameters
     ----------
     mechanism : the tree of links
-    relations : its cut joints, two components each
+    relations : its cut joints
     driven : names of the coordinates with a drive
+    elements : springs, dampers and loads
     """
 
     def __init__(
-        self, mechanism: Mechanism, relations: Sequence[Relation], driven: Sequence[str]
+        self,
+        mechanism: Mechanism,
+        relations: Sequence[Relation],
+        driven: Sequence[str],
+        elements: Sequence[ForceElement] = (),
     ) -> None:
         self.mechanism = mechanism
         self.relations = tuple(relations)
+        self.elements = tuple(elements)
         self._driven = [mechanism.coordinates.index(c) for c in driven]
-        self._equations = Equations(mechanism, relations=relations)
+        self.equations = Equations(mechanism, relations=relations)
+        self._loads = [x for e in elements for x in e.loads(self.equations.frames)]
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
+        return tuple(self.equations.frames.outside)
 
     @cached_property
     def _functions(self) -> tuple[Evaluation, Evaluation]:
         """What must be supplied with the closure rows; and the joint forces from the closures'."""
-        eq = self._equations
-        a = dict(eq.frames.a)
-        closing = {r.name: hy.make_vars(f'{r.name}_x', f'{r.name}_y') for r in self.relations}
-        motion = [*eq.frames.q.values(), *eq.frames.v.values(), *eq.frames.a.values()]
+        eq = self.equations
+        frames, a = eq.frames, dict(eq.frames.a)
+        applied = generalised(self._loads, frames, self.mechanism)
+        supplied = [
+            add(x, neg(applied.get(c)))
+            for c, x in zip(eq.coordinates, generalized_forces(eq, a), strict=True)
+        ]
         rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        forces = [x for f in tree_reactions(eq, a, closing).values() for x in f]
-        known = [*motion, *(x for pair in closing.values() for x in pair)]
-        groups = (
-            ([*generalized_forces(eq, a)], rows, motion),
-            (forces, energies(eq), known),
-        )
-        first, second = (
-            Evaluation(
-                compiled.function([dense(x) for x in (*left, *right)], variables),
-                eq.parameters.values,
-                [len(left), len(right)],
-            )
-            for left, right, variables in groups
-        )
+        closing, cut = [], {}
+        for relation in self.relations:
+            count = len(relation.values(frames))
+            own = [hy.make_vars(f'{relation.name}_force_{i}') for i in range(count)]
+            cut[relation.name] = relation.wrench(frames, own)
+            closing += own
+        wrenches = tree_reactions(eq, a, cut, self._loads).values()
+        forces = [x for w in wrenches for x in (w.x, w.y)]
+        moments = [w.moment for w in wrenches]
+        kinetic, potential = energies(eq)
+        potential = add(potential, *(e.energy(frames) for e in self.elements))
+        lost = add(*(e.power_lost(frames) for e in self.elements))
+        motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
+        first = self._compiled([supplied, rows], motion)
+        second = self._compiled([forces, moments, [kinetic, potential, lost]], [*motion, *closing])
         return first, second
 
-    def __call__(self, q: Array, v: Array, a: Array) -> Observation:
+    def _compiled(
+        self, groups: Sequence[Sequence[Term]], variables: Sequence[hy.expression]
+    ) -> Evaluation:
+        eq = self.equations
+        expressions = [dense(x) for group in groups for x in group]
+        known = eq.frames.evaluated()
+        if known:
+            expressions = list(hy.subs(expressions, known))
+        function = compiled.function(expressions, variables)
+        return Evaluation(function, eq.parameters.values, [len(group) for group in groups])
+
+    def __call__(self, q: Array, v: Array, a: Array, outside: Array | None = None) -> Observation:
         """Forces and energies at N instants.
 
         Parameters
         ----------
-        q, v, a : (n, N) angles [rad], rates [rad/s], accelerations [rad/s^2]
+        q, v, a : (n, N) angles [rad], rates [rad/s], accelerations [rad/s^2]; of displacements in m
+        outside : (k, N) what is named by `outside`
 
         Raises
         ------
@@ -105,21 +136,21 @@ class InverseDynamics:
             At a singular position, where the forces are not determined.
         """
         n, count = q.shape
+        given = np.zeros((0, count)) if outside is None else outside
         if count > COLUMNS:
             blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
-            parts = [self(q[:, b], v[:, b], a[:, b]) for b in blocks]
+            parts = [self(q[:, b], v[:, b], a[:, b], given[:, b]) for b in blocks]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
         first, second = self._functions
-        closures = 2 * len(self.relations)
-        motion = np.concatenate([q, v, a])
+        closures = n - len(self._driven)
+        motion = np.concatenate([q, v, a, given])
         supplied, rows = first(motion)
-        matrix = np.zeros((count, n, closures + len(self._driven)))
+        matrix = np.zeros((count, n, n))
         matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
         for k, i in enumerate(self._driven):
             matrix[:, i, closures + k] = 1.0
         unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
-        on_second = -unknown[:closures]
-        forces, energy = second(np.concatenate([motion, on_second]))
+        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]))
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
@@ -130,10 +161,11 @@ class InverseDynamics:
             none,
             none,
             none,
-            np.zeros(count),
+            books[2],
             forces.reshape(joints, 2, count),
+            moments,
             torque,
             (torque * v[self._driven]).sum(axis=0),
-            energy[0],
-            energy[1],
+            books[0],
+            books[1],
         )

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 GROUND = 'ground'
 
 Vector2 = tuple[float, float]
-Point = dict[str, Vector2]
-"""A point of the mechanism as a sum over coordinates: R(theta) (x, y) for the angle of a link,
-s (x, y) for a displacement s; and (x, y) itself for the ground."""
+Arm: TypeAlias = tuple[str, str | None]
+"""The coordinate with which a vector turns (or the ground), and the displacement that scales it."""
+Point: TypeAlias = dict[Arm, Vector2]
+"""A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid link. Its frame sits in its proximal joint, x along the link."""
+    """A rigid link."""
 
     name: str
     mass: float  #: [kg]
@@ -37,32 +39,72 @@ class Revolute:
 
 
 @dataclass(frozen=True)
+class Prismatic:
+    """A prismatic joint: a point of `second` slides on a line of `first`, without turning on it."""
+
+    name: str
+    first: str
+    second: str
+    on_first: Vector2  #: [m] where the displacement is zero
+    on_second: Vector2  #: [m] the point that slides
+    axis: float = 0.0  #: [rad] direction of the line in the frame of `first`
+    angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
+
+
+@dataclass(frozen=True)
+class PinInSlot:
+    """A pin of `first` in a straight slot of `second`: a higher pair, which slides and turns."""
+
+    name: str
+    first: str
+    second: str
+    on_first: Vector2  #: [m] the pin
+    on_second: Vector2  #: [m] a point of the slot's centre line
+    axis: float = 0.0  #: [rad] direction of the slot in the frame of `second`
+
+
+Joint: TypeAlias = Revolute | Prismatic | PinInSlot
+
+
+@dataclass(frozen=True)
 class Mechanism:
     """Links, joints, and which joints are cut so that the rest is a tree.
 
-    A link that no uncut joint ties to the ground, not even by way of others, floats: its centre of
-    gravity is placed by two displacements. Coordinates are the absolute angles of the links, in
-    the order of `bodies`, then the displacements [m] of the floating ones.
+    Coordinates are named after their links, in the order of `bodies`: the absolute angle [rad] of
+    a link, or the displacement [m] of a link that a prismatic joint of the tree carries. A link
+    that no uncut joint ties to the ground, not even by way of others, floats: its angle is
+    followed, after those of all links, by two displacements of its centre of gravity.
     """
 
     bodies: tuple[Body, ...]
-    joints: tuple[Revolute, ...]
+    joints: tuple[Joint, ...]
     cut: tuple[str, ...]
     gravity: Vector2 = (0.0, 0.0)  #: [m/s^2]
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
-        """Names: of the links for their angles, ``LINK.x`` and ``LINK.y`` for displacements."""
-        return (*(body.name for body in self.bodies), *self.displacements)
+        """Names: of the links, then ``LINK.x`` and ``LINK.y`` of the floating ones."""
+        placed = (f'{link}.{axis}' for link in self.floating for axis in 'xy')
+        return (*(body.name for body in self.bodies), *placed)
 
     @cached_property
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
-        return tuple(f'{link}.{axis}' for link in self.floating for axis in 'xy')
+        turning = [b.name for b in self.bodies if b.name not in self.sliding]
+        return tuple(c for c in self.coordinates if c not in turning)
 
-    def joint(self, name: str) -> Revolute:
+    @cached_property
+    def sliding(self) -> tuple[str, ...]:
+        """The links that a prismatic joint of the tree carries."""
+        return tuple(link for link, j in self.tree_joints.items() if isinstance(j, Prismatic))
+
+    def joint(self, name: str) -> Joint:
         """The joint of that name."""
         return next(j for j in self.joints if j.name == name)
+
+    def body(self, name: str) -> Body:
+        """The link of that name."""
+        return next(b for b in self.bodies if b.name == name)
 
     @cached_property
     def size(self) -> float:
@@ -82,16 +124,19 @@ class Mechanism:
         )
 
     @cached_property
-    def _tree(self) -> tuple[dict[str, Revolute], tuple[str, ...]]:
+    def _tree(self) -> tuple[dict[str, Joint], tuple[str, ...]]:
         """The joint that carries each link, in an order from the ground outwards; and floaters."""
-        carried: dict[str, Revolute] = {}
+        carried: dict[str, Joint] = {}
         floating: list[str] = []
         left = [body.name for body in self.bodies]
+        usable = [
+            j for j in self.joints if j.name not in self.cut and not isinstance(j, PinInSlot)
+        ]
         while left:
             reached = {GROUND, *carried, *floating}
-            for link, j in ((link, j) for link in left for j in self.joints):
+            for link, j in ((link, j) for link in left for j in usable):
                 ends = (j.first, j.second)
-                if link in ends and j.name not in self.cut and reached & {*ends}:
+                if link in ends and reached & {*ends}:
                     carried[link] = j
                     break
             else:
@@ -101,7 +146,7 @@ class Mechanism:
         return carried, tuple(floating)
 
     @property
-    def tree_joints(self) -> dict[str, Revolute]:
+    def tree_joints(self) -> dict[str, Joint]:
         """The joint that carries each link but the floating ones, from the ground outwards."""
         return self._tree[0]
 
@@ -110,55 +155,127 @@ class Mechanism:
         """The links that no joint carries."""
         return self._tree[1]
 
-    def body(self, name: str) -> Body:
-        """The link of that name."""
-        return next(b for b in self.bodies if b.name == name)
-
     def parent(self, link: str) -> str:
         """The link that carries `link` in the tree."""
         j = self.tree_joints[link]
         return j.second if j.first == link else j.first
 
-    def point(self, link: str, at: Vector2 = (0.0, 0.0)) -> Point:
-        """The point `at` (in the link's frame, [m]) as a sum over coordinates."""
+    def frame(self, link: str) -> tuple[str, float]:
+        """The angle, or the ground, with which a link turns; and its own angle less that [rad]."""
         if link == GROUND:
-            return {GROUND: at}
+            return GROUND, 0.0
+        j = self.tree_joints.get(link)
+        if not isinstance(j, Prismatic):
+            return link, 0.0
+        frame, offset = self.frame(self.parent(link))
+        return frame, offset + (j.angle if j.second == link else -j.angle)
+
+    def turn(self, link: str, v: Vector2) -> Vector2:
+        """A vector of a link's frame in the frame with which the link turns."""
+        return rotate(v, self.frame(link)[1])
+
+    def point(self, link: str, at: Vector2 = (0.0, 0.0)) -> Point:
+        """The point `at` (in the link's frame, [m]) as a sum over arms."""
+        if link == GROUND:
+            return {(GROUND, None): at}
+        frame, offset = self.frame(link)
         if link in self.floating:
             cog = self.body(link).cog
-            arm = (at[0] - cog[0], at[1] - cog[1])
-            slides = {f'{link}.x': (1.0, 0.0), f'{link}.y': (0.0, 1.0)}
-            return slides | ({link: arm} if arm != (0.0, 0.0) else {})
+            slides: Point = {
+                (GROUND, f'{link}.x'): (1.0, 0.0),
+                (GROUND, f'{link}.y'): (0.0, 1.0),
+            }
+            return _plus(slides, {(frame, None): (at[0] - cog[0], at[1] - cog[1])})
         j = self.tree_joints[link]
         here, there = (j.on_first, j.on_second) if j.first == link else (j.on_second, j.on_first)
-        result = dict(self.point(self.parent(link), there))
-        offset = (at[0] - here[0], at[1] - here[1])
-        if offset != (0.0, 0.0):
-            result[link] = offset
-        return result
+        result = self.point(self.parent(link), there)
+        if isinstance(j, Prismatic):
+            way = rotate((1.0, 0.0), self.frame(j.first)[1] + j.axis)
+            if j.first == link:  # the line, not the point on it, is carried
+                way = (-way[0], -way[1])
+            result = _plus(result, {(frame, link): way})
+        return _plus(result, {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)})
 
     def locate(self, link: str, q: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
-        """World coordinates [m] of a point of a link; the default is its proximal joint."""
+        """World coordinates [m] of a point of a link; the default is its origin."""
         x = y = 0.0
-        for name, (dx, dy) in self.point(link, at).items():
-            if name in self.displacements:
-                x += q[name] * dx
-                y += q[name] * dy
-                continue
-            angle = 0.0 if name == GROUND else q[name]
-            x += math.cos(angle) * dx - math.sin(angle) * dy
-            y += math.sin(angle) * dx + math.cos(angle) * dy
+        for (frame, slide), d in self.point(link, at).items():
+            dx, dy = rotate(d, 0.0 if frame == GROUND else q[frame])
+            s = 1.0 if slide is None else q[slide]
+            x += s * dx
+            y += s * dy
         return x, y
+
+    def angle(self, link: str, q: Mapping[str, float]) -> float:
+        """Angle [rad] of a link's frame in the world."""
+        frame, offset = self.frame(link)
+        return offset + (0.0 if frame == GROUND else q[frame])
 
     def separation(self, joint: str) -> Point:
         """Point of the first link minus point of the second link at a cut joint."""
         j = self.joint(joint)
-        return subtract(self.point(j.first, j.on_first), self.point(j.second, j.on_second))
+        behind = {arm: (-x, -y) for arm, (x, y) in self.point(j.second, j.on_second).items()}
+        return _plus(self.point(j.first, j.on_first), behind)
 
 
-def subtract(a: Point, b: Point) -> Point:
-    """The vector from b to a."""
+def closing_joints(
+    links: Sequence[str], joints: Sequence[Joint], loose: Sequence[str], driven: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """The joints to cut so that the rest is a tree: of every loop one, and all that are loose.
+
+    Links are reached breadth first from the ground. Prismatic joints that carry a `driven` link
+    come first, since a drive needs its coordinate; then revolute joints and guides fixed to the
+    ground; guides on moving links last, because their displacements cost more.
+    """
+    usable = [j for j in joints if j.name not in loose and not isinstance(j, PinInSlot)]
+    kept: list[str] = []
+    group = {link: link for link in (GROUND, *links)}
+
+    def join(j: Joint) -> bool:
+        a, b = group[j.first], group[j.second]
+        if a == b:
+            return False
+        group.update({link: a for link, g in group.items() if g == b})
+        kept.append(j.name)
+        return True
+
+    for j in usable:
+        if isinstance(j, Prismatic) and j.second in driven:
+            join(j)
+    for movable in (False, True):
+        reached, grown = {GROUND}, True
+        while grown:
+            grown = False
+            level = set(reached)
+            for j in usable:
+                ends = {j.first, j.second}
+                moving = isinstance(j, Prismatic) and GROUND not in ends
+                if j.name in kept:
+                    if ends & level and not ends <= reached:
+                        reached |= ends
+                        grown = True
+                elif ends & level and (movable or not moving) and join(j):
+                    reached |= ends
+                    grown = True
+    for j in usable:  # what floats apart from the ground
+        join(j)
+    return tuple(j.name for j in joints if j.name not in kept)
+
+
+def rotate(v: Vector2, angle: float) -> Vector2:
+    """A vector turned by an angle [rad]; exact for quarter turns."""
+    quarters = angle / (0.5 * math.pi)
+    if quarters == round(quarters):
+        c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]
+    else:
+        c, s = math.cos(angle), math.sin(angle)
+    return c * v[0] - s * v[1], s * v[0] + c * v[1]
+
+
+def _plus(a: Point, b: Point) -> Point:
+    """The sum of two points as vectors, without arms of no length."""
     result = dict(a)
-    for frame, (x, y) in b.items():
-        ax, ay = result.get(frame, (0.0, 0.0))
-        result[frame] = (ax - x, ay - y)
-    return {f: xy for f, xy in result.items() if xy != (0.0, 0.0)}
+    for arm, (x, y) in b.items():
+        ax, ay = result.get(arm, (0.0, 0.0))
+        result[arm] = (ax + x, ay + y)
+    return {arm: xy for arm, xy in result.items() if xy != (0.0, 0.0)}

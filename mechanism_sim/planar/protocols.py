@@ -6,6 +6,7 @@ their derivatives along, so that Jacobian rows and curvature terms follow by the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Load, Wrench
 
 Array = NDArray[np.float64]
 
@@ -28,22 +30,25 @@ class Relation(Protocol):
     def values(self, frames: Frames) -> list[Jet]:
         """The components that vanish [m]."""
 
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """What the first-named does to the second-named link, by the forces along the rows."""
+
 
 class ForceElement(Protocol):
-    """A force between two links that needs no gap, such as that of an oil film."""
+    """Forces on links that need no gap, such as those of an oil film or a spring."""
 
     @property
     def name(self) -> str:
-        """Name of the joint."""
+        """Its name, which is that of the joint if it replaces one."""
 
-    def generalised(self, frames: Frames) -> dict[str, Term]:
-        """Generalised forces by coordinate [N m, N]."""
-
-    def on_second(self, frames: Frames) -> tuple[Term, Term]:
-        """Force of the first-named on the second-named link [N]."""
+    def loads(self, frames: Frames) -> list[Load]:
+        """What it does to the links; of a joint on the first-named, then the second-named link."""
 
     def power_lost(self, frames: Frames) -> Term:
-        """What it dissipates [W]."""
+        """What it dissipates [W]; negative if it feeds energy in."""
+
+    def energy(self, frames: Frames) -> Term:
+        """What it stores [J]."""
 
 
 class ForceLaw(Protocol):
@@ -86,6 +91,10 @@ class Gap(Protocol):
     @property
     def creep_speed(self) -> float:
         """Speed [m/s] of sliding at which friction of a compliant contact is nearly Coulomb's."""
+
+    @property
+    def arm(self) -> float:
+        """From the joint's point on the second-named link to the contact, along the normal [m]."""
 
     def stretch(self, value: Term) -> Term:
         """Derivative of the value by the distance, at a value that may be negative."""

@@ -1,55 +1,112 @@
 """Forces in the joints and torques of the drives, once accelerations are known.
 
-Newton's law link by link, from the outermost link inwards: ``m (p_G'' - g)`` is the force of the
-carrying joint and of everything that hangs on the link.
+Newton's and Euler's laws link by link, from the outermost link inwards: ``m (p_G'' - g)`` and
+``I theta''`` are due to the carrying joint, to everything that hangs on the link, and to loads.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
-
-Force = tuple[Term, Term]
+from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2
 
 
 def tree_reactions(
-    equations: Equations, a: Mapping[str, Term], cut_forces: Mapping[str, Force]
-) -> dict[str, Force]:
-    """Force of the first-named on the second-named link in every joint [N].
+    equations: Equations,
+    a: Mapping[str, Term],
+    cut: Mapping[str, Wrench],
+    loads: Sequence[Load] = (),
+) -> dict[str, Wrench]:
+    """What the first-named link does to the second-named one in every joint.
 
     Parameters
     ----------
-    a : accelerations by coordinate [rad/s^2]
-    cut_forces : the same force in the joints that are cut [N]
+    a : accelerations by coordinate [rad/s^2, m/s^2]
+    cut : the same in the joints that are cut
+    loads : on the links
     """
     mechanism = equations.mechanism
-    forces = dict(cut_forces)
-    for name, carrier in reversed(mechanism.tree_joints.items()):
-        body = mechanism.body(name)
-        mass = equations.parameters(f'{body.name}.mass', body.mass)
-        point = mechanism.point(body.name, body.cog)
-        position = equations.frames.position(point, f'{body.name}.cog')
-        needed: list[Term] = []
-        for axis, (jet, g) in enumerate(zip(position, mechanism.gravity, strict=True)):
-            gravity = equations.parameters(f'gravity.{axis}', g)
-            p = add(*(mul(s, a[n]) for n, s in jet.gradient.items()), jet.curvature, neg(gravity))
-            needed.append(mul(mass, p))
+    found = dict(cut)
+    for link, carrier in reversed(mechanism.tree_joints.items()):
+        needed = _inertia_force(equations, a, link)
+        hanging: list[tuple[str, Vector2, str, Wrench]] = []
         for joint in mechanism.joints:
-            if joint.name in forces and body.name in (joint.first, joint.second):
-                sign = neg if joint.second == body.name else _same
-                needed = [add(n, sign(f)) for n, f in zip(needed, forces[joint.name], strict=True)]
-        if carrier.second != body.name:
-            needed = [neg(n) for n in needed]
-        forces[carrier.name] = (needed[0], needed[1])
-    return {joint.name: forces[joint.name] for joint in mechanism.joints}
+            if joint.name in found and link in (joint.first, joint.second):
+                w, sign = found[joint.name], neg if joint.first == link else _same
+                wrench = Wrench(sign(w.x), sign(w.y), sign(w.moment))
+                hanging.append((joint.second, joint.on_second, f'{joint.name}.second', wrench))
+        for load in loads:
+            if load.link == link:
+                hanging.append((link, load.at, load.name, Wrench(*load.force, load.moment)))
+        force = (
+            add(needed[0], *(neg(w.x) for *_, w in hanging)),
+            add(needed[1], *(neg(w.y) for *_, w in hanging)),
+        )
+        moment: Term = None
+        if isinstance(carrier, Prismatic):
+            moment = _moment_missing(equations, a, link, needed, hanging)
+        sign = neg if carrier.first == link else _same
+        found[carrier.name] = Wrench(sign(force[0]), sign(force[1]), sign(moment))
+    return {joint.name: found[joint.name] for joint in mechanism.joints}
+
+
+def _inertia_force(equations: Equations, a: Mapping[str, Term], link: str) -> tuple[Term, Term]:
+    """``m (p_G'' - g)`` of a link [N]."""
+    mechanism, body = equations.mechanism, equations.mechanism.body(link)
+    mass = equations.parameters(f'{link}.mass', body.mass)
+    position = equations.frames.position(mechanism.point(link, body.cog), f'{link}.cog')
+    found = []
+    for axis, (jet, g) in enumerate(zip(position, mechanism.gravity, strict=True)):
+        gravity = equations.parameters(f'gravity.{axis}', g)
+        p = add(*(mul(s, a[n]) for n, s in jet.gradient.items()), jet.curvature, neg(gravity))
+        found.append(mul(mass, p))
+    return found[0], found[1]
+
+
+def _moment_missing(
+    equations: Equations,
+    a: Mapping[str, Term],
+    link: str,
+    inertia_force: tuple[Term, Term],
+    hanging: Sequence[tuple[str, Vector2, str, Wrench]],
+) -> Term:
+    """The moment a guide must supply about its joint's point on the second-named link [N m]."""
+    mechanism, frames = equations.mechanism, equations.frames
+    carrier, body = mechanism.tree_joints[link], mechanism.body(link)
+
+    def from_joint(other: str, at: Vector2, label: str) -> tuple[Term, Term]:
+        x, y = frames.position(mechanism.point(other, at), label)
+        return x.value, y.value
+
+    pivot = from_joint(carrier.second, carrier.on_second, f'{carrier.name}.second')
+
+    def arm(other: str, at: Vector2, label: str) -> tuple[Term, Term]:
+        if (other, at) == (carrier.second, carrier.on_second):
+            return None, None
+        x, y = from_joint(other, at, label)
+        return add(x, neg(pivot[0])), add(y, neg(pivot[1]))
+
+    frame = mechanism.frame(link)[0]
+    spin: Term = None
+    if frame != GROUND:
+        spin = mul(equations.parameters(f'{link}.inertia', body.inertia), a[frame])
+    supplied = []
+    for other, at, label, w in hanging:
+        supplied += [w.moment, moment_of(arm(other, at, label), (w.x, w.y))]
+    return add(
+        spin,
+        moment_of(arm(link, body.cog, f'{link}.cog'), inertia_force),
+        *(neg(x) for x in supplied),
+    )
 
 
 def generalized_forces(equations: Equations, a: Mapping[str, Term]) -> Vector:
-    """``M a + bias``: what drives, gaps and relations must supply, by coordinate [N m]."""
+    """``M a + bias``: what drives, loads, gaps and relations must supply, by coordinate [N m]."""
     acceleration = [a[c] for c in equations.coordinates]
     return [
         add(dot(row, acceleration), bias)

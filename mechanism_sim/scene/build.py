@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.files import nearest
+from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.schema import Clearance, FourBarScene
 
 
-def build(name: str, scene: FourBarScene) -> Machine:
+def build(name: str, scene: Scene) -> Machine:
     """The machine of a scene.
 
     Raises
@@ -19,7 +20,30 @@ def build(name: str, scene: FourBarScene) -> Machine:
         If the geometry is impossible, or forces are wanted without masses.
     """
     machine = Machine(name, scene)
-    linkage = machine.linkage
+    if isinstance(scene, FourBarScene):
+        _check_four_bar(machine, scene)
+    else:
+        _check_linkage(machine)
+    _check_joints(machine)
+    for sensor, placed in scene.sensors.items():
+        if not sensor.isidentifier():
+            raise InputError(f"{name}: the sensor name '{sensor}' must be letters, digits and _")
+        if placed.link not in machine.links:
+            raise InputError(
+                f"{name}: sensors.{sensor}.link: there is no moving link '{placed.link}'"
+                f'{nearest(placed.link, machine.links)}; links: {", ".join(machine.links)}'
+            )
+        at = placed.at if isinstance(placed.at, tuple) else (placed.at, 0.0)
+        if math.hypot(*at) > 10.0 * machine.mechanism.size:
+            raise InputError(
+                f'{name}: sensors.{sensor}.at = {math.hypot(*at):g} m lies far off the '
+                f'{placed.link} (the longest link has {machine.mechanism.size:g} m)'
+            )
+    return machine
+
+
+def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
+    name, linkage = machine.name, machine.linkage
     lengths = {n: getattr(linkage, n) for n in ('ground', 'crank', 'coupler', 'rocker')}
     said = ', '.join(f'{n} {x:g} m' for n, x in lengths.items())
     longest = max(lengths, key=lambda n: lengths[n])
@@ -37,17 +61,32 @@ def build(name: str, scene: FourBarScene) -> Machine:
         )
     if machine.level not in (Level.NONSMOOTH, Level.COMPLIANT):
         _check_initial(name, scene)
-    _check_joints(machine, lengths)
-    _check_masses(name, machine)
-    for sensor, placed in scene.sensors.items():
-        if not sensor.isidentifier():
-            raise InputError(f"{name}: the sensor name '{sensor}' must be letters, digits and _")
-        if abs(placed.at) > 10.0 * lengths[placed.link]:
-            raise InputError(
-                f'{name}: sensors.{sensor}.at = {placed.at:g} m lies far off the {placed.link} '
-                f'({lengths[placed.link]:g} m long)'
-            )
-    return machine
+    _check_masses(machine, list(machine.links))
+
+
+def _check_linkage(machine: Machine) -> None:
+    """Whether it can be assembled, and moves as its drives say."""
+    assembly, plan = machine.assembly, machine.plan
+    if assembly.overdriven:
+        raise InputError(
+            f'{machine.name}: {len(plan.prescribed)} drives ({", ".join(plan.prescribed)}) are '
+            f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
+            'remove a drive'
+        )
+    if machine.torque_driven and not assembly.freedom:
+        raise InputError(
+            f'{machine.name}: the mechanism cannot move: its joints and drives leave it no degree '
+            'of freedom; it is a structure'
+        )
+    if assembly.redundant and (machine.dynamic or machine.level is Level.INVERSE_DYNAMICS):
+        raise InputError(
+            f'{machine.name}: {assembly.redundant} of the closure equations follow from the '
+            "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
+            'kinematics, or make a redundant joint a slot'
+        )
+    given = [n for n, link in machine.links.items() if link.mass is not None]
+    if machine.dynamic or (given and machine.scene.outputs.forces):
+        _check_masses(machine, [] if plan.weighed else [n for n in machine.links if n not in given])
 
 
 def _check_drive(name: str, scene: FourBarScene) -> None:
@@ -80,8 +119,8 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
         raise InputError(f'{name}: drive.motor.no_load_speed must not be zero')
 
 
-def _check_joints(machine: Machine, lengths: dict[str, float]) -> None:
-    shortest = min(lengths.values())
+def _check_joints(machine: Machine) -> None:
+    shortest = _shortest(machine) if machine.clearances else 0.0
     for joint, clearance in machine.clearances.items():
         where = f'{machine.name}: joints.{joint}.clearance'
         if clearance.radial >= shortest:
@@ -142,16 +181,29 @@ def _check_initial(name: str, scene: FourBarScene) -> None:
                 )
 
 
-def _check_masses(name: str, machine: Machine) -> None:
+def _shortest(machine: Machine) -> float:
+    """Smallest distance of two joints of one link [m]."""
+    places: dict[str, list[tuple[float, float]]] = {}
+    for j in machine.plan.joints:
+        places.setdefault(j.first, []).append(j.on_first)
+        places.setdefault(j.second, []).append(j.on_second)
+    between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
+    return min(x for x in between if x > 0.0)
+
+
+def _check_masses(machine: Machine, without: list[str]) -> None:
     """Mass properties are given for every moving link, or, without dynamics, for none."""
+    parts = ('mass', 'inertia', 'cog') if machine.plan.four_bar else ('mass',)
+    links = machine.links if machine.plan.four_bar else {n: machine.links[n] for n in without}
     given = [
         (f'links.{key}.{part}', getattr(link, part))
-        for key, link in machine.links.items()
-        for part in ('mass', 'inertia', 'cog')
+        for key, link in links.items()
+        for part in parts
     ]
     missing = [key for key, value in given if value is None]
-    if missing and (len(missing) < len(given) or machine.dynamic):
+    partly = len(missing) < len(given) or not machine.plan.four_bar
+    if missing and (partly or machine.dynamic):
         raise InputError(
-            f"{name}: '{missing[0]}' is missing: forces, torques and clearances need the mass, "
-            'inertia and cog of every moving link'
+            f"{machine.name}: '{missing[0]}' is missing: forces, torques and clearances need the "
+            'mass, inertia and cog of every moving link'
         )

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.scene.machine import CLOSING_JOINT, Level, Machine
+from mechanism_sim.linkages.closures import closures
+from mechanism_sim.planar.mechanism import GROUND, PinInSlot, Revolute
+from mechanism_sim.scene.machine import Level, Machine
 
 _WHY = {
-    Level.KINEMATIC: 'the crank is prescribed, every joint is ideal, and forces are not asked for '
-    'or masses not given: closed-form loop closure',
-    Level.INVERSE_DYNAMICS: 'the crank is prescribed, every joint is ideal, and forces are asked '
-    'for: closed-form loop closure and a linear solve for the forces',
-    Level.SMOOTH: 'every joint is ideal and a torque moves the crank: equations of motion with a '
-    'closed loop',
+    Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
+    'for or masses not given: loop closure',
+    Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are asked '
+    'for: loop closure and a linear solve for the forces',
+    Level.SMOOTH: 'every joint is ideal and the drives leave a motion free: equations of motion '
+    'with closed loops',
     Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
     'free flight, impact and following',
     Level.COMPLIANT: 'joints have clearance and a law of contact force: equations of motion with '
@@ -51,9 +53,13 @@ def check(machine: Machine) -> Report:
     scene, level = machine.scene, machine.level
     if machine.dynamic:
         machine.initial_state()
-    rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loop'
-    coordinates = dict.fromkeys(machine.mechanism.coordinates, rest)
-    coordinates['crank'] = _drive(machine)
+    rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loops'
+    straight = machine.mechanism.displacements
+    coordinates = {
+        c: ('displacement, ' if c in straight else '') + rest
+        for c in machine.mechanism.coordinates
+    }
+    coordinates |= {c: _drive(machine, c) for c in machine.plan.laws}
     relations, gaps, warnings = [], [], []
     for joint, c in machine.clearances.items():
         friction = f', friction {c.friction:g}' if c.friction else ''
@@ -67,8 +73,11 @@ def check(machine: Machine) -> Report:
                 f"{joint}: Newton's restitution with friction can create energy where sliding "
                 "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
             )
-    if not gaps:
-        relations.append(f'{CLOSING_JOINT}: closes the loop, 2 equations')
+    for joint in closures(machine.mechanism, machine.mechanism.cut):
+        if joint.name not in machine.clearances:
+            count = 1 if isinstance(machine.mechanism.joint(joint.name), PinInSlot) else 2
+            equations = 'equation' if count == 1 else 'equations'
+            relations.append(f'{joint.name}: closes a loop, {count} {equations}')
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
@@ -77,10 +86,12 @@ def check(machine: Machine) -> Report:
     if gaps:
         if not any(c.friction for c in machine.clearances.values()):
             left_out.append('friction and pin radius: none given')
-        if len(gaps) < len(type(scene.joints).model_fields):
+        if len(gaps) < sum(isinstance(j, Revolute) for j in machine.plan.joints):
             left_out.append('clearance in the other joints: none given')
-    if machine.dynamic and 'crank' in machine.system.prescribed:
-        left_out.append('crank inertia: its motion is given')
+    grounded = [j for j in machine.plan.joints if GROUND in (j.first, j.second)]
+    for c in machine.plan.prescribed if machine.dynamic else ():
+        if any(c in (j.first, j.second) for j in grounded):
+            left_out.append(f'{c} inertia: its motion is given')
     return Report(
         machine.name,
         scene.title,
@@ -94,29 +105,36 @@ def check(machine: Machine) -> Report:
     )
 
 
-def _drive(machine: Machine) -> str:
-    """What moves the crank."""
-    law, profile = machine.law, machine.scene.drive.profile
+def _drive(machine: Machine, coordinate: str) -> str:
+    """What moves a coordinate."""
+    laws = machine.plan.laws[coordinate]
+    law, straight = laws[0], coordinate in machine.mechanism.displacements
+    pace, force, place = ('m/s', 'N', 'm') if straight else ('rad/s', 'N m', 'rad')
     if not isinstance(law, DriveLaw):
         constant, per_angle, per_speed = law.coefficients
+        if not any(law.coefficients):
+            return 'free'
+        begin = machine.plan.begins[coordinate][1]
         return (
-            f'free, moved by {constant:g} N m {per_angle:+g} N m/rad times angle {per_speed:+g} '
-            f'N m s/rad times speed, from {machine.start_of_crank[1]:g} rad/s'
+            f'free, moved by {constant:g} {force} {per_angle:+g} {force}/{place} times '
+            f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '
+            f'speed, from {begin:g} {pace}'
         )
-    if profile:
-        return f'prescribed, {len(profile.points)} speeds joined by {profile.ramp} ramps'
-    return f'prescribed, {machine.scene.drive.speed:g} rad/s'
+    if len(laws) > 1:
+        return f'prescribed, a profile of speeds in {len(laws)} pieces'
+    return f'prescribed, {law.coefficients[1]:g} {pace}'
 
 
 def _notes(machine: Machine) -> list[str]:
-    linkage, scene = machine.linkage, machine.scene
-    grashof = linkage.grashof()
-    notes = [
-        f'Grashof: the sum of shortest and longest link is {abs(grashof):.6g} m '
-        f'{"less" if grashof > 0 else "more"} than that of the others'
-    ]
+    scene, notes = machine.scene, []
+    if machine.plan.four_bar:
+        grashof = machine.plan.four_bar.grashof()
+        notes.append(
+            f'Grashof: the sum of shortest and longest link is {abs(grashof):.6g} m '
+            f'{"less" if grashof > 0 else "more"} than that of the others'
+        )
     notes += [
-        f'sensor {name}: {s.kind} on the {s.link}, {s.at:g} m from its proximal joint, {s.axis} '
+        f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
         for name, s in scene.sensors.items()
     ]
@@ -139,3 +157,8 @@ def render(report: Report) -> str:
         if items:
             lines += [heading, *(f'  {item}' for item in items)]
     return '\n'.join(lines)
+
+
+def _at(place: float | tuple[float, float]) -> str:
+    x, y = place if isinstance(place, tuple) else (place, 0.0)
+    return f'({x:g}, {y:g}) m' if y else f'{x:g} m'

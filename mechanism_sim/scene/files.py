@@ -14,7 +14,11 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.schema import MECHANISMS, FourBarScene
+from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import FourBarScene
+
+Scene = FourBarScene | LinkageScene
+MECHANISMS: dict[str, type[Scene]] = {'four_bar': FourBarScene, 'linkage': LinkageScene}
 
 Model = TypeVar('Model', bound=BaseModel)
 
@@ -74,7 +78,7 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
 
 def read_scene(
     name: str, overrides: Mapping[str, Any] | Iterable[str] = ()
-) -> tuple[str, FourBarScene]:
+) -> tuple[str, Scene]:
     """Name and content of a scene, checked, in SI units.
 
     Parameters
@@ -117,7 +121,7 @@ def read_yaml(path: Path, kind: str) -> dict[str, Any]:
 
 def check_scene(
     file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
-) -> FourBarScene:
+) -> Scene:
     """The scene that a file's keys and values make, some of them overridden, in SI units.
 
     Raises

@@ -10,14 +10,18 @@ import numpy as np
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
+from mechanism_sim.linkages.closures import closures
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.scene.assembly import closed_near, nearest_rates
 
 if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
 
 
 def initial_state(machine: Machine) -> State:
-    """Where the equations of motion of a four-bar start.
+    """Where the equations of motion start.
 
     ``centred``: the nominal mechanism, pins at the centre, in flight. ``seated``: each pin rests
     on its bushing in the direction of the nominal force of the first-named on the second-named
@@ -28,6 +32,90 @@ def initial_state(machine: Machine) -> State:
     InputError
         If it cannot be assembled, or given coordinates put a pin outside of its bushing.
     """
+    q, v = _four_bar(machine) if machine.plan.four_bar else _linkage(machine)
+    system, given = machine.system, machine.plan.given
+    seated = machine.scene.start == 'seated' and not (given[0].keys() | given[1]) - {machine.main}
+    values = np.array([[q[c]] for c in system.coordinates])
+    _check_inside(machine, values, seated)
+    return State(
+        Fraction(0),
+        (0,) * len(system.free),
+        tuple(q[c] for c in system.free),
+        tuple(v[c] for c in system.free),
+        (seated,) * len(system.gaps),
+    )
+
+
+Values = dict[str, float]
+
+
+def _linkage(machine: Machine) -> tuple[Values, Values]:
+    """Values and rates of the coordinates of any linkage."""
+    plan, start = machine.plan, machine.assembly
+    if not machine.clearances:
+        names = plan.ideal.coordinates
+        return dict(zip(names, start.q.tolist(), strict=True)), dict(
+            zip(names, start.v.tolist(), strict=True)
+        )
+    loose = machine.mechanism
+    q = _converted(plan.ideal, loose, start.q)
+    held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
+    kinematics = Kinematics(loose, closures(loose, loose.cut), held)
+    targets = np.zeros(len(kinematics.rows))
+    if machine.scene.start == 'seated' and machine.system.gaps:
+        columns = [x[:, None] for x in (start.q, start.v)]
+        a = np.zeros_like(columns[0])
+        if not machine.torque_driven:
+            a = machine.ideal.motion(columns[0], *_driven_rates(machine))[2]
+        for name, Q in _seats(machine, columns[0], columns[1], a).items():
+            targets[[i for i, row in enumerate(kinematics.rows) if row == name]] = Q
+    placed = closed_near(machine.name, kinematics, q, targets)
+    known = dict(zip(plan.ideal.coordinates, start.v.tolist(), strict=True))
+    turning = [c for c in loose.coordinates if c not in loose.displacements]
+    given = {c: known.get(plan.ideal.frame(c)[0], 0.0) for c in turning}
+    given |= {c: known[c] for c in held}
+    rates = nearest_rates(kinematics, placed, loose.coordinates, given)
+    names = loose.coordinates
+    return dict(zip(names, placed.tolist(), strict=True)), dict(
+        zip(names, rates.tolist(), strict=True)
+    )
+
+
+def _driven_rates(machine: Machine) -> tuple[Array, Array]:
+    """Rates and accelerations (p, 1) of the prescribed coordinates at the start."""
+    found = []
+    for i in machine.ideal.driven:
+        law = machine.plan.laws[machine.ideal.coordinates[i]][0]
+        assert isinstance(law, DriveLaw)  # noqa: S101 - it is prescribed
+        _, local = law.about(Fraction(0))
+        _, rate, half, *_ = *local, 0.0, 0.0
+        found.append((rate, 2.0 * half))
+    rates = np.array(found).T[:, :, None]
+    return rates[0], rates[1]
+
+
+def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
+    """The coordinates of the loose mechanism from those of the ideal one."""
+    known = dict(zip(ideal.coordinates, q.tolist(), strict=True))
+    found = []
+    for name in loose.coordinates:
+        link, _, axis = name.partition('.')
+        if axis:
+            place = ideal.locate(link, known, loose.body(link).cog)
+            found.append(place['xy'.index(axis)])
+        elif name in loose.displacements:
+            j = loose.tree_joints[link]
+            assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
+            a, b = ideal.locate(j.first, known, j.on_first), ideal.locate(j.second, known, j.on_second)
+            way = ideal.angle(j.first, known) + j.axis
+            found.append((b[0] - a[0]) * np.cos(way) + (b[1] - a[1]) * np.sin(way))
+        else:
+            found.append(ideal.angle(link, known))
+    return np.array(found)
+
+
+def _four_bar(machine: Machine) -> tuple[Values, Values]:
+    """Values and rates of the coordinates of a four-bar, from its closed form."""
     angle, speed = machine.start_of_crank
     acceleration = 0.0
     if isinstance(machine.law, DriveLaw):
@@ -43,29 +131,15 @@ def initial_state(machine: Machine) -> State:
             f'{machine.name}: the mechanism cannot be assembled at drive.start_angle = {angle:g} '
             'rad: crank pin and rocker pivot are out of reach of coupler and rocker'
         )
-    seated = machine.scene.start == 'seated' and bool(machine.clearances)
     Q = {name: np.zeros(2) for name in machine.clearances}
-    if seated and machine.system.gaps:
+    if machine.scene.start == 'seated' and machine.system.gaps:
         Q = _seats(machine, q, v, a)
         q[1:, 0] = _displaced(machine, angle, q[1:, 0], np.sum([*Q.values()], axis=0))
-    given = machine.scene.initial
-    for i, name in enumerate(('coupler', 'rocker')):
-        for rows, part in ((q, given.position), (v, given.velocity)):
-            wanted = getattr(part, name)
-            if wanted is not None:
-                rows[i + 1, 0] = wanted
-                seated = False
+    for i, name in enumerate(('coupler', 'rocker'), 1):
+        for rows, given in zip((q, v), machine.plan.given, strict=True):
+            rows[i, 0] = given.get(name, rows[i, 0])
     values = _coordinates(machine, q[:, 0], v[:, 0], Q)
-    system = machine.system
-    _check_inside(machine, np.array([[values[c][0]] for c in system.coordinates]), seated)
-    free = [values[c] for c in system.free]
-    return State(
-        Fraction(0),
-        (0,) * len(free),
-        tuple(x for x, _ in free),
-        tuple(rate for _, rate in free),
-        (seated,) * len(system.gaps),
-    )
+    return {c: x for c, (x, _) in values.items()}, {c: w for c, (_, w) in values.items()}
 
 
 def _seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:

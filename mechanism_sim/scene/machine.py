@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial, polynomial
@@ -24,18 +24,24 @@ from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.linkages.bearing import BearingClearance, Closure, FilmBearing
+from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
+from mechanism_sim.linkages.closures import closures
 from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
-from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
+from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Revolute
-from mechanism_sim.planar.protocols import ForceLaw
+from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap, Relation
+from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.initial import initial_state
-from mechanism_sim.scene.schema import Clearance, FourBarScene, Link
+from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.linkage_plan import linkage_plan
+from mechanism_sim.scene.plan import Plan, four_bar_plan
+from mechanism_sim.scene.schema import Clearance, FourBarScene
 
-CLOSING_JOINT = 'coupler_rocker'
-"""The joint where the loop of a four-bar without clearance is cut."""
+Scene = FourBarScene | LinkageScene
 
 _COMPACT_FROM = 8
 """Free coordinates and contact rows from which on compact code pays: it compiles much faster."""
@@ -82,7 +88,7 @@ class Run(Protocol):
 
 @dataclass(frozen=True)
 class Machine:
-    """The four-bar of a scene.
+    """The mechanism of a scene, ready to run.
 
     Attributes
     ----------
@@ -91,9 +97,22 @@ class Machine:
     """
 
     name: str
-    scene: FourBarScene
+    scene: Scene
 
-    @property
+    @cached_property
+    def plan(self) -> Plan:
+        """Links, joints, drives and forces.
+
+        Raises
+        ------
+        InputError
+            If they do not fit together.
+        """
+        if isinstance(self.scene, FourBarScene):
+            return four_bar_plan(self.scene)
+        return linkage_plan(self.name, self.scene)
+
+    @cached_property
     def level(self) -> Level:
         """The cheapest level that is exact for the scene."""
         if self.clearances:
@@ -101,14 +120,15 @@ class Machine:
             return Level.COMPLIANT if asked else Level.NONSMOOTH
         if self.torque_driven:
             return Level.SMOOTH
-        known = all(link.mass for link in self.links.values())
-        wanted = self.scene.outputs.forces and known
+        wanted = self.scene.outputs.forces and self.plan.weighed
         return Level.INVERSE_DYNAMICS if wanted else Level.KINEMATIC
 
     @property
     def torque_driven(self) -> bool:
-        """Whether the crank is moved by a torque, so that its motion is not known beforehand."""
-        return self.scene.drive.torque is not None or self.scene.drive.motor is not None
+        """Whether any coordinate is free or moved by a torque: the motion is not known before."""
+        if self.plan.powered:
+            return True
+        return self.plan.four_bar is None and self.assembly.freedom > 0
 
     @property
     def dynamic(self) -> bool:
@@ -116,128 +136,123 @@ class Machine:
         return self.level in (Level.SMOOTH, Level.NONSMOOTH, Level.COMPLIANT)
 
     @property
-    def links(self) -> dict[str, Link]:
-        """The moving links."""
+    def links(self) -> dict[str, Any]:
+        """The moving links as the scene has them."""
         links = self.scene.links
+        if isinstance(links, dict):
+            return {name: link for name, link in links.items() if name != GROUND}
         return {'crank': links.crank, 'coupler': links.coupler, 'rocker': links.rocker}
 
-    @cached_property
+    @property
     def clearances(self) -> dict[str, Clearance]:
         """The joints with clearance."""
-        joints = self.scene.joints
-        found = {name: getattr(joints, name).clearance for name in type(joints).model_fields}
-        return {name: clearance for name, clearance in found.items() if clearance}
+        return self.plan.clearances
 
-    @cached_property
+    @property
     def linkage(self) -> FourBar:
-        """Lengths and branch."""
-        links = self.scene.links
-        return FourBar(
-            links.ground.length,
-            links.crank.length,
-            links.coupler.length,
-            links.rocker.length,
-            self.scene.branch,
-        )
+        """Lengths and branch of a four-bar.
+
+        Raises
+        ------
+        InputError
+            If it is another mechanism.
+        """
+        if self.plan.four_bar is None:
+            raise InputError(f"{self.name}: this is for scenes with 'mechanism: four_bar' only")
+        return self.plan.four_bar
 
     @cached_property
     def mechanism(self) -> Mechanism:
         """Bodies and joints, cut where joints are loose; links without mass data are massless."""
-        return self._cut_at(tuple(self.clearances) or (CLOSING_JOINT,))
+        return self.plan.loose
 
-    def _cut_at(self, cut: tuple[str, ...]) -> Mechanism:
-        links = self.scene.links
-        turning = {'crank': self.scene.drive.flywheel}
-        bodies = [
-            Body(
-                name,
-                link.mass or 0.0,
-                (link.inertia or 0.0) + turning.get(name, 0.0),
-                (link.cog or 0.0, 0.0),
-            )
-            for name, link in self.links.items()
-        ]
-        origin = (0.0, 0.0)
-        return Mechanism(
-            tuple(bodies),
-            (
-                Revolute('ground_crank', GROUND, 'crank', origin, origin),
-                Revolute('crank_coupler', 'crank', 'coupler', (links.crank.length, 0.0), origin),
-                Revolute(
-                    CLOSING_JOINT,
-                    'coupler',
-                    'rocker',
-                    (links.coupler.length, 0.0),
-                    (links.rocker.length, 0.0),
-                ),
-                Revolute('rocker_ground', 'rocker', GROUND, origin, (links.ground.length, 0.0)),
-            ),
-            cut,
-            self.scene.gravity,
-        )
+    @property
+    def main(self) -> str:
+        """The coordinate whose revolutions count: the first that is driven."""
+        return next(iter(self.plan.laws))
 
-    @cached_property
+    @property
     def laws(self) -> tuple[Law, ...]:
-        """The laws of the crank, in the order in which they take over."""
-        drive, given = self.scene.drive, self.scene.initial.position.crank
-        angle = drive.start_angle if given is None else given
-        if drive.torque:
-            t = drive.torque
-            return (TorqueLaw('crank', (t.constant, t.per_angle, t.per_speed)),)
-        if drive.motor:
-            m = drive.motor
-            return (TorqueLaw('crank', (m.stall_torque, 0.0, -m.stall_torque / m.no_load_speed)),)
-        if drive.profile:
-            profile = drive.profile
-            return tuple(speed_profile('crank', angle, profile.points, profile.ramp == 'smooth'))
-        return (DriveLaw('crank', (angle, drive.speed or 0.0)),)
+        """The laws of the main drive, in the order in which they take over."""
+        return self.plan.laws[self.main]
 
     @property
     def law(self) -> Law:
-        """The first law of the crank."""
+        """The first law of the main drive."""
         return self.laws[0]
 
     @property
     def start_of_crank(self) -> tuple[float, float]:
-        """Angle [rad] and speed [rad/s] of the crank at time zero."""
-        if isinstance(self.law, DriveLaw):
-            angle, speed, *_ = *self.law.coefficients, 0.0
-            return angle, speed
-        drive, given = self.scene.drive, self.scene.initial.position.crank
-        return (drive.start_angle if given is None else given), drive.speed or 0.0
+        """Angle [rad] and speed [rad/s] of the main drive's coordinate at time zero."""
+        return self.plan.begins.get(self.main, (0.0, 0.0))
+
+    @cached_property
+    def ideal(self) -> IdealMotion:
+        """The motion of the mechanism without clearance."""
+        if self.plan.four_bar:
+            return FourBarMotion(self.plan.four_bar)
+        return LinkageMotion(self.kinematics(self.plan.prescribed))
+
+    def kinematics(self, held: Sequence[str]) -> Kinematics:
+        """The closures of the mechanism without clearance, with some coordinates given."""
+        ideal = self.plan.ideal
+        return Kinematics(ideal, closures(ideal, ideal.cut), held)
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """Where the mechanism without clearance is at the start.
+
+        Raises
+        ------
+        InputError
+            If it cannot be assembled.
+        """
+        return assemble(self)
 
     @cached_property
     def inverse_dynamics(self) -> InverseDynamics:
         """Forces of the ideal mechanism."""
-        ideal = self._cut_at((CLOSING_JOINT,))
-        return InverseDynamics(ideal, [Closure(CLOSING_JOINT, ideal)], ['crank'])
+        ideal = self.plan.ideal
+        driven = self.plan.prescribed
+        return InverseDynamics(ideal, closures(ideal, ideal.cut), driven, self.plan.elements(ideal))
 
     @cached_property
     def system(self) -> System:
         """The compiled equations of motion."""
-        films = [
-            FilmBearing(name, self.mechanism, film)
+        mechanism = self.mechanism
+        films: list[ForceElement] = [
+            FilmBearing(name, mechanism, film)
             for name, c in self.clearances.items()
             if (film := oil_film(c))
         ]
         gaps = [] if films else [
             BearingClearance(
-                name, self.mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
+                name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
                 c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
             )
             for name, c in self.clearances.items()
         ]  # fmt: skip
-        closures = [] if gaps or films else [Closure(CLOSING_JOINT, self.mechanism)]
-        degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in self.laws)
-        driven = (), ('crank',)
-        prescribed, powered = driven if self.torque_driven else driven[::-1]
-        return System(self.mechanism, gaps, prescribed, degree, closures, powered, films)
+        closing = closures(mechanism, [j for j in mechanism.cut if j not in self.clearances])
+        return self._compiled(mechanism, gaps, closing, films)
 
     @cached_property
     def ideal_system(self) -> System:
-        """The torque-driven mechanism without clearance."""
-        ideal = self._cut_at((CLOSING_JOINT,))
-        return System(ideal, [], (), 1, [Closure(CLOSING_JOINT, ideal)], ('crank',))
+        """The equations of motion of the mechanism without clearance."""
+        ideal = self.plan.ideal
+        return self._compiled(ideal, [], closures(ideal, ideal.cut), [])
+
+    def _compiled(
+        self,
+        mechanism: Mechanism,
+        gaps: Sequence[Gap],
+        closing: Sequence[Relation],
+        films: Sequence[ForceElement],
+    ) -> System:
+        laws = [law for laws in self.plan.laws.values() for law in laws]
+        degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in laws)
+        elements = [*films, *self.plan.elements(mechanism)]
+        prescribed, powered = self.plan.prescribed, self.plan.powered
+        return System(mechanism, gaps, prescribed, degree, closing, powered, elements)
 
     @cached_property
     def physics(self) -> Physics:
@@ -245,34 +260,44 @@ class Machine:
         if self.dynamic:
             return DynamicPhysics(self.system)
         forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
-        return NominalPhysics(self.linkage, self.mechanism, forces)
+        return NominalPhysics(self.ideal, self.mechanism, forces)
 
     @property
     def _fastest(self) -> float:
-        """Largest speed of the crank that is known beforehand [rad/s]."""
-        drive = self.scene.drive
+        """Largest speed of the main drive that is known beforehand [rad/s]."""
         speeds = [self.start_of_crank[1]]
-        if drive.profile:
-            speeds += [speed for _, speed in drive.profile.points]
+        for law, later in zip(self.laws, [*self.laws[1:], None], strict=True):
+            if not isinstance(law, DriveLaw):
+                continue
+            ends = [law.valid_from] + ([later.valid_from] if later else [])
+            rate = polynomial.polyder(law.coefficients)
+            speeds += [float(polynomial.polyval(t - law.reference_time, rate)) for t in ends]
         return max(map(abs, speeds))
 
     @property
     def period(self) -> float:
-        """Duration of a crank revolution at the largest speed [s]; infinite for one at rest."""
-        return 2.0 * math.pi / self._fastest if self._fastest else math.inf
+        """Duration of a revolution at the largest speed [s]; infinite for a drive at rest."""
+        straight = self.main in self.mechanism.displacements
+        fastest = self._fastest / (self.mechanism.size if straight else 1.0)
+        return 2.0 * math.pi / fastest if fastest else math.inf
 
     def time_of(self, revolutions: float) -> float:
-        """When the crank has turned so far [s].
+        """When the main drive has turned so far [s].
 
         Raises
         ------
         InputError
             If its law does not say, or never turns it so far.
         """
-        if self.torque_driven:
+        if not isinstance(self.law, DriveLaw):
             raise InputError(
-                'how fast a torque turns the crank is not known beforehand: give a duration in '
-                'seconds, not revolutions'
+                f'how fast {self.main} turns is not known beforehand: give a duration in seconds, '
+                'not revolutions'
+            )
+        if self.law.straight:
+            raise InputError(
+                f'{self.main} is driven straight, it makes no revolutions: give a duration in '
+                'seconds'
             )
         wanted, turned = 2.0 * math.pi * revolutions, 0.0
         laws = [law for law in self.laws if isinstance(law, DriveLaw)]
@@ -285,7 +310,7 @@ class Machine:
                 break
             ends = [law.valid_from - law.reference_time, end - law.reference_time]
             turned += float(abs(np.diff(polynomial.polyval(ends, law.coefficients))[0]))
-        raise InputError('the crank is at rest: give a duration in seconds, not revolutions')
+        raise InputError(f'{self.main} is at rest: give a duration in seconds, not revolutions')
 
     @staticmethod
     def _reached(law: DriveLaw, angle: float, end: float) -> float | None:
@@ -313,14 +338,16 @@ class Machine:
         return min([allowed, *(0.1 * c.radial for c in self.clearances.values())])
 
     def start(self, law: Law | None = None) -> Run:
-        """A new run of the machine, under the scene's laws or another of the same crank."""
-        laws = self.laws if law is None else (law,)
+        """A new run of the machine, under the scene's laws or another of its main drive."""
+        laws = {**self.plan.laws, **({} if law is None else {self.main: (law,)})}
+        system_order = [*self.plan.prescribed, *self.plan.powered]
+        first = [laws[c][0] for c in system_order]
         run: Run
         if self.dynamic:
             solver = self.scene.solver
             run = EventLoop(
                 self.system,
-                laws[:1],
+                first,
                 initial_state(self),
                 solver.rtol,
                 solver.atol,
@@ -329,11 +356,15 @@ class Machine:
                 or len(self.system.free) + len(self.system.dynamics.rows) >= _COMPACT_FROM,
                 fastest=self._fastest,
             )
-        elif isinstance(laws[0], DriveLaw):
-            run = NominalRun(self.linkage, laws[0])
         else:
-            raise TypeError('an ideal four-bar whose crank a torque moves has equations of motion')
-        for later in laws[1:]:
+            prescribed = [x for x in first if isinstance(x, DriveLaw)]
+            if len(prescribed) < len(first):
+                raise TypeError('a mechanism that a torque moves has equations of motion')
+            q = self.assembly.q
+            run = NominalRun(self.ideal, prescribed, q, self.mechanism.size)
+        for later in sorted(
+            (x for c in system_order for x in laws[c][1:]), key=lambda x: x.valid_from
+        ):
             run.change_law(later)
         return run
 
@@ -404,13 +435,17 @@ def force_law(clearance: Clearance) -> ForceLaw | None:
 def joint_forces(machine: Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
     """Forces in the joints of the ideal mechanism (j, 2) [N], first-named on second-named link.
 
-    `a` counts only where the crank is prescribed; a torque sets its own acceleration.
+    `a` counts only where the drives are prescribed; a torque sets its own acceleration.
     """
-    law = machine.law
-    if isinstance(law, DriveLaw):
+    if not machine.torque_driven:
         return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
-    constant, per_angle, per_speed = law.coefficients
-    torque = constant + per_angle * q[:1] + per_speed * v[:1]
-    none = np.zeros((0, 1))
-    seen = machine.ideal_system.observe(q, v, none, none.astype(np.uint8), torque)
+    system = machine.ideal_system
+    rows = []
+    for c in machine.plan.powered:
+        i = system.coordinates.index(c)
+        law = machine.plan.laws[c][0]
+        constant, per_angle, per_speed = law.coefficients
+        rows.append(constant + per_angle * q[i] + per_speed * v[i])
+    none, modes = np.zeros((len(machine.plan.prescribed), 1)), np.zeros((0, 1), np.uint8)
+    seen = system.observe(q, v, none, modes, np.array(rows))
     return seen.reaction[:, :, 0]

@@ -44,6 +44,9 @@ Friction = Annotated[
 Coefficient = Annotated[float, _si(''), Field(ge=0.0, le=1.0)]
 
 
+Gravity = tuple[Acceleration, Acceleration]
+
+
 class Part(BaseModel):
     """Base of all parts of a scene: unknown keys are refused."""
 
@@ -206,13 +209,10 @@ class FourBarScene(Part):
     branch: Literal['open', 'crossed'] = 'open'
     links: FourBarLinks
     joints: FourBarJoints = FourBarJoints()
-    gravity: tuple[Acceleration, Acceleration] = (0.0, 0.0)
+    gravity: Gravity = (0.0, 0.0)
     drive: Drive
     start: Literal['seated', 'centred'] = 'seated'
     initial: Initial = Initial()
     sensors: dict[str, Accelerometer] = {}
     outputs: Outputs = Outputs()
     solver: Solver = Solver()
-
-
-MECHANISMS: dict[str, type[FourBarScene]] = {'four_bar': FourBarScene}

@@ -20,7 +20,7 @@ from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import Body, Mechanism
+from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Point
 from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.scene import Machine, load_scene
 
@@ -57,6 +57,7 @@ class Floor:
     name: str = 'floor'
     law: ForceLaw | None = None
     creep_speed: float = 1e-3  #: [m/s]
+    arm: float = 0.0  #: [m] the floor is the ground
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""
@@ -67,9 +68,12 @@ class Floor:
         return -value
 
     def _point(self, frames: Frames) -> tuple[Jet, Jet]:
-        point = {f'{self.body}.x': (1.0, 0.0), f'{self.body}.y': (0.0, 1.0)}
+        point: Point = {
+            (GROUND, f'{self.body}.x'): (1.0, 0.0),
+            (GROUND, f'{self.body}.y'): (0.0, 1.0),
+        }
         if self.at:
-            point[self.body] = self.at
+            point[self.body, None] = self.at
         return frames.position(point, f'{self.name}.{self.body}')
 
     def value(self, frames: Frames) -> Jet:

@@ -1,0 +1,118 @@
+"""Ideal joints that close a loop, as the engine sees them: what vanishes, and what it transmits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Wrench, moment_of
+from mechanism_sim.planar.mechanism import Mechanism, PinInSlot, Prismatic, rotate
+from mechanism_sim.planar.protocols import Relation
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A revolute joint: its points on both links coincide."""
+
+    name: str
+    mechanism: Mechanism
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """Components of the vector from the second link's point to the first's [m]."""
+        return list(frames.position(self.mechanism.separation(self.name), self.name))
+
+    def wrench(self, _: Frames, forces: Sequence[Term]) -> Wrench:
+        """The rows push on the first link."""
+        return Wrench(neg(forces[0]), neg(forces[1]))
+
+
+@dataclass(frozen=True)
+class PrismaticClosure:
+    """A prismatic joint: the second link's point stays on the line, and does not turn on it."""
+
+    name: str
+    mechanism: Mechanism
+
+    def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Of the line, 90 degrees counterclockwise from its axis."""
+        joint = self._joint
+        return _fixed(frames, self.mechanism, joint.first, joint.axis + 0.5 * math.pi,
+                      f'{self.name}.normal')  # fmt: skip
+
+    @property
+    def _joint(self) -> Prismatic:
+        joint = self.mechanism.joint(self.name)
+        if not isinstance(joint, Prismatic):
+            raise TypeError(f'{self.name} is not a prismatic joint')
+        return joint
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """Distance from the line [m]; sine of the angle by which it turned, times the size [m]."""
+        joint = self._joint
+        x, y = frames.position(self.mechanism.separation(self.name), self.name)
+        nx, ny = self._normal(frames)
+        away: Jet = -(nx * x + ny * y)
+        ux, uy = _fixed(frames, self.mechanism, joint.first, joint.angle, f'{self.name}.first')
+        vx, vy = _fixed(frames, self.mechanism, joint.second, 0.0, f'{self.name}.second')
+        turned: Jet = ux * vy - uy * vx
+        return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """Force along the normal, and a moment; the rows push on the second link."""
+        nx, ny = self._normal(frames)
+        moment = mul(forces[1], frames.parameters(f'{self.name}.size', self.mechanism.size))
+        return Wrench(mul(forces[0], nx.value), mul(forces[0], ny.value), moment)
+
+
+@dataclass(frozen=True)
+class SlotClosure:
+    """A pin in a slot: the first link's point stays on a line of the second link."""
+
+    name: str
+    mechanism: Mechanism
+
+    def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        joint = self.mechanism.joint(self.name)
+        if not isinstance(joint, PinInSlot):
+            raise TypeError(f'{self.name} is not a pin in a slot')
+        return _fixed(frames, self.mechanism, joint.second, joint.axis + 0.5 * math.pi,
+                      f'{self.name}.normal')  # fmt: skip
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """Distance of the pin from the centre line [m]."""
+        x, y = frames.position(self.mechanism.separation(self.name), self.name)
+        nx, ny = self._normal(frames)
+        return [nx * x + ny * y]
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """The slot's wall feels the pin where the pin is."""
+        x, y = frames.position(self.mechanism.separation(self.name), self.name)
+        nx, ny = self._normal(frames)
+        force = neg(mul(forces[0], nx.value)), neg(mul(forces[0], ny.value))
+        return Wrench(*force, moment_of((x.value, y.value), force))
+
+
+def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
+    """The relations of joints that close loops."""
+    found: list[Relation] = []
+    for name in joints:
+        joint = mechanism.joint(name)
+        if isinstance(joint, Prismatic):
+            found.append(PrismaticClosure(name, mechanism))
+        elif isinstance(joint, PinInSlot):
+            found.append(SlotClosure(name, mechanism))
+        else:
+            found.append(Closure(name, mechanism))
+    return found
+
+
+def _fixed(
+    frames: Frames, mechanism: Mechanism, link: str, angle: float, label: str
+) -> tuple[Jet, Jet]:
+    """A unit vector at an angle [rad] in a link's frame."""
+    frame, offset = mechanism.frame(link)
+    return frames.position({(frame, None): rotate((1.0, 0.0), angle + offset)}, label)

@@ -1,0 +1,216 @@
+"""Springs, dampers, forces and torques on links: the force elements of a linkage."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import heyoka as hy
+
+from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Load
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+
+LinkPoint = tuple[str, Vector2]
+"""A link, and a point in its frame [m]."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring and a damper between points of two links.
+
+    With the length l of the line from the first to the second point, it pulls with
+    ``k (l - l0) + c l'``. The points must not meet: the line would have no direction.
+    """
+
+    name: str
+    mechanism: Mechanism
+    first: LinkPoint
+    second: LinkPoint
+    stiffness: float  #: [N/m]
+    free_length: float = 0.0  #: [m]
+    damping: float = 0.0  #: [N s/m]
+
+    def _line(self, frames: Frames) -> tuple[tuple[Term, Term], Term, Term]:
+        """Unit vector from the first to the second point, length [m], its rate [m/s]."""
+        x, y = (
+            b - a
+            for a, b in zip(
+                *(load.place(frames, self.mechanism) for load in self._ends((None, None))),
+                strict=True,
+            )
+        )
+        square = add(mul(x.value, x.value), mul(y.value, y.value))
+        length = hy.sqrt(dense(square))
+        unit = dense(x.value) / length, dense(y.value) / length
+        return unit, length, add(mul(unit[0], x.rate), mul(unit[1], y.rate))
+
+    def _ends(self, force: tuple[Term, Term]) -> list[Load]:
+        return [
+            Load(f'{self.name}.first', *self.first, force),
+            Load(f'{self.name}.second', *self.second, (neg(force[0]), neg(force[1]))),
+        ]
+
+    def loads(self, frames: Frames) -> list[Load]:
+        """It pulls its ends towards each other."""
+        unit, length, rate = self._line(frames)
+        p = frames.parameters
+        k, c = p(f'{self.name}.stiffness', self.stiffness), p(f'{self.name}.damping', self.damping)
+        longer = add(length, neg(p(f'{self.name}.free_length', self.free_length)))
+        pull = add(mul(k, longer), mul(c, rate))
+        return self._ends((mul(pull, unit[0]), mul(pull, unit[1])))
+
+    def power_lost(self, frames: Frames) -> Term:
+        """``c l'^2``."""
+        c = frames.parameters(f'{self.name}.damping', self.damping)
+        if c is None:
+            return None
+        rate = self._line(frames)[2]
+        return mul(c, mul(rate, rate))
+
+    def energy(self, frames: Frames) -> Term:
+        """``k (l - l0)^2/2``."""
+        p = frames.parameters
+        longer = add(
+            self._line(frames)[1], neg(p(f'{self.name}.free_length', self.free_length))
+        )
+        k = p(f'{self.name}.stiffness', self.stiffness)
+        return mul(hy.expression(0.5), mul(k, mul(longer, longer)))
+
+
+@dataclass(frozen=True)
+class TorsionSpring:
+    """A spring and a damper that turn two links against each other.
+
+    With the angle of the second less that of the first, all turns counted, the second link is
+    turned back by ``k (angle - angle0) + c rate``.
+    """
+
+    name: str
+    mechanism: Mechanism
+    first: str
+    second: str
+    stiffness: float  #: [N m/rad]
+    free_angle: float = 0.0  #: [rad]
+    damping: float = 0.0  #: [N m s/rad]
+
+    def _twist(self, frames: Frames) -> tuple[Term, Term]:
+        """Angle less the free one [rad], and its rate [rad/s]."""
+        (a, before), (b, after) = (self.mechanism.frame(x) for x in (self.first, self.second))
+        free = frames.parameters(f'{self.name}.free_angle', self.free_angle - (after - before))
+        turned = neg(frames.unwound(a)) if a != b else None
+        angle = add(frames.unwound(b) if a != b else None, turned, neg(free))
+        rate = add(frames.angle(b).rate, neg(frames.angle(a).rate)) if a != b else None
+        return angle, rate
+
+    def loads(self, frames: Frames) -> list[Load]:
+        """Opposite moments on both links."""
+        angle, rate = self._twist(frames)
+        p = frames.parameters
+        k, c = p(f'{self.name}.stiffness', self.stiffness), p(f'{self.name}.damping', self.damping)
+        moment = add(mul(k, angle), mul(c, rate))
+        origin = (0.0, 0.0)
+        return [
+            Load(f'{self.name}.first', self.first, origin, moment=moment),
+            Load(f'{self.name}.second', self.second, origin, moment=neg(moment)),
+        ]
+
+    def power_lost(self, frames: Frames) -> Term:
+        """``c rate^2``."""
+        _, rate = self._twist(frames)
+        return mul(frames.parameters(f'{self.name}.damping', self.damping), mul(rate, rate))
+
+    def energy(self, frames: Frames) -> Term:
+        """``k (angle - angle0)^2/2``."""
+        angle, _ = self._twist(frames)
+        k = frames.parameters(f'{self.name}.stiffness', self.stiffness)
+        return mul(hy.expression(0.5), mul(k, mul(angle, angle)))
+
+
+@dataclass(frozen=True)
+class CycleRange:
+    """A part of the cycle: from one angle of a coordinate to another, counterclockwise."""
+
+    coordinate: str
+    begin: float  #: [rad]
+    end: float  #: [rad]
+
+    def guard(self, frames: Frames, name: str) -> hy.expression:
+        """Positive within: ``cos(angle - middle) - cos(half the width)``."""
+        width = (self.end - self.begin) % (2.0 * math.pi)
+        middle = self.begin + 0.5 * width
+        p, q = frames.parameters, frames.q[self.coordinate]
+        c, s = p(f'{name}.middle.x', math.cos(middle)), p(f'{name}.middle.y', math.sin(middle))
+        along = add(mul(c, hy.cos(q)), mul(s, hy.sin(q)))
+        return dense(add(along, neg(p(f'{name}.half', math.cos(0.5 * width)))))
+
+
+@dataclass(frozen=True)
+class AppliedForce:
+    """A force or a torque on a link, constant or by a formula, always or in a part of the cycle.
+
+    Formulas know the time ``t``, place ``x, y`` and velocity ``vx, vy`` of the point, and every
+    coordinate and its rate (``LINK``, ``LINK_rate``); angles without their whole turns.
+    """
+
+    name: str
+    mechanism: Mechanism
+    point: LinkPoint
+    force: tuple[float | str, float | str] = (0.0, 0.0)  #: [N]
+    torque: float | str = 0.0  #: [N m]
+    turns: bool = False  #: whether the force is given in the link's frame
+    during: CycleRange | None = None
+
+    def loads(self, frames: Frames) -> list[Load]:
+        """The force at its point, and the torque."""
+        bare = Load(self.name, *self.point)
+        x, y = bare.place(frames, self.mechanism)
+        force = (
+            self._term(frames, 'x', self.force[0], x, y),
+            self._term(frames, 'y', self.force[1], x, y),
+        )
+        torque = self._term(frames, 'torque', self.torque, x, y)
+        frame, offset = self.mechanism.frame(self.point[0])
+        if self.turns and frame != GROUND:
+            c, s = math.cos(offset), math.sin(offset)
+            p = frames.parameters
+            cx, sx = p(f'{self.name}.offset.x', c), p(f'{self.name}.offset.y', s)
+            force = (
+                add(mul(cx, force[0]), neg(mul(sx, force[1]))),
+                add(mul(sx, force[0]), mul(cx, force[1])),
+            )
+            force = frames.world(frame, *force)
+        if self.during:
+            flag = frames.switch(self.name, self.during.guard(frames, self.name))
+            force, torque = (mul(flag, force[0]), mul(flag, force[1])), mul(flag, torque)
+        return [Load(self.name, *self.point, force, torque)]
+
+    def _term(self, frames: Frames, part: str, given: float | str, x: Jet, y: Jet) -> Term:
+        if not isinstance(given, str):
+            return frames.parameters(f'{self.name}.{part}', given)
+        known = {
+            'x': dense(x.value),
+            'y': dense(y.value),
+            'vx': dense(x.rate),
+            'vy': dense(y.rate),
+            **frames.q,
+            **{f'{c}_rate': v for c, v in frames.v.items()},
+        }
+        if 't' in formula.names(given):
+            known['t'] = frames.time
+        return formula.expression(given, known)
+
+    def power_lost(self, frames: Frames) -> Term:
+        """Less what it feeds in: ``-(F.v + torque rate)``."""
+        (load,) = self.loads(frames)
+        x, y = load.place(frames, self.mechanism)
+        frame = self.mechanism.frame(load.link)[0]
+        spin = None if frame == GROUND else mul(load.moment, frames.v[frame])
+        return neg(add(mul(load.force[0], x.rate), mul(load.force[1], y.rate), spin))
+
+    def energy(self, _: Frames) -> Term:
+        """It stores none."""
+        return None

@@ -1,0 +1,163 @@
+"""Positions, velocities and accelerations of a closed mechanism whose drives are known.
+
+The closures ``Phi(q) = 0`` of the tree are solved by Newton's method, all instants at once; rates
+and accelerations follow from ``J v = 0`` and ``J a = -(dJ/dt) v``. It serves any mechanism; a
+linkage with a closed form may do better (`mechanism_sim.linkages.four_bar`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.evaluation import Evaluation
+from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.protocols import Relation
+
+Array = NDArray[np.float64]
+
+_ITERATIONS = 60
+_ROUNDING = 32.0 * float(np.finfo(float).eps)
+
+
+class Kinematics:
+    """The closures of a mechanism as numbers.
+
+    Parameters
+    ----------
+    mechanism : the tree of links, n coordinates
+    relations : its closures, r equations
+    held : coordinates that are given: driven, or chosen at a start
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, relations: Sequence[Relation], held: Sequence[str]
+    ) -> None:
+        self.mechanism = mechanism
+        self.coordinates = mechanism.coordinates
+        self.held = [self.coordinates.index(c) for c in held]
+        self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
+        self._relations = tuple(relations)
+        self._size = mechanism.size
+
+    @cached_property
+    def _equations(self) -> Equations:
+        return Equations(self.mechanism, relations=self._relations)
+
+    @property
+    def rows(self) -> list[str]:
+        """The joint of every equation."""
+        counts = [(r.name, len(r.values(self._equations.frames))) for r in self._relations]
+        return [name for name, count in counts for _ in range(count)]
+
+    @cached_property
+    def _position(self) -> Evaluation:
+        eq = self._equations
+        values = [dense(jet.value) for jet in eq.relation_jets]
+        rows = [dense(x) for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
+        return self._evaluation([values, rows], [*eq.frames.q.values()])
+
+    @cached_property
+    def _curvature(self) -> Evaluation:
+        eq = self._equations
+        curvatures = [dense(jet.curvature) for jet in eq.relation_jets]
+        return self._evaluation([curvatures], [*eq.frames.q.values(), *eq.frames.v.values()])
+
+    def _evaluation(
+        self, groups: Sequence[Sequence[hy.expression]], variables: Sequence[hy.expression]
+    ) -> Evaluation:
+        function = compiled.function([x for group in groups for x in group], variables)
+        return Evaluation(function, self._equations.parameters.values, [len(g) for g in groups])
+
+    def closure(self, q: Array) -> tuple[Array, Array]:
+        """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N)."""
+        n, count = q.shape
+        if not self._relations:
+            return np.zeros((count, 0)), np.zeros((count, 0, n))
+        values, rows = self._position(q)
+        return values.T, rows.reshape(-1, n, count).transpose(2, 0, 1)
+
+    def positions(self, guess: Array, targets: Array | None = None) -> tuple[Array, Array]:
+        """Coordinates that close all loops, near a guess whose held rows count.
+
+        Where more coordinates are sought than there are equations, the nearest.
+
+        Parameters
+        ----------
+        guess : (n, N)
+        targets : (r,) or (N, r) values of the closures [m] instead of zero
+
+        Returns
+        -------
+        q (n, N) as far as it came, and what is left open (N,) [m]: rounding, or the loops cannot
+        be closed.
+        """
+        q = np.array(guess, dtype=float)
+        goal = 0.0 if targets is None else targets
+        allowed = _ROUNDING * self._size
+        for _ in range(_ITERATIONS):
+            off, J = self.closure(q)
+            off = off - goal
+            step = _solve(J[:, :, self.sought], -off)
+            if not np.isfinite(step).all():
+                break
+            # no step turns a link by more than half a radian: it would leave its branch
+            reach = np.abs(step).max(axis=1, initial=0.0)
+            q[self.sought] += (step * np.minimum(1.0, 0.5 / np.maximum(reach, 1e-300))[:, None]).T
+            if (reach <= 1e-9).all():
+                break
+        left = np.abs(self.closure(q)[0] - goal).max(axis=1, initial=0.0)
+        return q, np.where(left <= allowed, 0.0, left)
+
+    def rates(self, q: Array, held: Array, rates: Array | None = None) -> Array:
+        """Rates (n, N) of all coordinates from those of the held ones (p, N).
+
+        Parameters
+        ----------
+        rates : (N, r) of the closures [m/s], if they move
+        """
+        _, J = self.closure(q)
+        right = -np.einsum('krp,pk->kr', J[:, :, self.held], held)
+        return self._together(held, J, right if rates is None else right + rates)
+
+    def accelerations(self, q: Array, v: Array, held: Array) -> Array:
+        """Accelerations (n, N) of all coordinates from those of the held ones (p, N)."""
+        _, J = self.closure(q)
+        right = -np.einsum('krp,pk->kr', J[:, :, self.held], held)
+        if self._relations:
+            right = right - self._curvature(np.concatenate([q, v]))[0].T
+        return self._together(held, J, right)
+
+    def motion(self, guess: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+        """Positions near `guess` (n, N) with rates and accelerations for held `v`, `a` (p, N).
+
+        Returns
+        -------
+        q, v, a (n, N), and what is left open (N,) [m].
+        """
+        q, left = self.positions(guess)
+        rates = self.rates(q, v)
+        return q, rates, self.accelerations(q, rates, a), left
+
+    def _together(self, held: Array, J: Array, right: Array) -> Array:
+        found = np.empty((len(self.coordinates), held.shape[1]))
+        found[self.held] = held
+        found[self.sought] = _solve(J[:, :, self.sought], right).T
+        return found
+
+
+def _solve(A: Array, b: Array) -> Array:
+    """``A x = b`` (N, u) for N matrices (r, u); the shortest of many, the nearest of none."""
+    if A.shape[1] == A.shape[2]:
+        try:
+            return np.asarray(np.linalg.solve(A, b[:, :, None])[:, :, 0])
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray((np.linalg.pinv(A, rcond=1e-12) @ b[:, :, None])[:, :, 0])

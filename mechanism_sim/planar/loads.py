@@ -1,0 +1,61 @@
+"""Forces and moments on links, and what they do to the coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+
+
+@dataclass(frozen=True)
+class Load:
+    """A force at a point of a link, and a moment."""
+
+    name: str  #: of the parameters of its point
+    link: str
+    at: Vector2  #: [m] in the link's frame
+    force: tuple[Term, Term] = (None, None)  #: [N] in the world
+    moment: Term = None  #: [N m]
+
+    def place(self, frames: Frames, mechanism: Mechanism) -> tuple[Jet, Jet]:
+        """World components of the point [m]."""
+        return frames.position(mechanism.point(self.link, self.at), self.name)
+
+
+class Wrench(NamedTuple):
+    """Force and moment of the first-named on the second-named link of a joint.
+
+    The moment is about the joint's point on the second-named link.
+    """
+
+    x: Term  #: [N]
+    y: Term  #: [N]
+    moment: Term = None  #: [N m]
+
+
+def generalised(loads: Iterable[Load], frames: Frames, mechanism: Mechanism) -> dict[str, Term]:
+    """Generalised forces by coordinate, [N m] for angles and [N] for displacements.
+
+    The virtual work of the loads, ``F.dp + M dtheta``.
+    """
+    found: dict[str, Term] = {}
+    for load in loads:
+        if load.link == GROUND:
+            continue
+        for jet, force in zip(load.place(frames, mechanism), load.force, strict=True):
+            for c, slope in jet.gradient.items():
+                found[c] = add(found.get(c), mul(force, slope))
+        frame = mechanism.frame(load.link)[0]
+        if frame != GROUND:
+            found[frame] = add(found.get(frame), load.moment)
+    return {c: term for c, term in found.items() if term is not None}
+
+
+def moment_of(arm: tuple[Term, Term], force: tuple[Term, Term]) -> Term:
+    """``arm x force``."""
+    return add(mul(arm[0], force[1]), neg(mul(arm[1], force[0])))

@@ -1,0 +1,215 @@
+"""What a scene file says of a linkage that is written out: links, joints, drives, forces."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from mechanism_sim.numerics import formula
+from mechanism_sim.scene.schema import (
+    AddedInertia,
+    AffineTorque,
+    Angle,
+    Clearance,
+    Gravity,
+    Inertia,
+    Length,
+    Mass,
+    Motor,
+    Outputs,
+    Part,
+    Position,
+    Rate,
+    Solver,
+    Time,
+)
+from mechanism_sim.units import Measure, to_si, to_si_of
+
+
+def _either(*units: str) -> BeforeValidator:
+    """A quantity of one of several kinds, which the coordinate it belongs to decides."""
+    return BeforeValidator(lambda value: to_si_of(value, units))
+
+
+Place = Annotated[Measure, _either('rad', 'm')]
+Pace = Annotated[Measure, _either('rad/s', 'm/s')]
+Stiffness = Annotated[Measure, _either('N/m', 'N m/rad'), Field()]
+Damping = Annotated[Measure, _either('N s/m', 'N m s/rad')]
+PerSpeed = Annotated[float, BeforeValidator(lambda x: to_si(x, 'N s/m'))]
+PerPosition = Annotated[float, BeforeValidator(lambda x: to_si(x, 'N/m'))]
+
+
+def _or_formula(unit: str) -> BeforeValidator:
+    """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``."""
+
+    def read(value: Any) -> float | str:
+        try:
+            return to_si(value, unit)
+        except ValueError:
+            if not isinstance(value, str) or not _is_formula(value):
+                raise
+            return value
+
+    return BeforeValidator(read)
+
+
+def _is_formula(text: str) -> bool:
+    try:
+        return bool(formula.names(text))
+    except ValueError:
+        return False
+
+
+Force = Annotated[float | str, _or_formula('N')]
+Torque = Annotated[float | str, _or_formula('N m')]
+Vector = tuple[Position, Position]
+
+
+class LinkageLink(Part):
+    """A link: its points, and what it weighs."""
+
+    length: Length | None = None  #: from `start` to `end`
+    points: dict[str, Vector] = {}
+    mass: Mass | None = None
+    inertia: Inertia | None = None  #: about the centre of gravity
+    cog: Position | Vector = 0.0
+
+
+class PointMass(Part):
+    """A mass at a point of a link, ``LINK.POINT``."""
+
+    on: str
+    mass: Mass
+
+
+Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+class LinkageJoint(Part):
+    """A joint between points of two links: of one kind."""
+
+    revolute: Reference | None = None
+    prismatic: Reference | None = None
+    slot: Reference | None = None
+    axis: Angle = 0.0  #: of sliding: in the first link of a prismatic joint, in the second's slot
+    angle: Angle = 0.0  #: of the second link in the first, for a prismatic joint
+    clearance: Clearance | None = None
+
+    @model_validator(mode='after')
+    def _one_kind(self) -> LinkageJoint:
+        kinds = [k for k in ('revolute', 'prismatic', 'slot') if getattr(self, k) is not None]
+        if len(kinds) != 1:
+            raise ValueError(
+                'must be of one kind: revolute, prismatic or slot, with two points such as '
+                '[crank.end, rod.start]'
+            )
+        if self.clearance and kinds != ['revolute']:
+            raise ValueError('cannot have a clearance: only revolute joints can be loose')
+        return self
+
+    @property
+    def kind(self) -> str:
+        """revolute, prismatic or slot."""
+        return 'revolute' if self.revolute else 'prismatic' if self.prismatic else 'slot'
+
+    @property
+    def points(self) -> list[str]:
+        """The two points."""
+        return self.revolute or self.prismatic or self.slot or []
+
+
+class LinkageProfile(Part):
+    """Speeds at given times, joined by ramps; the last one stays."""
+
+    points: list[tuple[Time, Pace]] = Field(min_length=1)
+    ramp: Literal['linear', 'smooth'] = 'linear'
+
+
+class AffineForce(Part):
+    """``constant + per_position * displacement + per_speed * speed``."""
+
+    constant: Annotated[float, BeforeValidator(lambda x: to_si(x, 'N'))] = 0.0
+    per_position: PerPosition = 0.0
+    per_speed: PerSpeed = 0.0
+
+
+class LinkageDrive(Part):
+    """What moves a coordinate: a speed, a profile of speeds, a torque, a force, or a motor."""
+
+    coordinate: str | None = None
+    speed: Pace | None = None  #: with a torque, a force or a motor the speed at the start
+    profile: LinkageProfile | None = None
+    torque: AffineTorque | None = None
+    force: AffineForce | None = None
+    motor: Motor | None = None
+    flywheel: AddedInertia = 0.0
+    start_angle: Angle | None = None
+    start_position: Position | None = None
+
+
+class SpringPart(Part):
+    """Between two points, or, with an angular stiffness, between two links."""
+
+    between: Reference
+    stiffness: Stiffness = Measure(0.0, '')
+    damping: Damping = Measure(0.0, '')
+    free_length: Annotated[float, BeforeValidator(lambda x: to_si(x, 'm'))] | None = None
+    free_angle: Angle | None = None
+
+
+class DuringPart(Part):
+    """A part of the cycle of a coordinate."""
+
+    coordinate: str
+    begin: Angle = Field(alias='from')
+    end: Angle = Field(alias='to')
+
+
+class LoadPart(Part):
+    """A force at a point of a link, a torque on it, or both."""
+
+    on: str
+    force: tuple[Force, Force] = (0.0, 0.0)
+    torque: Torque = 0.0
+    frame: Literal['world', 'link'] = 'world'
+    during: DuringPart | None = None
+
+
+class LinkageInitial(Part):
+    """Coordinates that do not start where drive and guess would put them."""
+
+    position: dict[str, Place] = {}
+    velocity: dict[str, Pace] = {}
+
+
+class LinkageSensor(Part):
+    """An ideal accelerometer on a link."""
+
+    kind: Literal['accelerometer'] = 'accelerometer'
+    link: str
+    at: Position | Vector = 0.0
+    axis: Literal['along', 'across'] = 'across'
+    sample_rate: Rate = 10000.0
+
+
+class LinkageScene(Part):
+    """A scene that names its links and joints."""
+
+    title: str
+    description: str = ''
+    mechanism: Literal['linkage']
+    links: dict[str, LinkageLink]
+    joints: dict[str, LinkageJoint]
+    masses: dict[str, PointMass] = {}
+    gravity: Gravity = (0.0, 0.0)
+    drive: LinkageDrive | None = None
+    drives: dict[str, LinkageDrive] = {}
+    guess: dict[str, Place] = {}
+    springs: dict[str, SpringPart] = {}
+    loads: dict[str, LoadPart] = {}
+    start: Literal['seated', 'centred'] = 'seated'
+    initial: LinkageInitial = LinkageInitial()
+    sensors: dict[str, LinkageSensor] = {}
+    outputs: Outputs = Outputs()
+    solver: Solver = Solver()

@@ -1,0 +1,401 @@
+"""From a linkage that is written out to its plan, refusing what does not fit together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.forces import AppliedForce, CycleRange, Spring, TorsionSpring
+from mechanism_sim.numerics import formula
+from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Body,
+    Joint,
+    Mechanism,
+    PinInSlot,
+    Prismatic,
+    Revolute,
+    Vector2,
+    closing_joints,
+)
+from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.scene.files import nearest
+from mechanism_sim.scene.linkage import LinkageDrive, LinkageJoint, LinkageScene, LoadPart
+from mechanism_sim.scene.plan import Plan, motor_law
+from mechanism_sim.units import Measure
+
+RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi', 'now', 'watch', 'step_constant', 'run_time')
+
+
+def linkage_plan(name: str, scene: LinkageScene) -> Plan:
+    """The plan of a scene that names its links and joints.
+
+    Raises
+    ------
+    InputError
+        One sentence: where, what, what is allowed, the nearest.
+    """
+    return _Reader(name, scene).plan()
+
+
+class _Reader:
+    """Reads one scene; every refusal begins with its name."""
+
+    def __init__(self, name: str, scene: LinkageScene) -> None:
+        self._name = name
+        self._scene = scene
+        for link in scene.links:
+            if link != GROUND and (not link.isidentifier() or link in RESERVED):
+                raise InputError(
+                    f"{name}: links.{link}: the name '{link}' cannot be used; names are letters, "
+                    f'digits and _, but not {", ".join(RESERVED)}'
+                )
+        self._links = [link for link in scene.links if link != GROUND]
+        if not self._links:
+            raise InputError(f'{name}: links: there is no moving link; add one beside the ground')
+        self._points = {link: self._points_of(link) for link in [GROUND, *self._links]}
+
+    def plan(self) -> Plan:
+        """All of it."""
+        scene = self._scene
+        joints = tuple(self._joint(name, j) for name, j in scene.joints.items())
+        self._check_connected(joints)
+        drives = self._drives()
+        loose = {n: j.clearance for n, j in scene.joints.items() if j.clearance}
+        straight = [c for c, d in drives.items() if self._is_straight(d)]
+        closing = closing_joints(self._links, joints, (), straight)
+        massless = Mechanism(tuple(Body(x, 0.0, 0.0, (0.0, 0.0)) for x in self._links),
+                             joints, closing)  # fmt: skip
+        bodies = self._bodies(massless, drives)
+        laws: dict[str, tuple[Law, ...]] = {}
+        begins: dict[str, tuple[float, float]] = {}
+        for c, drive in drives.items():
+            laws[c], begins[c] = self._laws(c, drive, massless)
+        for name, spring in scene.springs.items():
+            self._check_spring(name, spring.between, spring.stiffness, spring.damping)
+        for name, load in scene.loads.items():
+            self._check_load(name, load, massless)
+        loads = [p.on for p in scene.masses.values()]
+        return Plan(
+            bodies,
+            joints,
+            closing,
+            scene.gravity,
+            {n: c for n, c in loose.items() if c},
+            laws or {massless.coordinates[0]: (TorqueLaw(massless.coordinates[0]),)},
+            begins,
+            (
+                self._values('initial.position', scene.initial.position, massless, ('rad', 'm')),
+                self._values('initial.velocity', scene.initial.velocity, massless,
+                             ('rad/s', 'm/s')),
+            ),
+            self._values('guess', scene.guess, massless, ('rad', 'm')),
+            self._points,
+            self._elements,
+            all(
+                link.mass is not None or any(p.split('.')[0] == n for p in loads)
+                for n, link in scene.links.items()
+                if n != GROUND
+            ),
+        )  # fmt: skip
+
+    # --- links, points, joints ----------------------------------------------------------------
+
+    def _points_of(self, link: str) -> dict[str, Vector2]:
+        given = self._scene.links.get(link)
+        points: dict[str, Vector2] = {'start': (0.0, 0.0)}
+        if given and given.length is not None:
+            points['end'] = (given.length, 0.0)
+        if given:
+            for name in given.points:
+                if name in points:
+                    raise InputError(
+                        f"{self._name}: links.{link}.points.{name}: '{name}' is the link's "
+                        f'{"origin" if name == "start" else "far end"} already; choose another '
+                        'name'
+                    )
+            points |= given.points
+        return points
+
+    def _find(self, where: str, reference: str) -> tuple[str, Vector2]:
+        """A link and a point in its frame, from ``LINK.POINT`` or ``LINK``."""
+        link, _, point = reference.partition('.')
+        if link not in self._points:
+            raise InputError(
+                f"{self._name}: {where}: there is no link '{link}'"
+                f'{nearest(link, self._points)}; links: {", ".join(self._points)}'
+            )
+        points = self._points[link]
+        if (point or 'start') not in points:
+            raise InputError(
+                f"{self._name}: {where}: the link {link} has no point '{point}'"
+                f'{nearest(point, points)}; its points: {", ".join(points)}'
+            )
+        return link, points[point or 'start']
+
+    def _joint(self, name: str, joint: LinkageJoint) -> Joint:
+        where = f'joints.{name}'
+        if not name.isidentifier():
+            raise InputError(
+                f"{self._name}: {where}: the name '{name}' cannot be used; names are letters, "
+                'digits and _'
+            )
+        (a, on_a), (b, on_b) = (self._find(f'{where}.{joint.kind}', p) for p in joint.points)
+        if a == b:
+            raise InputError(
+                f'{self._name}: {where}.{joint.kind} ties the link {a} to itself: give points of '
+                'two links'
+            )
+        for key, kinds in (('axis', ('prismatic', 'slot')), ('angle', ('prismatic',))):
+            if getattr(joint, key) and joint.kind not in kinds:
+                raise InputError(
+                    f'{self._name}: {where}.{key} has no meaning in a {joint.kind} joint'
+                )
+        if joint.kind == 'revolute':
+            return Revolute(name, a, b, on_a, on_b)
+        if joint.kind == 'slot':
+            return PinInSlot(name, a, b, on_a, on_b, joint.axis)
+        return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
+
+    def _check_connected(self, joints: Iterable[Joint]) -> None:
+        reached, grown = {GROUND}, True
+        while grown:
+            ends = [{j.first, j.second} for j in joints if {j.first, j.second} & reached]
+            grown = not set().union(*ends) <= reached
+            reached |= set().union(*ends)
+        apart = [link for link in self._links if link not in reached]
+        if apart:
+            raise InputError(
+                f'{self._name}: the link {apart[0]} is not connected to the ground by joints; '
+                "add a joint of it under 'joints'"
+            )
+
+    def _bodies(self, tree: Mechanism, drives: Mapping[str, LinkageDrive]) -> tuple[Body, ...]:
+        found = []
+        for link in self._links:
+            given = self._scene.links[link]
+            cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
+            turns = tree.frame(link)[0] != GROUND
+            if given.mass is not None and given.inertia is None and turns:
+                raise InputError(
+                    f"{self._name}: 'links.{link}.inertia' is missing: the link has a mass and "
+                    'turns; give its moment of inertia about the centre of gravity (0 for a point '
+                    'mass)'
+                )
+            parts = [(given.mass or 0.0, given.inertia or 0.0, cog)]
+            for name, mass in self._scene.masses.items():
+                on, at = self._find(f'masses.{name}.on', mass.on)
+                if on == link:
+                    parts.append((mass.mass, 0.0, at))
+            body = _together(link, parts)
+            if link in drives:
+                body = Body(link, body.mass, body.inertia + drives[link].flywheel, body.cog)
+            found.append(body)
+        return tuple(found)
+
+    # --- drives -------------------------------------------------------------------------------
+
+    def _drives(self) -> dict[str, LinkageDrive]:
+        scene, found = self._scene, {}
+        if scene.drive:
+            default = 'crank' if 'crank' in self._links else None
+            coordinate = scene.drive.coordinate or default
+            if coordinate is None:
+                raise InputError(
+                    f"{self._name}: 'drive.coordinate' is missing: name the driven link; links: "
+                    f'{", ".join(self._links)}'
+                )
+            found[coordinate] = scene.drive
+        for coordinate, drive in scene.drives.items():
+            if coordinate in found:
+                raise InputError(f'{self._name}: drives.{coordinate}: it has a drive already')
+            found[coordinate] = drive
+        for coordinate in found:
+            self._coordinate('drive.coordinate', coordinate)
+        return found
+
+    def _coordinate(self, where: str, name: str) -> str:
+        if name not in self._links:
+            raise InputError(
+                f"{self._name}: {where}: there is no coordinate '{name}'"
+                f'{nearest(name, self._links)}; coordinates are named after the moving links: '
+                f'{", ".join(self._links)}'
+            )
+        return name
+
+    @staticmethod
+    def _is_straight(drive: LinkageDrive) -> bool:
+        paces = [drive.speed, *(p for _, p in (drive.profile.points if drive.profile else []))]
+        return (
+            drive.start_position is not None
+            or drive.force is not None
+            or any(p is not None and p.unit == 'm/s' for p in paces)
+        )
+
+    def _laws(
+        self, c: str, drive: LinkageDrive, tree: Mechanism
+    ) -> tuple[tuple[Law, ...], tuple[float, float]]:
+        where = f'{self._name}: the drive of {c}'
+        straight = c in tree.displacements
+        ways = [w for w in ('profile', 'torque', 'force', 'motor') if getattr(drive, w) is not None]
+        if len(ways) > 1:
+            raise InputError(f'{where}: {ways[0]} and {ways[1]} exclude each other: keep one')
+        wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
+        for key in sorted(wrong):
+            if getattr(drive, key) is not None:
+                raise InputError(
+                    f"{where}: '{key}' does not fit: {c} is {_kind(straight)}"
+                )
+        start = drive.start_position if straight else drive.start_angle
+        start = self._values('initial.position', self._scene.initial.position, tree,
+                             ('rad', 'm')).get(c, start)  # fmt: skip
+        value = start if start is not None else self._values(
+            'guess', self._scene.guess, tree, ('rad', 'm')).get(c, 0.0)  # fmt: skip
+        speed = 0.0 if drive.speed is None else self._measure(
+            f'the speed of {c}', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
+        begin = value, speed
+        if drive.torque or drive.force or drive.motor:
+            if drive.motor:
+                if drive.motor.no_load_speed == 0.0:
+                    raise InputError(f'{where}: motor.no_load_speed must not be zero')
+                return (motor_law(c, drive.motor.stall_torque, drive.motor.no_load_speed),), begin
+            f, t = drive.force, drive.torque
+            if f:
+                return (TorqueLaw(c, (f.constant, f.per_position, f.per_speed)),), begin
+            assert t is not None  # noqa: S101 - one of the three is there
+            return (TorqueLaw(c, (t.constant, t.per_angle, t.per_speed)),), begin
+        if drive.profile:
+            times = [t for t, _ in drive.profile.points]
+            for before, after in pairwise(times):
+                if after <= before:
+                    raise InputError(
+                        f'{where}: profile.points: times must rise, but {after:g} s follows '
+                        f'{before:g} s'
+                    )
+            points = [
+                (t, self._measure(f'a speed of {c}', p, straight, ('rad/s', 'm/s')))
+                for t, p in drive.profile.points
+            ]
+            laws = speed_profile(c, value, points, drive.profile.ramp == 'smooth', straight)
+            return tuple(laws), (value, points[0][1])
+        if drive.speed is None:
+            raise InputError(
+                f"{where}: 'speed' is missing: a speed, a profile, a torque, a force or a motor "
+                'moves it'
+            )
+        return (DriveLaw(c, (value, speed), straight=straight),), begin
+
+    # --- values -------------------------------------------------------------------------------
+
+    def _values(
+        self, where: str, given: Mapping[str, Measure], tree: Mechanism, units: tuple[str, str]
+    ) -> dict[str, float]:
+        return {
+            self._coordinate(where, c): self._measure(
+                f'{where}.{c}', m, c in tree.displacements, units
+            )
+            for c, m in given.items()
+        }
+
+    def _measure(
+        self, where: str, measure: Measure, straight: bool, units: tuple[str, str]
+    ) -> float:
+        wanted = units[straight]
+        if measure.unit not in ('', wanted):
+            raise InputError(
+                f'{self._name}: {where} is given in {measure.unit}, but it is {_kind(straight)}, '
+                f'in {wanted}'
+            )
+        if not math.isfinite(measure.value):
+            raise InputError(f'{self._name}: {where} must be finite')
+        return measure.value
+
+    # --- forces -------------------------------------------------------------------------------
+
+    def _check_spring(
+        self, name: str, between: list[str], stiffness: Measure, damping: Measure
+    ) -> None:
+        ends = [self._find(f'springs.{name}.between', p)[0] for p in between]
+        if ends[0] == ends[1]:
+            raise InputError(f'{self._name}: springs.{name}.between names one link twice')
+        kinds = {m.unit.endswith('rad') for m in (stiffness, damping) if m.unit}
+        if len(kinds) != 1:
+            raise InputError(
+                f'{self._name}: springs.{name}: give stiffness and damping both per length '
+                "('200 N/m', '5 N s/m') or both per angle ('3 N m/rad', '0.1 N m s/rad')"
+            )
+        spring = self._scene.springs[name]
+        if kinds == {True} and spring.free_length is not None:
+            raise InputError(f'{self._name}: springs.{name}: a torsion spring has a free_angle')
+        if kinds == {False} and spring.free_angle is not None:
+            raise InputError(f'{self._name}: springs.{name}: a straight spring has a free_length')
+        if min(stiffness.value, damping.value) < 0.0:
+            raise InputError(
+                f'{self._name}: springs.{name}: stiffness and damping cannot be negative'
+            )
+
+    def _check_load(self, name: str, load: LoadPart, tree: Mechanism) -> None:
+        where = f'loads.{name}'
+        self._find(f'{where}.on', load.on)
+        known = {'t', 'x', 'y', 'vx', 'vy', *self._links, *(f'{x}_rate' for x in self._links)}
+        for part in (*load.force, load.torque):
+            if isinstance(part, str):
+                for used in formula.names(part) - known:
+                    raise InputError(
+                        f"{self._name}: {where}: the formula '{part}' names '{used}'"
+                        f'{nearest(used, known)}; it may name t, x, y, vx, vy, a link, or '
+                        'LINK_rate'
+                    )
+        if load.during:
+            c = self._coordinate(f'{where}.during.coordinate', load.during.coordinate)
+            if tree.frame(c) != (c, 0.0):
+                raise InputError(
+                    f'{self._name}: {where}.during.coordinate: {c} is a displacement; a range is '
+                    'one of angles'
+                )
+
+    def _elements(self, mechanism: Mechanism) -> list[ForceElement]:
+        found: list[ForceElement] = []
+        for name, s in self._scene.springs.items():
+            a, b = (self._find(f'springs.{name}.between', p) for p in s.between)
+            if (s.stiffness.unit or s.damping.unit).endswith('rad'):
+                found.append(
+                    TorsionSpring(f'springs.{name}', mechanism, a[0], b[0], s.stiffness.value,
+                                  s.free_angle or 0.0, s.damping.value)
+                )  # fmt: skip
+            else:
+                found.append(
+                    Spring(f'springs.{name}', mechanism, a, b, s.stiffness.value,
+                           s.free_length or 0.0, s.damping.value)
+                )  # fmt: skip
+        for name, load in self._scene.loads.items():
+            during = None
+            if load.during:
+                d = load.during
+                during = CycleRange(d.coordinate, d.begin, d.end)
+            found.append(
+                AppliedForce(
+                    f'loads.{name}', mechanism, self._find(f'loads.{name}.on', load.on),
+                    load.force, load.torque, load.frame == 'link', during,
+                )
+            )  # fmt: skip
+        return found
+
+
+def _together(link: str, parts: Iterable[tuple[float, float, Vector2]]) -> Body:
+    """One rigid body of several masses, by the parallel axis theorem."""
+    parts = list(parts)
+    mass = sum(m for m, _, _ in parts)
+    if len(parts) == 1 or not mass:
+        m, inertia, cog = parts[0]
+        return Body(link, m, inertia, cog)
+    x, y = (sum(m * at[k] for m, _, at in parts) / mass for k in (0, 1))
+    inertia = sum(i + m * ((at[0] - x) ** 2 + (at[1] - y) ** 2) for m, i, at in parts)
+    return Body(link, mass, inertia, (x, y))
+
+
+def _kind(straight: bool) -> str:
+    return 'a displacement' if straight else 'an angle'
