@@ -17,9 +17,10 @@ import sympy
 
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.protocols import ForceElement, Gap
+from mechanism_sim.planar.loads import generalised
+from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.report.equations import Equation, MachineEquations, Part
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.scene.machine import Level, Machine
@@ -46,24 +47,26 @@ class _Recorder:
 
     def __init__(self, frames: Any) -> None:
         self._frames = frames
+        self._made: dict[str, tuple[Jet, Jet]] = {}
         self.seen: dict[str, tuple[Jet, Jet]] = {}
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._frames, name)
 
     def position(self, point: Any, label: str) -> tuple[Jet, Jet]:
-        found: tuple[Jet, Jet] = self._frames.position(point, label)
-        self.seen[label] = found
-        return found
+        if label not in self._made:
+            self._made[label] = self._frames.position(point, label)
+        self.seen[label] = self._made[label]
+        return self._made[label]
 
 
 class _Derivation:
     def __init__(self, machine: Machine, rates: bool) -> None:
         self._machine, self._rates = machine, rates
         self._system: System | None = machine.system if machine.dynamic else None
-        self._equations = (
-            self._system.equations if self._system else machine.inverse_dynamics._equations
-        )
+        model = self._system or machine.inverse_dynamics
+        self._equations = model.equations
+        self._elements = model.elements
         self._symbols = Symbols(self._equations)
         self._recorder: Any = _Recorder(self._equations.frames)
         self._abbreviations: dict[str | hy.expression, hy.expression] = {}
@@ -76,7 +79,7 @@ class _Derivation:
         machine, symbols = self._machine, self._symbols
         closures = self._closures()
         gaps = self._gaps()
-        self._elements()
+        self._load()
         self._drives()
         parts = [
             Part('drive_laws', 'Drive', self._laws()),
@@ -86,6 +89,7 @@ class _Derivation:
             gaps[0],
             Part('gap_rates', 'Gaps, differentiated once', gaps[1]),
             Part('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
+            Part('switches', 'Parts of the cycle', self._switches()),
             Part('forces', 'Forces', self._abridged()),
             Part('motion', 'Equations of motion', self._motion()),
         ]
@@ -108,10 +112,12 @@ class _Derivation:
 
     def _coordinate(self, q: Symbol, v: Symbol, a: Symbol) -> tuple[Symbol, Symbol, Symbol]:
         """The symbols of a coordinate, the first with what moves it in its meaning."""
-        laws = {law.coordinate: isinstance(law, DriveLaw) for law in self._machine.laws}
+        plan = self._machine.plan
         role = 'free' if self._system else 'follows from the closures'
-        if q.name in laws:
-            role = 'prescribed' if laws[q.name] else 'moved by its drive'
+        if q.name in plan.prescribed:
+            role = 'prescribed'
+        elif q.name in plan.powered and not _idle(plan.laws[q.name]):
+            role = 'moved by its drive'
         return replace(q, meaning=f'{q.meaning}; {role}'), v, a
 
     def _say(self, term: Term) -> Expression:
@@ -167,9 +173,9 @@ class _Derivation:
         jets = iter(self._equations.relation_jets)
         for relation in self._equations.relations:
             values = relation.values(self._recorder)
-            vectors = [jet.value for pair in self._recorder.seen.values() for jet in pair]
+            vectors = [jet for pair in self._recorder.seen.values() for jet in pair]
             self._recorder.seen.clear()
-            plain = len(values) == 2 and all(v.value in vectors for v in values)
+            plain = values == vectors
             for index, jet in zip('xy' if plain else '12', [next(jets) for _ in values]):  # noqa: B905
                 joint = relation.name
                 orders[0].append(Equation(joint, self._terms(jet.value), zero))
@@ -177,9 +183,9 @@ class _Derivation:
                     for line, terms in zip(orders[1:], self._derivatives(jet), strict=True):
                         line.append(Equation(joint, terms, zero))
                 if self._machine.level is not Level.KINEMATIC:
-                    meaning = f'force on the first link of {joint} along its closure {index}'
-                    unit = 'N'
-                    force = self._symbols.make(f'lambda{index}', (joint,), joint, meaning, unit)
+                    where = 'on the first link of' if plain else 'along a closure of'
+                    meaning = f'force {index} {where} {joint}'
+                    force = self._symbols.make(f'lambda{index}', (joint,), joint, meaning, 'N')
                     self._push(jet, force)
         return tuple(map(tuple, orders))
 
@@ -229,26 +235,37 @@ class _Derivation:
             for force, law in zip(forces, laws, strict=False):
                 self._forces.append(Equation(joint, (force,), (self._say(law),)))
 
-    def _elements(self) -> None:
-        """Generalised forces of what needs no gap."""
-        elements: Sequence[ForceElement] = self._system.elements if self._system else ()
-        for element in elements:
-            found = element.generalised(self._recorder)
+    def _load(self) -> None:
+        """Generalised forces of what needs no gap, and where it acts in the cycle."""
+        mechanism = self._equations.mechanism
+        for element in self._elements:
+            loads = element.loads(self._recorder)
+            found = generalised(loads, self._recorder, mechanism)
             self._name_vectors()
             for c, term in found.items():
                 meaning = f'force of {element.name} on {c}'
                 unit = self._symbols.unit_of_force(c)
                 Q = self._symbols.make('Q', (element.name, c), element.name, meaning, unit)
                 self._on[c].append(Q)
-                self._forces.append(Equation(element.name, (Q,), (self._say(term),)))
+                self._forces.append(Equation(element.name, (Q,), self._terms(term)))
+
+    def _switches(self) -> tuple[Equation, ...]:
+        """Where forces act that do so in a part of the cycle only."""
+        lines = []
+        for name, switch in self._equations.frames.switches.items():
+            left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
+            [flag] = self._say(switch.flag).free_symbols
+            note = f'{flag} is 1 where this is positive, otherwise 0'
+            lines.append(Equation(name, (left,), self._terms(switch.guard), note))
+        return tuple(lines)
 
     def _abridged(self) -> tuple[Equation, ...]:
         """The laws of force; long ones with intermediate quantities before them."""
-        expressions = [e.right[0] for e in self._forces]
-        if all(sympy.count_ops(x) < _LONG for x in expressions):
+        sums = [sympy.Add(*e.right) for e in self._forces]
+        if all(sympy.count_ops(x) < _LONG for x in sums):
             return tuple(self._forces)
         names = sympy.numbered_symbols('z', start=1, real=True)
-        steps, rest = sympy.cse(expressions, names, order='none')
+        steps, rest = sympy.cse(sums, names, order='none')
         return (
             *(Equation(str(symbol), (symbol,), (value,)) for symbol, value in steps),
             *(Equation(e.name, e.left, (x,)) for e, x in zip(self._forces, rest, strict=True)),
@@ -256,33 +273,31 @@ class _Derivation:
 
     def _drives(self) -> None:
         """What a drive brings about: the force of a prescribed motion is among the unknowns."""
-        for c in dict.fromkeys(law.coordinate for law in self._machine.laws):
+        for c, laws in self._machine.plan.laws.items():
+            if _idle(laws) or self._machine.level is Level.KINEMATIC:
+                continue
             unit = self._symbols.unit_of_force(c)
             stem, what = ('tau', 'torque') if unit == 'N m' else ('F', 'force')
-            self._on[c].append(
-                self._symbols.make(stem, (c,), c, f'{what} of the drive on {c}', unit)
-            )
+            meaning = f'{what} of the drive on {c}'
+            self._on[c].append(self._symbols.make(stem, (c,), c, meaning, unit))
 
     def _laws(self) -> tuple[Equation, ...]:
         """Motion, with its acceleration where that counts, or force that drives give."""
         lines = []
-        symbols, laws = self._symbols, self._machine.laws
-        for law in laws:
-            c = law.coordinate
-            several = sum(other.coordinate == c for other in laws) > 1
-            since = f'for t >= {law.valid_from!r} s' if several else ''
-            if isinstance(law, DriveLaw):
+        symbols = self._symbols
+        for c, laws in self._machine.plan.laws.items():
+            for law in () if _idle(laws) else laws:
+                since = f'for t >= {law.valid_from!r} s' if len(laws) > 1 else ''
+                if isinstance(law, TorqueLaw):
+                    factors = (sympy.Integer(1), symbols.q[c], symbols.v[c])
+                    lines.append(Equation(c, (self._on[c][-1],), _sum(law, factors), since))
+                    continue
                 t = symbols.time - law.reference_time if law.reference_time else symbols.time
-                powers = [t**k for k in range(law.degree + 1)]
-                given = [a * x for a, x in zip(law.coefficients, powers, strict=True)]
-                lines.append(Equation(c, (symbols.q[c],), _without_zeros(given), since))
+                given = _sum(law, [t**k for k in range(law.degree + 1)])
+                lines.append(Equation(c, (symbols.q[c],), given, since))
                 if self._machine.level is not Level.KINEMATIC:
-                    twice = [x.diff(symbols.time, 2) for x in map(sympy.sympify, given)]
-                    lines.append(Equation(c, (symbols.a[c],), _without_zeros(twice), since))
-            else:
-                factors = (sympy.Integer(1), symbols.q[c], symbols.v[c])
-                given = [a * x for a, x in zip(law.coefficients, factors, strict=True)]
-                lines.append(Equation(c, (self._on[c][-1],), _without_zeros(given), since))
+                    twice = sympy.diff(sympy.Add(*given), symbols.time, 2)
+                    lines.append(Equation(c, (symbols.a[c],), (twice,), since))
         return tuple(lines)
 
     def _motion(self) -> tuple[Equation, ...]:
@@ -310,8 +325,15 @@ def _shown(parts: Sequence[Part]) -> list[Expression]:
     return [x for p in parts for e in p.equations for x in (*e.left, *e.right)]
 
 
-def _without_zeros(terms: list[Expression]) -> tuple[Expression, ...]:
-    return tuple(x for x in terms if x != 0) or (sympy.Integer(0),)
+def _idle(laws: Sequence[Law]) -> bool:
+    """Whether the laws of a coordinate leave it free."""
+    return all(isinstance(law, TorqueLaw) and not any(law.coefficients) for law in laws)
+
+
+def _sum(law: Law, factors: Sequence[Expression]) -> tuple[Expression, ...]:
+    """The terms of a law, which are its coefficients times these."""
+    terms = [a * x for a, x in zip(law.coefficients, factors, strict=True) if a]
+    return tuple(terms) or (sympy.Integer(0),)
 
 
 def _condition(gap: Gap) -> str:

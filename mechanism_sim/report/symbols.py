@@ -27,11 +27,13 @@ _LATEX = {
     'theta': r'\theta', 'thetadot': r'\dot{\theta}', 'thetaddot': r'\ddot{\theta}',
     'sdot': r'\dot{s}', 'sddot': r'\ddot{s}', 'xdot': r'\dot{x}', 'xddot': r'\ddot{x}',
     'ydot': r'\dot{y}', 'yddot': r'\ddot{y}', 'tau': r'\tau', 'sigma': r'\sigma',
-    'Px': r"P'", 'Wx': r"W'",
 }  # fmt: skip
 """Stems that LaTeX writes otherwise."""
 
-_INDEXED = {'lambda': r'\lambda', 'Q': 'Q', 'Qdot': r'\dot{Q}'}
+_INDEXED = {
+    'lambda': r'\lambda', 'Q': 'Q', 'Qdot': r'\dot{Q}', 'F': 'F', 'e': 'e', 'n': 'n',
+    'theta': r'\theta', 'l': 'l', 'v': 'v',
+}  # fmt: skip
 """Stems whose last letter is an index."""
 
 _LARGE = 100
@@ -62,7 +64,7 @@ class Symbols:
     def __init__(self, equations: Equations) -> None:
         self.known: dict[str, Symbol] = {}
         self._equations = equations
-        self._displacements = equations.frames.displacements
+        self._displacements = equations.mechanism.displacements
         self._variables: dict[Expression, Expression] = {}
         self.q: dict[str, Expression] = {}
         self.v: dict[str, Expression] = {}
@@ -78,6 +80,16 @@ class Symbols:
                 own[c] = self.make(stem + dots, (subject,), str(engine[c]), words, per)
                 self._variables[_sympy_symbol(str(engine[c]))] = own[c]
         self.time = self.make('t', (), 'time', 'time', 's')
+        for name, variable in frames.outside.items():
+            known = self.time
+            if name != 'time':
+                c = name.removesuffix('.turns')
+                known = self.make('n', (c,), name, f'whole turns that theta_{c} leaves out', '')
+            self._variables[_sympy_symbol(str(variable))] = known
+        for name, switch in frames.switches.items():
+            meaning = f'1 where {name} acts, otherwise 0'
+            known = self.make('sigma', (name,), f'{name}.on', meaning, '')
+            self._variables[_sympy_symbol(str(switch.flag))] = known
 
     def _kind(self, c: str) -> tuple[str, str, str, str]:
         """Stem, subject, meaning and unit of a coordinate."""
@@ -106,6 +118,7 @@ class Symbols:
         The same is what has stem, subjects and value in common; of several values the later ones
         are numbered.
         """
+        subjects = tuple(re.sub(r'^(springs|loads)\.', '', s) for s in subjects)
         base = text = '_'.join([stem, *(re.sub(r'\W', '_', s) for s in subjects)])
         number = 1
         while text in self.known:
@@ -124,7 +137,6 @@ class Symbols:
         exchange = {x: self._variables[x] for x in found.free_symbols if x in self._variables}
         parameters = [x for x in found.free_symbols if str(x).startswith('par[')]
         exchange |= {x: self._parameter(x) for x in sorted(parameters, key=_index)}
-        exchange |= {x: self.time for x in found.atoms(sympy.Function) if 'time' in str(x.func)}
         exchange |= {x: r for x in found.atoms(sympy.Float) if _plain(r := sympy.Rational(x))}
         return tidy(found.xreplace(exchange))
 
@@ -138,18 +150,12 @@ class Symbols:
     def _named(self, name: str, value: float) -> Expression:
         """The parameter `name` by a symbol of positive value."""
         sign = -1 if value < 0.0 else 1
-        for pattern, stem, meaning, unit in _MEANINGS:
-            if found := re.fullmatch(pattern, name):
-                subjects = tuple(found.groups())
-                said = meaning.format(*subjects)
-                constant = None if stem in _CHANGING else abs(value)
-                return sign * self.make(stem, subjects, name, said, unit, constant)
         if name.endswith('.half_clearance'):
             return self._clearance(name, 2.0 * value) / 2
         if name.endswith('.minus_curvature'):
             return -1 / self._clearance(name, -1.0 / value)
-        for make in (self._of_mass, self._of_vector):
-            if made := make(name, abs(value)):
+        for make in (self._of_mass, self._of_vector, self._of_element):
+            if (made := make(name, abs(value))) is not None:
                 return sign * made
         return sign * self.make('p', (name,), name, name, '', abs(value))
 
@@ -162,42 +168,76 @@ class Symbols:
 
     def _of_mass(self, name: str, value: float) -> Expression | None:
         """Constants of mass matrix, velocity products and weight."""
-        cross = name.endswith('.cross')
-        plain = name.removesuffix('.cross')
-        for f in self._equations.coordinates:
-            if plain == f'weight.{f}':
-                stem = 'Wx' if cross else 'W'
-                unit = self.unit_of_force(f)
-                meaning = f'weight moved by {f}' + ', times its arm' * (unit == 'N m')
-                return self.make(stem, (f,), name, meaning, unit, value)
-            for g in self._equations.coordinates:
-                if plain not in (f'inertia.{f}.{g}', f'centripetal.{f}.{g}'):
+        plain = re.sub(r'(\.\d+)?(\.cross)?$', '', name)
+        kind, _, rest = plain.partition('.')
+        coordinates = self._equations.coordinates
+        if kind == 'weight' and rest in coordinates:
+            unit = self.unit_of_force(rest)
+            meaning = f'weight moved by {rest}' + ', times its arm' * (unit == 'N m')
+            return self.make('W', (rest,), name, meaning, self._unit(unit), value)
+        for f in coordinates:
+            for g in coordinates:
+                pair = tuple(sorted((f, g), key=coordinates.index))
+                if kind == 'coriolis' and rest.startswith(f'{f}.') and rest.endswith(f'.{g}'):
+                    meaning = f'Coriolis term of {f}: masses times arms, twice'
+                    return self.make('C', pair, name, meaning, '', value)
+                if kind not in ('inertia', 'centripetal') or rest != f'{f}.{g}':
                     continue
-                unit = ('kg m^2', 'kg m', 'kg')[(f in self._displacements)
-                                                + (g in self._displacements)]  # fmt: skip
+                unit = ('kg m^2', 'kg m', 'kg')[sum(c in self._displacements for c in pair)]
                 if f == g:
                     stem = 'm' if f in self._displacements else 'I'
                     meaning = f'inertia of all that moves with {f}, reduced to it'
-                    return self.make(stem, (f,), name, meaning, unit, value)
-                # a pair has two constants, d_f . d_g and d_f x d_g, wherever they come up
-                pair = tuple(sorted((f, g), key=self._equations.coordinates.index))
-                for stem in ('P', 'Px'):
-                    text = _sympy_symbol('_'.join([stem, *pair])).name
-                    if text in self.known and self.known[text].value == value:
-                        return self.known[text].symbol
-                stem = 'Px' if cross == plain.startswith('inertia') else 'P'
+                    return self.make(stem, (f,), name, meaning, self._unit(unit), value)
+                # the constants of a pair come up in the mass matrix and in velocity products
                 meaning = f'sum of masses times their arms on {pair[0]} and {pair[1]}'
-                return self.make(stem, pair, name, meaning, unit, value)
+                return self.make('P', pair, name, meaning, self._unit(unit), value)
         return None
 
+    def _unit(self, unit: str) -> str:
+        """Of a constant of masses; a guide that turns leaves it open, for its displacement."""
+        mechanism = self._equations.mechanism
+        arms = [arm for b in mechanism.bodies for arm in mechanism.point(b.name, b.cog)]
+        return '' if any(slide and frame != GROUND for frame, slide in arms) else unit
+
     def _of_vector(self, name: str, value: float) -> Expression | None:
-        """Components of the vectors of which a position is the sum."""
+        """Components of the vectors of which a position is the sum, and of directions."""
+        rest, _, axis = name.rpartition('.')
+        if axis not in ('x', 'y'):
+            return None
+        joints = {joint.name for joint in self._equations.mechanism.joints}
         for frame in (GROUND, *self._equations.coordinates):
-            for axis, stem in (('x', 'l'), ('y', 'h')):
-                if name.endswith(ending := f'.{frame}.{axis}'):
-                    label = name.removesuffix(ending)
-                    meaning = f'arm on {frame} towards {label}, {axis} in its frame'
-                    return self.make(stem, (frame,), name, meaning, 'm', value)
+            for slide in self._displacements:
+                if rest.endswith(f'.{frame}.{slide}'):
+                    meaning = f'{axis} in the frame of {frame} of the direction of {slide}'
+                    return self._direction(f'e{axis}', (slide,), name, meaning, value)
+            if rest.endswith(f'.{frame}'):
+                label = rest.removesuffix(f'.{frame}')
+                joint, _, part = label.rpartition('.')
+                if joint in joints and part in ('normal', 'first', 'second'):
+                    meaning = f'{axis} in the frame of {frame} of a direction in {joint}'
+                    stem, own = ('n', (joint,)) if part == 'normal' else ('e', (joint, part))
+                    return self._direction(f'{stem}{axis}', own, name, meaning, value)
+                meaning = f'arm on {frame} towards {label}, {axis} in its frame'
+                return self.make('l' if axis == 'x' else 'h', (frame,), name, meaning, 'm', value)
+        return None
+
+    def _direction(
+        self, stem: str, subjects: tuple[str, ...], name: str, meaning: str, value: float
+    ) -> Expression:
+        """A component of a unit vector; one is no symbol."""
+        one = sympy.Integer(1)
+        return one if value == 1.0 else self.make(stem, subjects, name, meaning, '', value)
+
+    def _of_element(self, name: str, value: float) -> Expression | None:
+        """Parameters whose names tell all."""
+        for pattern, stem, meaning, unit in _MEANINGS:
+            if found := re.fullmatch(pattern, name):
+                subjects = tuple(found.groups())
+                said = meaning.format(*subjects)
+                if stem in ('ex', 'ey'):
+                    return self._direction(stem, subjects, name, said, value)
+                constant = None if stem in _CHANGING else value
+                return self.make(stem, subjects, name, said, unit, constant)
         return None
 
     def terms(self, expression: Expression) -> tuple[Expression, ...]:
@@ -221,10 +261,21 @@ class Symbols:
 _MEANINGS = (
     (r'(.+)\.slip\.(.+)', 'r', 'arm of the friction in {0} on {1}', 'm'),
     (r'(.+)\.height', 'h', 'height of the wall of {0}', 'm'),
+    (r'(.+)\.size', 'L', 'length that makes a distance of the angle in {0}', 'm'),
     (r'(.+)\.closed', 'sigma', '1 while {0} is closed, otherwise 0', ''),
     (r'(.+)\.approach', 'v0', 'speed at which {0} closed', 'm/s'),
+    (r'(.+)\.stiffness', 'k', 'stiffness of {0}', 'N/m or N m/rad'),
+    (r'(.+)\.damping', 'd', 'damping of {0}', 'N s/m or N m s/rad'),
+    (r'(.+)\.free_length', 'l0', 'length of {0} without force', 'm'),
+    (r'(.+)\.free_angle', 'theta0', 'angle of {0} without moment', 'rad'),
+    (r'(.+)\.torque', 'Mz', 'torque of {0}', 'N m'),
+    (r'(.+)\.(?:middle|offset)\.x', 'ex', 'x of the direction of {0}', ''),
+    (r'(.+)\.(?:middle|offset)\.y', 'ey', 'y of the direction of {0}', ''),
+    (r'(.+)\.half', 'w', 'cosine of half the part of the cycle in which {0} acts', ''),
+    (r'(.+)\.x', 'Fx', 'x of the force {0}', 'N'),
+    (r'(.+)\.y', 'Fy', 'y of the force {0}', 'N'),
 )
-"""Parameters whose names tell all: pattern, stem, meaning, unit."""
+"""Pattern, stem, meaning, unit."""
 
 _CHANGING = ('sigma', 'v0')
 """Stems of parameters that change during a run."""
@@ -265,7 +316,7 @@ def _sympy_symbol(text: str) -> Expression:
 def _latex(stem: str, subjects: list[str]) -> str:
     index = ''
     for indexed, written in _INDEXED.items():
-        if re.fullmatch(f'{indexed}[xy12]', stem):
+        if re.fullmatch(f'{indexed}[xy012]', stem):
             stem, index = written, stem[-1]
     escaped = ', '.join(s.replace('_', r'\_') for s in subjects)
     labels = [index] * bool(index) + [rf'\mathrm{{{escaped}}}'] * bool(subjects)

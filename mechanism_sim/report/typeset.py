@@ -74,11 +74,9 @@ class Typesetter:
         lines = [f'{eq.scene}: {eq.title}', f'level: {eq.level}']
         for heading, symbols in self._tables():
             lines += ['', heading]
-            size = max(len(s.symbol.name) for s in symbols)
-            lines += [
-                f'  {s.symbol.name:{size}}  {" ".join(_value(s))}'.rstrip() + f'  {s.meaning}'
-                for s in symbols
-            ]
+            rows = [(s.symbol.name, ' '.join(_value(s)).strip(), s.meaning) for s in symbols]
+            wide = [max(len(row[i]) for row in rows) for i in (0, 1)]
+            lines += [f'  {a:{wide[0]}}  {b:{wide[1]}}  {c}' for a, b, c in rows]
         for part in eq.parts:
             lines += ['', part.heading]
             for e in part.equations:
