@@ -66,7 +66,9 @@ class _Derivation:
         self._system: System | None = machine.system if machine.dynamic else None
         model = self._system or machine.inverse_dynamics
         self._equations = model.equations
-        self._elements = model.elements
+        weighed = machine.level is not Level.KINEMATIC
+        self._elements = model.elements if weighed else ()
+        self._switched = self._equations.frames.switches if weighed else {}
         self._symbols = Symbols(self._equations)
         self._recorder: Any = _Recorder(self._equations.frames)
         self._abbreviations: dict[str | hy.expression, hy.expression] = {}
@@ -252,7 +254,7 @@ class _Derivation:
     def _switches(self) -> tuple[Equation, ...]:
         """Where forces act that do so in a part of the cycle only."""
         lines = []
-        for name, switch in self._equations.frames.switches.items():
+        for name, switch in self._switched.items():
             left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
             [flag] = self._say(switch.flag).free_symbols
             note = f'{flag} is 1 where this is positive, otherwise 0'

@@ -18,7 +18,7 @@ from sympy.simplify.fu import TR8
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.report.parameters import describe
 
 Expression: TypeAlias = Any
 """A sympy expression; sympy is not typed."""
@@ -149,15 +149,18 @@ class Symbols:
 
     def _named(self, name: str, value: float) -> Expression:
         """The parameter `name` by a symbol of positive value."""
-        sign = -1 if value < 0.0 else 1
         if name.endswith('.half_clearance'):
             return self._clearance(name, 2.0 * value) / 2
         if name.endswith('.minus_curvature'):
             return -1 / self._clearance(name, -1.0 / value)
-        for make in (self._of_mass, self._of_vector, self._of_element):
-            if (made := make(name, abs(value))) is not None:
-                return sign * made
-        return sign * self.make('p', (name,), name, name, '', abs(value))
+        found, size = describe(name, self._equations), abs(value)
+        sign = sympy.Integer(-1 if value < 0.0 else 1)
+        if found.direction and size == 1.0:
+            return sign
+        constant = None if found.changes else size
+        return sign * self.make(
+            found.stem, found.subjects, name, found.meaning, found.unit, constant
+        )
 
     def _clearance(self, name: str, value: float) -> Expression:
         joint = name.rpartition('.')[0]
@@ -165,80 +168,6 @@ class Symbols:
         if text in self.known:  # the two parameters are its half and its reciprocal
             return self.known[text].symbol
         return self.make('c', (joint,), f'{joint}.clearance', f'clearance of {joint}', 'm', value)
-
-    def _of_mass(self, name: str, value: float) -> Expression | None:
-        """Constants of mass matrix, velocity products and weight."""
-        plain = re.sub(r'(\.\d+)?(\.cross)?$', '', name)
-        kind, _, rest = plain.partition('.')
-        coordinates = self._equations.coordinates
-        if kind == 'weight' and rest in coordinates:
-            unit = self.unit_of_force(rest)
-            meaning = f'weight moved by {rest}' + ', times its arm' * (unit == 'N m')
-            return self.make('W', (rest,), name, meaning, self._unit(unit), value)
-        for f in coordinates:
-            for g in coordinates:
-                pair = tuple(sorted((f, g), key=coordinates.index))
-                if kind == 'coriolis' and rest.startswith(f'{f}.') and rest.endswith(f'.{g}'):
-                    meaning = f'Coriolis term of {f}: masses times arms, twice'
-                    return self.make('C', pair, name, meaning, '', value)
-                if kind not in ('inertia', 'centripetal') or rest != f'{f}.{g}':
-                    continue
-                unit = ('kg m^2', 'kg m', 'kg')[sum(c in self._displacements for c in pair)]
-                if f == g:
-                    stem = 'm' if f in self._displacements else 'I'
-                    meaning = f'inertia of all that moves with {f}, reduced to it'
-                    return self.make(stem, (f,), name, meaning, self._unit(unit), value)
-                # the constants of a pair come up in the mass matrix and in velocity products
-                meaning = f'sum of masses times their arms on {pair[0]} and {pair[1]}'
-                return self.make('P', pair, name, meaning, self._unit(unit), value)
-        return None
-
-    def _unit(self, unit: str) -> str:
-        """Of a constant of masses; a guide that turns leaves it open, for its displacement."""
-        mechanism = self._equations.mechanism
-        arms = [arm for b in mechanism.bodies for arm in mechanism.point(b.name, b.cog)]
-        return '' if any(slide and frame != GROUND for frame, slide in arms) else unit
-
-    def _of_vector(self, name: str, value: float) -> Expression | None:
-        """Components of the vectors of which a position is the sum, and of directions."""
-        rest, _, axis = name.rpartition('.')
-        if axis not in ('x', 'y'):
-            return None
-        joints = {joint.name for joint in self._equations.mechanism.joints}
-        for frame in (GROUND, *self._equations.coordinates):
-            for slide in self._displacements:
-                if rest.endswith(f'.{frame}.{slide}'):
-                    meaning = f'{axis} in the frame of {frame} of the direction of {slide}'
-                    return self._direction(f'e{axis}', (slide,), name, meaning, value)
-            if rest.endswith(f'.{frame}'):
-                label = rest.removesuffix(f'.{frame}')
-                joint, _, part = label.rpartition('.')
-                if joint in joints and part in ('normal', 'first', 'second'):
-                    meaning = f'{axis} in the frame of {frame} of a direction in {joint}'
-                    stem, own = ('n', (joint,)) if part == 'normal' else ('e', (joint, part))
-                    return self._direction(f'{stem}{axis}', own, name, meaning, value)
-                meaning = f'arm on {frame} towards {label}, {axis} in its frame'
-                return self.make('l' if axis == 'x' else 'h', (frame,), name, meaning, 'm', value)
-        return None
-
-    def _direction(
-        self, stem: str, subjects: tuple[str, ...], name: str, meaning: str, value: float
-    ) -> Expression:
-        """A component of a unit vector; one is no symbol."""
-        one = sympy.Integer(1)
-        return one if value == 1.0 else self.make(stem, subjects, name, meaning, '', value)
-
-    def _of_element(self, name: str, value: float) -> Expression | None:
-        """Parameters whose names tell all."""
-        for pattern, stem, meaning, unit in _MEANINGS:
-            if found := re.fullmatch(pattern, name):
-                subjects = tuple(found.groups())
-                said = meaning.format(*subjects)
-                if stem in ('ex', 'ey'):
-                    return self._direction(stem, subjects, name, said, value)
-                constant = None if stem in _CHANGING else value
-                return self.make(stem, subjects, name, said, unit, constant)
-        return None
 
     def terms(self, expression: Expression) -> tuple[Expression, ...]:
         """What an expression is the sum of, in the order of the coordinates in it."""
@@ -256,29 +185,6 @@ class Symbols:
         for known in self.known.values():
             if known.symbol in found:
                 yield known
-
-
-_MEANINGS = (
-    (r'(.+)\.slip\.(.+)', 'r', 'arm of the friction in {0} on {1}', 'm'),
-    (r'(.+)\.height', 'h', 'height of the wall of {0}', 'm'),
-    (r'(.+)\.size', 'L', 'length that makes a distance of the angle in {0}', 'm'),
-    (r'(.+)\.closed', 'sigma', '1 while {0} is closed, otherwise 0', ''),
-    (r'(.+)\.approach', 'v0', 'speed at which {0} closed', 'm/s'),
-    (r'(.+)\.stiffness', 'k', 'stiffness of {0}', 'N/m or N m/rad'),
-    (r'(.+)\.damping', 'd', 'damping of {0}', 'N s/m or N m s/rad'),
-    (r'(.+)\.free_length', 'l0', 'length of {0} without force', 'm'),
-    (r'(.+)\.free_angle', 'theta0', 'angle of {0} without moment', 'rad'),
-    (r'(.+)\.torque', 'Mz', 'torque of {0}', 'N m'),
-    (r'(.+)\.(?:middle|offset)\.x', 'ex', 'x of the direction of {0}', ''),
-    (r'(.+)\.(?:middle|offset)\.y', 'ey', 'y of the direction of {0}', ''),
-    (r'(.+)\.half', 'w', 'cosine of half the part of the cycle in which {0} acts', ''),
-    (r'(.+)\.x', 'Fx', 'x of the force {0}', 'N'),
-    (r'(.+)\.y', 'Fy', 'y of the force {0}', 'N'),
-)
-"""Pattern, stem, meaning, unit."""
-
-_CHANGING = ('sigma', 'v0')
-"""Stems of parameters that change during a run."""
 
 
 def tidy(expression: Expression) -> Expression:
