@@ -136,7 +136,7 @@ class InverseDynamics:
             At a singular position, where the forces are not determined.
         """
         n, count = q.shape
-        given = np.zeros((0, count)) if outside is None else outside
+        given = np.zeros((len(self.outside), count)) if outside is None else outside
         if count > COLUMNS:
             blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
             parts = [self(q[:, b], v[:, b], a[:, b], given[:, b]) for b in blocks]

@@ -79,7 +79,7 @@ class LinkageLink(Part):
 class PointMass(Part):
     """A mass at a point of a link, ``LINK.POINT``."""
 
-    on: str
+    at: str
     mass: Mass
 
 
@@ -169,7 +169,7 @@ class DuringPart(Part):
 class LoadPart(Part):
     """A force at a point of a link, a torque on it, or both."""
 
-    on: str
+    at: str
     force: tuple[Force, Force] = (0.0, 0.0)
     torque: Torque = 0.0
     frame: Literal['world', 'link'] = 'world'

@@ -78,7 +78,7 @@ class _Reader:
             self._check_spring(name, spring.between, spring.stiffness, spring.damping)
         for name, load in scene.loads.items():
             self._check_load(name, load, massless)
-        loads = [p.on for p in scene.masses.values()]
+        loads = [p.at for p in scene.masses.values()]
         return Plan(
             bodies,
             joints,
@@ -187,7 +187,7 @@ class _Reader:
                 )
             parts = [(given.mass or 0.0, given.inertia or 0.0, cog)]
             for name, mass in self._scene.masses.items():
-                on, at = self._find(f'masses.{name}.on', mass.on)
+                on, at = self._find(f'masses.{name}.at', mass.at)
                 if on == link:
                     parts.append((mass.mass, 0.0, at))
             body = _together(link, parts)
@@ -339,7 +339,7 @@ class _Reader:
 
     def _check_load(self, name: str, load: LoadPart, tree: Mechanism) -> None:
         where = f'loads.{name}'
-        self._find(f'{where}.on', load.on)
+        self._find(f'{where}.at', load.at)
         known = {'t', 'x', 'y', 'vx', 'vy', *self._links, *(f'{x}_rate' for x in self._links)}
         for part in (*load.force, load.torque):
             if isinstance(part, str):
@@ -378,7 +378,7 @@ class _Reader:
                 during = CycleRange(d.coordinate, d.begin, d.end)
             found.append(
                 AppliedForce(
-                    f'loads.{name}', mechanism, self._find(f'loads.{name}.on', load.on),
+                    f'loads.{name}', mechanism, self._find(f'loads.{name}.at', load.at),
                     load.force, load.torque, load.frame == 'link', during,
                 )
             )  # fmt: skip
