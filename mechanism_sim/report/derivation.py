@@ -25,7 +25,7 @@ from mechanism_sim.report.equations import Equation, MachineEquations, Part
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.scene.machine import Level, Machine
 
-_LONG = 60
+_LONG = 30
 """Operations from which on forces are written with intermediate quantities."""
 
 _SHORT = 5
