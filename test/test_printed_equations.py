@@ -133,6 +133,21 @@ SCENES = {
         drive: {coordinate: crank, speed: 60 rpm}
         guess: {lever: 80 deg}
     """,
+    'geneva': """
+        title: Geneva wheel of four slots
+        mechanism: linkage
+        links:
+          ground: {points: {wheel_centre: [70.710678118654752 mm, 0 mm]}}
+          crank: {length: 50 mm, mass: 0.6 kg, inertia: 600 kg mm^2}
+          wheel: {length: 50 mm, mass: 0.9 kg, inertia: 900 kg mm^2}
+        joints:
+          ground_crank: {revolute: [ground, crank]}
+          ground_wheel: {revolute: [ground.wheel_centre, wheel]}
+          crank_wheel: {geneva: [crank.end, wheel], slots: 4}
+        drive: {speed: 120 rpm, start_angle: 300 deg}
+        guess: {wheel: 135 deg}
+        loads: {bearing: {at: wheel, torque: "-0.02*wheel_rate"}}
+    """,
     'cylinder': """
         title: Oscillating cylinder whose rod is driven
         mechanism: linkage
@@ -190,6 +205,13 @@ class Reader:
     def sides(self, equation):
         return equation['text'].split(' = ')
 
+    def begin(self):
+        """Work out the vectors, and what acts where in the cycle."""
+        self.define('vectors', 'switches')
+        for e in self.page.get('switches', []):
+            flag = e['note'].split()[0]
+            self.values[flag] = float(self.values[self.sides(e)[0]] > 0.0)
+
     def define(self, *parts):
         """Work through parts whose left-hand sides are symbols."""
         found = []
@@ -213,7 +235,10 @@ def engine(machine, terms, state, parameters=()):
     """Values of the engine's own terms in a state (q, v, a), compiled by heyoka."""
     eq = equations_of(machine)
     symbols = [*eq.frames.q.values(), *eq.frames.v.values(), *eq.frames.a.values()]
-    function = hy.cfunc([*(dense(t) for t in terms), hy.expression(0.0)], vars=symbols)
+    expressions = [*(dense(t) for t in terms), hy.expression(0.0)]
+    if eq.frames.switches:
+        expressions = list(hy.subs(expressions, eq.frames.evaluated()))
+    function = hy.cfunc(expressions, vars=symbols)
     values = np.array(eq.parameters.values)
     for name, value in parameters:
         values[eq.parameters.names[name]] = value
@@ -262,7 +287,7 @@ def test_printed_closures_and_gaps_are_those_of_the_engine(variant):
     reader = reader_of(variant, state)
     page = reader.page
     assert [c['name'] for c in page['coordinates']] == list(eq.coordinates)
-    reader.define('vectors')
+    reader.begin()
     quantities = (
         lambda jet: jet.value, lambda jet: jet.rate, lambda jet: second_derivative(jet, eq.frames)
     )  # fmt: skip
@@ -290,7 +315,8 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
     if machine.level.value == 'kinematic':
         assert not {'motion', 'forces', 'switches', 'vectors'} & set(reader.page)
         return
-    reader.define('vectors', 'gaps')
+    reader.begin()
+    reader.define('gaps')
     left = [reader(reader.sides(e)[0]) for e in motion]
     close(left, engine(machine, generalized_forces(eq, eq.frames.a), state))
     unknown = [s['text'] for s in reader.page['variables']]
@@ -354,7 +380,8 @@ def test_motion_that_is_solved_fulfils_the_printed_equations(variant):
     seen = system.observe(q[:, None], v[:, None], a_p, modes, torque, approach)
     reader = reader_of(variant, (q, v, seen.acceleration[:, 0]))
     reader.values |= {'v0_coupler_rocker': 0.3, 't': 0.0}
-    reader.define('vectors', 'gaps', 'gap_rates')
+    reader.begin()
+    reader.define('gaps', 'gap_rates')
     if system.compliant:
         assert reader.values['g_coupler_rocker'] < 0.0
     else:
@@ -385,10 +412,7 @@ def test_printed_text_alone_gives_accelerations_and_drive_forces(variant):
     page = reader.page
     turns = [s['text'] for s in page['variables'] if s['name'].endswith('.turns')]
     reader.values |= dict.fromkeys(turns, 0.0) | {'t': time}
-    reader.define('vectors', 'switches')
-    for e in page.get('switches', []):
-        flag = e['note'].split()[0]
-        reader.values[flag] = float(reader.values[reader.sides(e)[0]] > 0.0)
+    reader.begin()
     reader.define('forces')
     prescribed = machine.plan.prescribed
     unknown = [s['text'] for s in page['variables'] if s['text'].startswith('lambda')]

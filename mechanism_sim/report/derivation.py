@@ -66,12 +66,11 @@ class _Derivation:
         self._system: System | None = machine.system if machine.dynamic else None
         model = self._system or machine.inverse_dynamics
         self._equations = model.equations
-        weighed = machine.level is not Level.KINEMATIC
-        self._elements = model.elements if weighed else ()
-        self._switched = self._equations.frames.switches if weighed else {}
+        self._elements = () if machine.level is Level.KINEMATIC else model.elements
         self._symbols = Symbols(self._equations)
         self._recorder: Any = _Recorder(self._equations.frames)
         self._abbreviations: dict[str | hy.expression, hy.expression] = {}
+        self._named: dict[str, dict[str | hy.expression, hy.expression]] = {}
         self._vectors: list[Equation] = []
         self._forces: list[Equation] = []
         self._on: dict[str, list[Expression]] = {c: [] for c in self._equations.coordinates}
@@ -91,13 +90,13 @@ class _Derivation:
             gaps[0],
             Part('gap_rates', 'Gaps, differentiated once', gaps[1]),
             Part('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
-            Part('switches', 'Parts of the cycle', self._switches()),
             Part('forces', 'Forces', self._abridged()),
             Part('motion', 'Equations of motion', self._motion()),
         ]
-        used = set().union(*(x.free_symbols for x in _shown(parts)))
+        parts.insert(1, Part('switches', 'Parts of the cycle', self._switches(parts)))
+        used = _symbols_of(parts)
         vectors = tuple(e for e in self._vectors if e.left[0] in used)
-        parts.insert(parts.index(gaps[0]), Part('vectors', 'Vectors', vectors))
+        parts.insert(1, Part('vectors', 'Vectors', vectors))
         shown = _shown(parts)
         derivatives = [(symbols.q[c], symbols.v[c], symbols.a[c]) for c in symbols.q]
         own = {x for triple in derivatives for x in triple}
@@ -134,24 +133,36 @@ class _Derivation:
         return () if term is None else self._symbols.terms(self._say(term))
 
     def _name_vectors(self) -> None:
-        """Give symbols to the vectors that were asked for since the last time."""
-        symbols = self._symbols
-        joints = {joint.name for joint in self._equations.mechanism.joints}
+        """Let symbols stand for the vectors asked for since the last time, and no others."""
+        self._abbreviations = {}
         for label, pair in self._recorder.seen.items():
-            for axis, jet in zip('xy', pair, strict=True):
-                for stem, term, what, unit in (
-                    (f'Q{axis}', jet.value, '', 'm'),
-                    (f'Qdot{axis}', jet.rate, 'rate of ', 'm/s'),
-                ):
-                    if term is None or len(term) <= _SHORT or term in self._abbreviations:
-                        continue
-                    where = 'from the second to the first link at' if label in joints else 'of'
-                    meaning = f'{what}{axis} {where} {label}'
-                    symbol = symbols.make(stem, (label,), label, meaning, unit)
-                    line = Equation(label, (symbol,), symbols.terms(symbols.translate(term)))
-                    self._vectors.append(line)
-                    self._abbreviations[term] = hy.make_vars(str(symbol))
+            if label not in self._named:
+                self._named[label] = self._named_vector(label, pair)
+            self._abbreviations |= self._named[label]
         self._recorder.seen.clear()
+
+    def _named_vector(
+        self, label: str, pair: tuple[Jet, Jet]
+    ) -> dict[str | hy.expression, hy.expression]:
+        """Symbols for a vector and its rate, if it is not as short as a symbol."""
+        if all(jet.value is None or len(jet.value) <= _SHORT for jet in pair):
+            return {}
+        symbols, found = self._symbols, {}
+        joints = {joint.name for joint in self._equations.mechanism.joints}
+        where = 'from the second to the first link at' if label in joints else 'of'
+        for axis, jet in zip('xy', pair, strict=True):
+            for stem, term, what, unit in (
+                (f'Q{axis}', jet.value, '', 'm'),
+                (f'Qdot{axis}', jet.rate, 'rate of ', 'm/s'),
+            ):
+                if term is None:
+                    continue
+                meaning = f'{what}{axis} {where} {label}'
+                symbol = symbols.make(stem, (label,), label, meaning, unit)
+                line = Equation(label, (symbol,), symbols.terms(symbols.translate(term)))
+                self._vectors.append(line)
+                found[term] = hy.make_vars(str(symbol))
+        return found
 
     def _push(self, jet: Jet, force: Expression) -> None:
         """Count a force along a row among the generalised forces."""
@@ -175,9 +186,10 @@ class _Derivation:
         jets = iter(self._equations.relation_jets)
         for relation in self._equations.relations:
             values = relation.values(self._recorder)
-            vectors = [jet for pair in self._recorder.seen.values() for jet in pair]
-            self._recorder.seen.clear()
-            plain = values == vectors
+            plain = values == [jet for pair in self._recorder.seen.values() for jet in pair]
+            if all(_is_trigonometric(self._symbols.translate(jet.value)) for jet in values):
+                self._recorder.seen.clear()  # it reads best by its arms and angles
+            self._name_vectors()
             for index, jet in zip('xy' if plain else '12', [next(jets) for _ in values]):  # noqa: B905
                 joint = relation.name
                 orders[0].append(Equation(joint, self._terms(jet.value), zero))
@@ -251,14 +263,16 @@ class _Derivation:
                 self._on[c].append(Q)
                 self._forces.append(Equation(element.name, (Q,), self._terms(term)))
 
-    def _switches(self) -> tuple[Equation, ...]:
-        """Where forces act that do so in a part of the cycle only."""
-        lines = []
-        for name, switch in self._switched.items():
-            left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
-            [flag] = self._say(switch.flag).free_symbols
-            note = f'{flag} is 1 where this is positive, otherwise 0'
-            lines.append(Equation(name, (left,), self._terms(switch.guard), note))
+    def _switches(self, parts: Sequence[Part]) -> tuple[Equation, ...]:
+        """Where that acts which does so in a part of the cycle only."""
+        lines, used = [], _symbols_of(parts)
+        for name, switch in self._equations.frames.switches.items():
+            flag = self._say(switch.flag)
+            if flag in used:
+                self._abbreviations = self._named.get(name, {})
+                left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
+                note = f'{flag} is 1 where this is positive, otherwise 0'
+                lines.append(Equation(name, (left,), self._terms(switch.guard), note))
         return tuple(lines)
 
     def _abridged(self) -> tuple[Equation, ...]:
@@ -325,6 +339,18 @@ class _Derivation:
 def _shown(parts: Sequence[Part]) -> list[Expression]:
     """All terms of all equations."""
     return [x for p in parts for e in p.equations for x in (*e.left, *e.right)]
+
+
+def _symbols_of(parts: Sequence[Part]) -> set[Expression]:
+    """All symbols in all equations."""
+    return set().union(*(x.free_symbols for x in _shown(parts)))
+
+
+def _is_trigonometric(expression: Expression) -> bool:
+    """Whether it is made of sums, products and directions."""
+    functions = {type(x) for x in expression.atoms(sympy.Function)}
+    powers = all(x.exp.is_Integer for x in expression.atoms(sympy.Pow))
+    return powers and functions <= {sympy.sin, sympy.cos}
 
 
 def _idle(laws: Sequence[Law]) -> bool:
