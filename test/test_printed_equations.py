@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -66,7 +67,7 @@ VARIANTS = {
 
 
 SCENES = {
-    'slider': """
+    'slider_with_loads': """
         title: Offset slider-crank with a spring and loads
         mechanism: linkage
         links:
@@ -96,7 +97,7 @@ SCENES = {
           wind: {at: piston, force: ["3*sin(20*t) - 5*vx*abs(vx)", 0]}
           brake: {at: crank, torque: "-0.02*crank_rate"}
     """,
-    'quick_return': """
+    'torsion_return': """
         title: Quick return, its block on a guide that turns, with a torsion spring
         mechanism: linkage
         links:
@@ -119,7 +120,7 @@ SCENES = {
             {between: [ground, lever], stiffness: 3 N m/rad, free_angle: 70 deg,
              damping: 0.1 N m s/rad}
     """,
-    'slot': """
+    'skew_slot': """
         title: Pin in a slot
         mechanism: linkage
         links:
@@ -133,7 +134,7 @@ SCENES = {
         drive: {coordinate: crank, speed: 60 rpm}
         guess: {lever: 80 deg}
     """,
-    'geneva': """
+    'geneva_wheel': """
         title: Geneva wheel of four slots
         mechanism: linkage
         links:
@@ -148,7 +149,7 @@ SCENES = {
         guess: {wheel: 135 deg}
         loads: {bearing: {at: wheel, torque: "-0.02*wheel_rate"}}
     """,
-    'cylinder': """
+    'driven_cylinder': """
         title: Oscillating cylinder whose rod is driven
         mechanism: linkage
         links:
@@ -168,7 +169,7 @@ SCENES = {
     """,
 }
 VARIANTS |= {name: (name, {}) for name in SCENES}
-VARIANTS['no forces'] = ('slider', {'outputs.forces': False})
+VARIANTS['no forces'] = ('slider_with_loads', {'outputs.forces': False})
 
 
 @cache
@@ -496,9 +497,7 @@ def test_the_four_bar_reads_as_in_the_thesis():
 
 def test_the_same_scene_is_always_printed_the_same():
     """Whatever the order in which sets of symbols come."""
-    texts = {
-        run('equations', 'four_bar_clearance', '--rates').stdout for _ in range(2)
-    }  # fmt: skip
+    texts = {run('equations', 'four_bar_clearance', '--rates').stdout for _ in range(2)}
     assert len(texts) == 1
 
 
@@ -517,7 +516,9 @@ def test_latex_is_balanced(variant):
     assert '_' not in re.sub(r'\\_|_\{', '', text)
 
 
-@pytest.mark.parametrize('variant', ['rubbing', 'compliant', 'film', 'slider', 'quick_return'])
+@pytest.mark.parametrize(
+    'variant', ['rubbing', 'compliant', 'film', 'slider_with_loads', 'torsion_return']
+)
 def test_every_formula_is_read_by_another_program(variant):
     """The mathematics of matplotlib: a smaller LaTeX, written by others."""
     page, parser = printed(variant), MathTextParser('path')
@@ -573,6 +574,18 @@ def test_command_line(tmp_path):
     done = run('equations', 'four_bar_crossed', '-o', str(file))
     assert (done.returncode, done.stdout) == (0, '')
     assert file.read_text().startswith(r'\documentclass')
+
+
+def test_without_sympy_it_says_what_to_install():
+    code = (
+        "import sys; sys.modules['sympy'] = None; from mechanism_sim.cli import main; "
+        "main(['equations', 'four_bar_nominal'])"
+    )
+    command = [sys.executable, '-c', code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.endswith("pip install 'mechanism_sim[equations]'\n")
+    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

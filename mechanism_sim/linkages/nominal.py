@@ -80,7 +80,7 @@ class NominalRun:
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
         self._coming: deque[DriveLaw] = deque()
-        self._pieces: list[tuple[float, float, Array, Array]] = []
+        self._pieces: list[tuple[float, float, NDArray[np.int64], Array]] = []
         self._turns = np.zeros(len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
         self._share = 1.0  # of the usual length of a piece
@@ -242,6 +242,8 @@ class NominalPhysics:
     ) -> None:
         self.coordinates = mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
+        self.driven = tuple(self.coordinates[i] for i in ideal.driven)
+        self.displacements = mechanism.displacements
         self.has_forces = forces is not None
         self._ideal = ideal
         self._forces = forces

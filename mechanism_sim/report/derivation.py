@@ -10,26 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import heyoka as hy
 import sympy
 
 from mechanism_sim.hybrid.system import System
-from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.report.equations import Equation, MachineEquations, Part
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
+from mechanism_sim.report.vectors import Vectors
 from mechanism_sim.scene.machine import Level, Machine
 
 _LONG = 30
 """Operations from which on forces are written with intermediate quantities."""
-
-_SHORT = 5
-"""Nodes of an expression up to which a position needs no symbol of its own."""
 
 
 def derive(machine: Machine, rates: bool = False) -> MachineEquations:
@@ -42,24 +39,6 @@ def derive(machine: Machine, rates: bool = False) -> MachineEquations:
     return _Derivation(machine, rates).result()
 
 
-class _Recorder:
-    """Frames that remember the vectors they were asked for, by label."""
-
-    def __init__(self, frames: Any) -> None:
-        self._frames = frames
-        self._made: dict[str, tuple[Jet, Jet]] = {}
-        self.seen: dict[str, tuple[Jet, Jet]] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._frames, name)
-
-    def position(self, point: Any, label: str) -> tuple[Jet, Jet]:
-        if label not in self._made:
-            self._made[label] = self._frames.position(point, label)
-        self.seen[label] = self._made[label]
-        return self._made[label]
-
-
 class _Derivation:
     def __init__(self, machine: Machine, rates: bool) -> None:
         self._machine, self._rates = machine, rates
@@ -68,10 +47,8 @@ class _Derivation:
         self._equations = model.equations
         self._elements = () if machine.level is Level.KINEMATIC else model.elements
         self._symbols = Symbols(self._equations)
-        self._recorder: Any = _Recorder(self._equations.frames)
-        self._abbreviations: dict[str | hy.expression, hy.expression] = {}
-        self._named: dict[str, dict[str | hy.expression, hy.expression]] = {}
-        self._vectors: list[Equation] = []
+        self._vectors = Vectors(self._equations, self._symbols)
+        self._say, self._terms = self._vectors.say, self._vectors.terms
         self._forces: list[Equation] = []
         self._on: dict[str, list[Expression]] = {c: [] for c in self._equations.coordinates}
 
@@ -95,7 +72,7 @@ class _Derivation:
         ]
         parts.insert(1, Part('switches', 'Parts of the cycle', self._switches(parts)))
         used = _symbols_of(parts)
-        vectors = tuple(e for e in self._vectors if e.left[0] in used)
+        vectors = tuple(e for e in self._vectors.equations if e.left[0] in used)
         parts.insert(1, Part('vectors', 'Vectors', vectors))
         shown = _shown(parts)
         derivatives = [(symbols.q[c], symbols.v[c], symbols.a[c]) for c in symbols.q]
@@ -121,49 +98,6 @@ class _Derivation:
             role = 'moved by its drive'
         return replace(q, meaning=f'{q.meaning}; {role}'), v, a
 
-    def _say(self, term: Term) -> Expression:
-        """A term in symbols, with those of the vectors in it."""
-        expression = dense(term)
-        if self._abbreviations:
-            [expression] = hy.subs([expression], self._abbreviations)
-        return self._symbols.translate(expression)
-
-    def _terms(self, term: Term) -> tuple[Expression, ...]:
-        """What it is the sum of, in symbols."""
-        return () if term is None else self._symbols.terms(self._say(term))
-
-    def _name_vectors(self) -> None:
-        """Let symbols stand for the vectors asked for since the last time, and no others."""
-        self._abbreviations = {}
-        for label, pair in self._recorder.seen.items():
-            if label not in self._named:
-                self._named[label] = self._named_vector(label, pair)
-            self._abbreviations |= self._named[label]
-        self._recorder.seen.clear()
-
-    def _named_vector(
-        self, label: str, pair: tuple[Jet, Jet]
-    ) -> dict[str | hy.expression, hy.expression]:
-        """Symbols for a vector and its rate, if it is not as short as a symbol."""
-        if all(jet.value is None or len(jet.value) <= _SHORT for jet in pair):
-            return {}
-        symbols, found = self._symbols, {}
-        joints = {joint.name for joint in self._equations.mechanism.joints}
-        where = 'from the second to the first link at' if label in joints else 'of'
-        for axis, jet in zip('xy', pair, strict=True):
-            for stem, term, what, unit in (
-                (f'Q{axis}', jet.value, '', 'm'),
-                (f'Qdot{axis}', jet.rate, 'rate of ', 'm/s'),
-            ):
-                if term is None:
-                    continue
-                meaning = f'{what}{axis} {where} {label}'
-                symbol = symbols.make(stem, (label,), label, meaning, unit)
-                line = Equation(label, (symbol,), symbols.terms(symbols.translate(term)))
-                self._vectors.append(line)
-                found[term] = hy.make_vars(str(symbol))
-        return found
-
     def _push(self, jet: Jet, force: Expression) -> None:
         """Count a force along a row among the generalised forces."""
         for c, slope in jet.gradient.items():
@@ -185,11 +119,11 @@ class _Derivation:
         zero = (sympy.Integer(0),)
         jets = iter(self._equations.relation_jets)
         for relation in self._equations.relations:
-            values = relation.values(self._recorder)
-            plain = values == [jet for pair in self._recorder.seen.values() for jet in pair]
+            values = relation.values(self._vectors.frames)
+            plain = values == [jet for pair in self._vectors.frames.seen.values() for jet in pair]
             if all(_is_trigonometric(self._symbols.translate(jet.value)) for jet in values):
-                self._recorder.seen.clear()  # it reads best by its arms and angles
-            self._name_vectors()
+                self._vectors.frames.seen.clear()  # it reads best by its arms and angles
+            self._vectors.use_seen()
             for index, jet in zip('xy' if plain else '12', [next(jets) for _ in values]):  # noqa: B905
                 joint = relation.name
                 orders[0].append(Equation(joint, self._terms(jet.value), zero))
@@ -207,8 +141,8 @@ class _Derivation:
         """Gaps with their forces; and their derivatives."""
         lines: tuple[list[Equation], ...] = ([], [], [])
         for i, gap in enumerate(self._equations.gaps):
-            gap.value(self._recorder)
-            self._name_vectors()
+            gap.value(self._vectors.frames)
+            self._vectors.use_seen()
             self._gap(i, gap, lines)
         if not self._rates:
             lines[2].clear()
@@ -253,9 +187,9 @@ class _Derivation:
         """Generalised forces of what needs no gap, and where it acts in the cycle."""
         mechanism = self._equations.mechanism
         for element in self._elements:
-            loads = element.loads(self._recorder)
-            found = generalised(loads, self._recorder, mechanism)
-            self._name_vectors()
+            loads = element.loads(self._vectors.frames)
+            found = generalised(loads, self._vectors.frames, mechanism)
+            self._vectors.use_seen()
             for c, term in found.items():
                 meaning = f'force of {element.name} on {c}'
                 unit = self._symbols.unit_of_force(c)
@@ -269,7 +203,7 @@ class _Derivation:
         for name, switch in self._equations.frames.switches.items():
             flag = self._say(switch.flag)
             if flag in used:
-                self._abbreviations = self._named.get(name, {})
+                self._vectors.use(name)
                 left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
                 note = f'{flag} is 1 where this is positive, otherwise 0'
                 lines.append(Equation(name, (left,), self._terms(switch.guard), note))
