@@ -26,7 +26,8 @@ Expression: TypeAlias = Any
 _LATEX = {
     'theta': r'\theta', 'thetadot': r'\dot{\theta}', 'thetaddot': r'\ddot{\theta}',
     'sdot': r'\dot{s}', 'sddot': r'\ddot{s}', 'xdot': r'\dot{x}', 'xddot': r'\ddot{x}',
-    'ydot': r'\dot{y}', 'yddot': r'\ddot{y}', 'tau': r'\tau', 'sigma': r'\sigma',
+    'ydot': r'\dot{y}', 'yddot': r'\ddot{y}', 'tau': r'\tau', 'sigma': r'\sigma', 'Rsq': 'R^2',
+    'Mz': 'M',
 }  # fmt: skip
 """Stems that LaTeX writes otherwise."""
 
