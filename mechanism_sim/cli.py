@@ -71,6 +71,13 @@ def _parser() -> argparse.ArgumentParser:
     command('scenes', _scenes, 'list the scenes of the package')
     sub = command('check', _check, 'say what a scene comes down to, without running it')
     _scene_options(sub)
+    sub = command('equations', _equations, "write down a scene's own equations")
+    _scene_options(sub)
+    sub.add_argument('--rates', action='store_true', help='closures and gaps differentiated too')
+    form = sub.add_mutually_exclusive_group()
+    form.add_argument('--latex', action='store_true', help='a fragment of LaTeX')
+    form.add_argument('--markdown', action='store_true', help='Markdown')
+    sub.add_argument('-o', '--output', metavar='FILE', help='.tex, .md or .txt to write')
     sub = command('solve', _solve, 'run a scene in this process, without middleware')
     _scene_options(sub)
     _length_options(sub)
@@ -188,6 +195,31 @@ def _check(options: argparse.Namespace) -> int:
         _print_json(report.to_json())
     else:
         print(render(report))
+    return 0
+
+
+def _equations(options: argparse.Namespace) -> int:
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    try:
+        from mechanism_sim.report import typeset  # noqa: PLC0415
+        from mechanism_sim.report.derivation import derive  # noqa: PLC0415
+    except ModuleNotFoundError as missing:
+        if missing.name != 'sympy':
+            raise
+        raise InputError(
+            "equations needs the package 'sympy': pip install 'mechanism_sim[equations]'"
+        ) from missing
+    machine = load_scene(options.scene, _overrides(options))
+    setter = typeset.Typesetter(derive(machine, options.rates))
+    if options.output:
+        typeset.write(setter, options.output)
+    if options.json:
+        _print_json(setter.to_json())
+    elif options.latex or options.markdown:
+        print(setter.latex() if options.latex else setter.markdown(), end='')
+    elif not options.output:
+        print(setter.plain())
     return 0
 
 
