@@ -61,13 +61,16 @@ def draw(cycle: Cycle, t: float, positions: int = 1, labels: bool = True) -> Fig
         at = (here[f'position.{name}.{axis}'] for axis in 'xy')
         axes.plot(*at, 'o', color=_INK, ms=3.0, zorder=4.5)
     outlines = [outline[:, :, 0] for outline in now]
-    links = [x for s, x in zip(skeleton.shapes, outlines, strict=True) if s.kind == 'link']
+    links, boxes = (
+        [x for s, x in zip(skeleton.shapes, outlines, strict=True) if s.kind == kind]
+        for kind in ('link', 'slider')
+    )
     for shape, outline in zip(skeleton.shapes, outlines, strict=True):
         brush.paint(shape, outline)
         if labels and shape.kind == 'link':
             brush.name_link(shape.label, outline)
         elif labels and shape.label:
-            brush.name_joint(shape, outline.mean(axis=0), links)
+            brush.name_joint(shape, outline.mean(axis=0), links, boxes)
     title = brush.thick(14.0)
     axes.text(
         0.5 * (low[0] + high[0]), high[1] + 0.6 * title, cycle.machine.scene.title,
@@ -122,11 +125,13 @@ class _Brush:
         self._painters[shape.kind](shape, outline)
 
     def ghost(self, shape: Shape, outline: Array) -> None:
-        """Another position: links and sliders only, thin."""
-        if shape.kind in ('link', 'slider', 'slot') and len(outline) > 1:
+        """Another position of what moves, thin."""
+        if shape.link == GROUND or shape.kind == 'spring':
+            return
+        if len(outline) > 1:
             closed = outline[[*range(len(outline)), 0]]
             self._axes.plot(*closed.T, color=_GHOST, lw=0.8, zorder=1.0)
-        elif shape.kind == 'pin' and shape.link != GROUND:
+        elif shape.kind == 'pin':
             self._circle(outline[0], 0.35, _GHOST, 1.1, 0.6)
 
     def name_link(self, name: str, outline: Array) -> None:
@@ -145,11 +150,20 @@ class _Brush:
             ha='center', va='center',
         )  # fmt: skip
 
-    def name_joint(self, shape: Shape, at: Array, links: Sequence[Array]) -> None:
-        """Beside a joint where no link goes; below a pivot of the frame or a slider."""
+    def name_joint(
+        self, shape: Shape, at: Array, links: Sequence[Array], boxes: Sequence[Array]
+    ) -> None:
+        """Beside a joint where no link goes; below a pivot of the frame or a slider.
+
+        A pin in a slider has its name above that of the slider.
+        """
         if shape.link == GROUND or shape.kind == 'slider':
             x, y = at - [0.0, 3.2 * self._s + self.thick(2.0)]
             self._text(x, y, shape.label, ha='center', va='top', style='italic')
+            return
+        if any(np.hypot(*(x.mean(axis=0) - at)) < 1e-3 * self._s for x in boxes):
+            x, y = at + [0.0, 2.2 * self._s + self.thick(14.0)]
+            self._text(x, y, shape.label, ha='center', va='center', style='italic')
             return
         arms = [x.mean(axis=0) - at for x in links if np.hypot(*(x - at).T).min() < 1e-3 * self._s]
         arms = [arm / np.hypot(*arm) for arm in arms if np.hypot(*arm) > self._s]
@@ -219,10 +233,12 @@ class _Brush:
         )
 
     def _rail(self, shape: Shape, outline: Array) -> None:
-        """A line; hatched below where it belongs to the frame."""
-        self._axes.plot(*outline.T, color=_INK, lw=0.9, zorder=1.8)
+        """A rod of a link; of the frame a line, hatched below."""
         if shape.link != GROUND:
+            for colour, width in ((_INK, 0.6), (_FILL, 0.25)):
+                self._axes.plot(*outline.T, color=colour, lw=width * self._thickness, zorder=1.8)
             return
+        self._axes.plot(*outline.T, color=_INK, lw=0.9, zorder=1.8)
         start, end = outline
         along = (end - start) / np.hypot(*(end - start))
         below = np.array([along[1], -along[0]])
