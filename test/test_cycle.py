@@ -340,6 +340,41 @@ GENERAL = {
         'drive': TURNING,
         'guess': {'lever': '70 deg', 'block': '70 deg'},
     },
+    'five-bar with two cranks': {
+        'links': {
+            'ground': {'length': '120 mm'},
+            'crank': {'length': '30 mm', **MASS},
+            'left': {'length': '130 mm', **MASS},
+            'right': {'length': '130 mm', **MASS},
+            'second': {'length': '30 mm', **MASS},
+        },
+        'joints': {
+            'ground_crank': {'revolute': ['ground', 'crank']},
+            'crank_left': {'revolute': ['crank.end', 'left']},
+            'left_right': {'revolute': ['left.end', 'right.end']},
+            'second_right': {'revolute': ['second.end', 'right']},
+            'ground_second': {'revolute': ['ground.end', 'second']},
+        },
+        'drive': TURNING,
+        'drives': {'second': {'speed': '-600 rpm', 'start_angle': '90 deg'}},
+        'guess': {'left': '60 deg', 'right': '120 deg'},
+    },
+    'cylinder that lifts an arm': {
+        'links': {
+            'ground': {'points': {'foot': ['300 mm', '0 mm']}},
+            'barrel': {'length': '200 mm', **MASS},
+            'piston': {'length': '200 mm', **MASS},
+            'arm': {'length': '400 mm', 'points': {'lug': ['200 mm', '-30 mm']}, **MASS},
+        },
+        'joints': {
+            'ground_arm': {'revolute': ['ground', 'arm']},
+            'ground_barrel': {'revolute': ['ground.foot', 'barrel']},
+            'barrel_piston': {'prismatic': ['barrel', 'piston']},
+            'piston_arm': {'revolute': ['piston.end', 'arm.lug']},
+        },
+        'drive': {'coordinate': 'piston', 'speed': '0.3 m/s', 'start_position': '100 mm'},
+        'guess': {'arm': '60 deg', 'barrel': '120 deg'},
+    },
     'piston that drives a crank': {
         'links': {
             'ground': {},
@@ -381,17 +416,24 @@ def test_any_machine_shakes_its_frame_by_the_rates_of_its_momentum(general):
 def test_any_machine_is_told_and_drawn(general, tmp_path):
     text = report.render(general)
     assert 'goes over' in text
-    assert report.to_json(general)['units']['position.crank'] == 'rad'
+    units = report.to_json(general)['units']
+    assert {units[f'reaction.{joint}.size'] for joint in general.machine.physics.joints} == {'N'}
     for name in general.machine.mechanism.displacements:
         assert report.unit(general, f'velocity.{name}') == 'm/s'
     with figures.style():
         drawn = plots.draw(general)
-        files = figures.save_all(drawn, tmp_path / 'plots')
+        files = figures.save_all(drawn, tmp_path / 'plots.pdf')
     assert {'motion', 'phase', 'forces', 'hodographs', 'drive'} == set(drawn)
     assert all(file.stat().st_size > 3000 for file in files)
     assert general.repeats == (general.machine.main == 'crank')
-    torque = report.unit(general, 'drive_torque')
-    assert torque == ('N m' if general.machine.main == 'crank' else 'N')
+    assert {units[name] for name in general.drive_torques} == (
+        {'N m'} if general.machine.main == 'crank' else {'N'}
+    )
+    work = sum(
+        general[name] * general[f'velocity.{name.partition(".")[2] or general.drive}']
+        for name in general.drive_torques
+    )
+    np.testing.assert_allclose(work, general['drive_power'], atol=1e-9)
 
 
 def test_the_stroke_of_a_slider_crank_is_known(tmp_path):

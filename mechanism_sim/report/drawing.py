@@ -162,8 +162,8 @@ class _Brush:
             self._text(x, y, shape.label, ha='center', va='top', style='italic')
             return
         if any(np.hypot(*(x.mean(axis=0) - at)) < 1e-3 * self._s for x in boxes):
-            x, y = at + [0.0, 2.2 * self._s + self.thick(14.0)]
-            self._text(x, y, shape.label, ha='center', va='center', style='italic')
+            above = at[1] + 2.2 * self._s + self.thick(14.0)
+            self._text(at[0], above, shape.label, ha='center', va='center', style='italic')
             return
         arms = [x.mean(axis=0) - at for x in links if np.hypot(*(x - at).T).min() < 1e-3 * self._s]
         arms = [arm / np.hypot(*arm) for arm in arms if np.hypot(*arm) > self._s]

@@ -174,7 +174,9 @@ class Skeleton:
         body = self.mechanism.body(link)
         if len(distinct) == 1 and link not in self._sliders:
             distinct.append(body.cog)  # a pendulum
-        return Shape('link', tuple((link, corner) for corner in _around(distinct)), link)
+        return Shape(
+            'link', tuple((link, corner) for corner in _around(distinct, self.symbol)), link
+        )
 
 
 def _located(mechanism: Mechanism, places: Sequence[Place], q: Array) -> Array:
@@ -198,17 +200,17 @@ def _nearest(start: Vector2, end: Vector2, others: Sequence[Vector2]) -> Vector2
     return start[0] + share * dx, start[1] + share * dy
 
 
-def _around(corners: Sequence[Vector2]) -> tuple[Vector2, ...]:
+def _around(corners: Sequence[Vector2], thin: float) -> tuple[Vector2, ...]:
     """Corners in their order around the middle, so that their outline does not cross itself.
 
-    Of corners on one line both ends.
+    Of corners on one line, or nearly so, both ends.
     """
     if len(corners) < 3:
         return tuple(corners)
     at = np.array(corners)
     at -= at.mean(axis=0)
-    _, size, (along, _) = np.linalg.svd(at, full_matrices=False)
-    if size[1] < 1e-6 * size[0]:
+    _, _, (along, across) = np.linalg.svd(at, full_matrices=False)
+    if np.ptp(at @ across) < thin:
         place = at @ along
         return corners[int(place.argmin())], corners[int(place.argmax())]
     order = np.argsort(np.arctan2(at[:, 1], at[:, 0]))
