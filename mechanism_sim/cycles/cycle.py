@@ -171,6 +171,8 @@ def cycle(
     """
     if samples < 2 or periods < 1:
         raise InputError('a cycle needs at least 2 samples and 1 period')
+    if duration is not None and periods != 1:
+        raise InputError('a cycle has a number of periods or a duration, not both')
     chosen = choose(machine, points)
     steady = is_steady(machine)
     begin = 0.0

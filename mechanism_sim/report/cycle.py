@@ -145,11 +145,14 @@ def to_json(cycle: Cycle) -> dict[str, object]:
             }
             for name, s in cycle.swings().items()
         },
-        'rms': {name: cycle.rms(name) for name in cycle.drive_torques},
-        'mean_power': cycle.mean_power if forces else None,
+        'rms': {name: _number(cycle.rms(name)) for name in cycle.drive_torques},
+        'mean_power': _number(cycle.mean_power) if forces else None,
     }
 
 
 def _extreme(extreme: Extreme) -> dict[str, float | None]:
-    value = extreme.value if math.isfinite(extreme.value) else None
-    return {'value': value, 't': extreme.t, 'drive': extreme.drive}
+    return {'value': _number(extreme.value), 't': extreme.t, 'drive': extreme.drive}
+
+
+def _number(x: float) -> float | None:
+    return x if math.isfinite(x) else None
