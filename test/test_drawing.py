@@ -112,6 +112,24 @@ def test_a_slot_is_as_long_as_its_pin_needs_and_plates_have_all_their_corners():
     assert len(yoke.outline) == 3  # where it slides, its mark, and the slot where it is nearest
 
 
+@pytest.mark.parametrize('scene', ['geneva', 'linear_intermittent'])
+def test_a_pin_that_indexes_is_in_a_slot_while_something_moves(scene):
+    found = ms.cycle(ms.load_scene(scene), samples=120)
+    driven = next(c for c in found.machine.mechanism.coordinates if c != found.drive)
+    moving = np.abs(found[f'velocity.{driven}']) > 1e-6
+    assert 10 < moving.sum() < 100
+    position = found.solution.samples(found.t).observed.position
+    skeleton = Skeleton(found.machine.mechanism, position)
+    placed = list(zip(skeleton.shapes, skeleton.placed(position), strict=True))
+    pin = next(x[0] for s, x in placed if s.kind == 'pin' and s.link == 'crank')
+    away = []
+    for start, end in (x for s, x in placed if s.kind == 'slot'):
+        along = (end - start) / np.hypot(*(end - start))
+        share = np.clip(((pin - start) * along).sum(axis=0), 0.0, np.hypot(*(end - start)))
+        away.append(np.hypot(*(pin - start - share * along)))
+    assert np.min(away, axis=0)[moving].max() < 1e-9
+
+
 def test_an_angle_and_the_time_of_it_give_the_same_picture(tmp_path):
     machine = ms.load_scene('four_bar_nominal')
     t = math.radians(50.0) / machine.law.coefficients[1]

@@ -6,7 +6,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.points import Paths, Place, directions
+from mechanism_sim.cycles.points import Paths, Place, Poses
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense
@@ -65,8 +65,7 @@ class Forces:
 
     def _along_and_across(self, o: Observation) -> dict[str, Array]:
         """Force on each moving link in every joint, in the link's frame."""
-        links = [body.name for body in self._mechanism.bodies]
-        along = directions(self._mechanism, links, o.position)
+        along = Poses(self._mechanism, o.position).along
         found = {}
         for joint, force in zip(self._mechanism.joints, o.reaction, strict=True):
             for link, sign in ((joint.first, -1.0), (joint.second, 1.0)):

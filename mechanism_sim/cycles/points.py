@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.mechanism import Mechanism, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.files import nearest
 
@@ -86,9 +86,31 @@ class Paths:
         return rows.reshape(self._count, 2, 3, -1).swapaxes(1, 2)
 
 
-def directions(mechanism: Mechanism, links: Sequence[str], q: Array) -> Mapping[str, Array]:
-    """Unit vectors (2, N) along the x axis of each link."""
-    places: list[Place] = [(link, at) for link in links for at in ((0.0, 0.0), (1.0, 0.0))]
-    still = np.zeros_like(q)
-    at = Paths(mechanism, places)(q, still, still)[:, 0]
-    return {link: at[2 * i + 1] - at[2 * i] for i, link in enumerate(links)}
+class Poses:
+    """Where links are at N instants, and how they are turned.
+
+    Parameters
+    ----------
+    q : (n, N) coordinates
+    """
+
+    def __init__(self, mechanism: Mechanism, q: Array) -> None:
+        links = [GROUND, *(body.name for body in mechanism.bodies)]
+        places: list[Place] = [(link, at) for link in links for at in ((0.0, 0.0), (1.0, 0.0))]
+        still = np.zeros_like(q)
+        at = Paths(mechanism, places)(q, still, still)[:, 0]
+        self._origin = {link: at[2 * i] for i, link in enumerate(links)}
+        self.along = {link: at[2 * i + 1] - at[2 * i] for i, link in enumerate(links)}
+        """Unit vectors (2, N) along the x axis of each link."""
+
+    def at(self, place: Place) -> Array:
+        """A point of a link in the world (2, N) [m]."""
+        link, (x, y) = place
+        ux, uy = self.along[link]
+        return np.asarray(self._origin[link] + np.array([ux * x - uy * y, uy * x + ux * y]))
+
+    def within(self, link: str, place: Place) -> Array:
+        """A point of any link in the frame of this one (2, N) [m]."""
+        x, y = self.at(place) - self._origin[link]
+        ux, uy = self.along[link]
+        return np.array([ux * x + uy * y, ux * y - uy * x])

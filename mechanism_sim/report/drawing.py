@@ -110,6 +110,7 @@ class _Brush:
             'rail': self._rail,
             'support': self._support,
             'spring': self._spring,
+            'wheel': self._wheel,
             'link': self._link,
             'slot': self._slot,
             'slider': self._slider,
@@ -202,6 +203,9 @@ class _Brush:
                 *line.T, color=colour, lw=width, solid_capstyle='round', solid_joinstyle='round',
                 zorder=self._layer,
             )  # fmt: skip
+
+    def _wheel(self, shape: Shape, outline: Array) -> None:
+        self._axes.fill(*outline.T, fc=_FILL, ec=_INK, lw=1.0, zorder=1.7)
 
     def _spring(self, shape: Shape, outline: Array) -> None:
         """A zigzag between straight ends."""

@@ -8,24 +8,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.points import Paths, Place
+from mechanism_sim.cycles.points import Place, Poses
 from mechanism_sim.planar.mechanism import (
     GROUND,
+    Geneva,
     Mechanism,
     PinInSlot,
     Prismatic,
     Revolute,
+    SlottedRack,
     Vector2,
     rotate,
 )
 
 Array = NDArray[np.float64]
-Kind = Literal['rail', 'support', 'spring', 'link', 'slot', 'slider', 'pin']
+Kind = Literal['rail', 'support', 'spring', 'wheel', 'link', 'slot', 'slider', 'pin']
+"""In the order in which they are painted."""
 
 _BOX = 1.7, 1.1
 """Half length and half width of a slider, in units of the drawing's symbols."""
@@ -65,7 +68,7 @@ class Skeleton:
 
     Attributes
     ----------
-    symbol : size of a joint [m]
+    symbol : size of a joint [m], a sixtieth of what the joints cover
     shapes : in the order in which they are painted
     """
 
@@ -77,19 +80,22 @@ class Skeleton:
         springs: Iterable[tuple[Place, Place]] = (),
     ) -> None:
         self.mechanism = mechanism
-        self._q = q
-        self.symbol = self._symbol()
+        self._poses = Poses(mechanism, q)
+        joints = mechanism.joints
+        places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
+        covered = np.ptp([self._poses.at(place) for place in places], axis=(0, 2))
+        self.symbol = float(covered.max()) / 60.0
         self._corners: dict[str, list[Vector2]] = {b.name: [] for b in mechanism.bodies}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
-        self._sliders: set[str] = set()
+        self._bodied: set[str] = set()
         self.shapes: list[Shape] = []
-        for joint in mechanism.joints:
+        for joint in joints:
             if isinstance(joint, Revolute):
                 self._revolute(joint)
             elif isinstance(joint, Prismatic):
                 self._prismatic(joint)
             else:
-                self._slot(joint)
+                self._pin(joint)
         for ends in springs:
             self.shapes.append(Shape('spring', ends))
             self.shapes += [Shape('support', (end,)) for end in ends if end[0] == GROUND]
@@ -97,25 +103,13 @@ class Skeleton:
         for link, at in marks:
             self._reach(link, at)
         self.shapes += [self._link(body.name) for body in mechanism.bodies]
-        order = Kind.__args__  # type: ignore[attr-defined]
+        order = get_args(Kind)
         self.shapes.sort(key=lambda shape: order.index(shape.kind))
 
     def placed(self, q: Array) -> list[Array]:
         """The outlines (k, 2, N) of all shapes in the world [m] at coordinates q (n, N)."""
-        places = [place for shape in self.shapes for place in shape.outline]
-        found, first = [], 0
-        positions = _located(self.mechanism, places, q)
-        for shape in self.shapes:
-            found.append(positions[first : first + len(shape.outline)])
-            first += len(shape.outline)
-        return found
-
-    def _symbol(self) -> float:
-        """A sixtieth of what the joints cover."""
-        joints = self.mechanism.joints
-        places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
-        at = _located(self.mechanism, places, self._q)
-        return float(max(np.ptp(at[:, 0]), np.ptp(at[:, 1]))) / 60.0
+        poses = Poses(self.mechanism, q)
+        return [np.array([poses.at(place) for place in s.outline]) for s in self.shapes]
 
     def _reach(self, link: str, at: Vector2) -> None:
         if link != GROUND:
@@ -131,29 +125,33 @@ class Skeleton:
 
     def _prismatic(self, joint: Prismatic) -> None:
         """A box on `second`, on a rail of `first`."""
-        self._rail('rail', joint.first, joint.on_first, joint.axis, joint.second, joint.on_second)
+        runner = self._poses.within(joint.first, (joint.second, joint.on_second))
+        self._rail('rail', joint.first, joint.on_first, joint.axis, runner)
         length, width = (self.symbol * x for x in _BOX)
         corners = ((-length, -width), (length, -width), (length, width), (-length, width))
         turn = joint.axis - joint.angle
         box = [(joint.second, _plus(joint.on_second, rotate(c, turn))) for c in corners]
         self.shapes.append(Shape('slider', tuple(box), joint.name))
-        self._sliders.add(joint.second)
+        self._bodied.add(joint.second)
         self._reach(joint.second, joint.on_second)
 
-    def _slot(self, joint: PinInSlot) -> None:
-        """A slot in `second`, and the pin of `first` in it."""
-        self._rail('slot', joint.second, joint.on_second, joint.axis, joint.first, joint.on_first)
-        self.shapes.append(Shape('pin', ((joint.first, joint.on_first),), joint.name))
-        self._reach(joint.first, joint.on_first)
+    def _pin(self, joint: PinInSlot | Geneva | SlottedRack) -> None:
+        """A pin of `first`, and the slots of `second`."""
+        pin = joint.first, joint.on_first
+        self.shapes.append(Shape('pin', (pin,), joint.name))
+        self._reach(*pin)
+        way = self._poses.within(joint.second, pin)
+        if isinstance(joint, PinInSlot):
+            self._rail('slot', joint.second, joint.on_second, joint.axis, way)
+        elif isinstance(joint, Geneva):
+            self._wheel(joint, way)
+        else:
+            self._rack(joint, way)
 
-    def _rail(
-        self, kind: Kind, link: str, base: Vector2, axis: float, runner: str, at: Vector2
-    ) -> None:
-        """A line of a link, as long as what runs on it needs."""
+    def _rail(self, kind: Kind, link: str, base: Vector2, axis: float, runner: Array) -> None:
+        """A line of a link, as long as what runs (2, N) on it needs."""
         way = rotate((1.0, 0.0), axis)
-        places: list[Place] = [(link, base), (link, _plus(base, way)), (runner, at)]
-        origin, ahead, where = _located(self.mechanism, places, self._q)
-        along = ((where - origin) * (ahead - origin)).sum(axis=0)
+        along = way @ (runner - np.array(base)[:, None])
         spare = 2.5 * self.symbol
         ends = float(along.min()) - spare, float(along.max()) + spare
         start, end = (_plus(base, (s * way[0], s * way[1])) for s in ends)
@@ -161,28 +159,71 @@ class Skeleton:
         if link != GROUND:
             self._rails.append((link, start, end))
 
+    def _wheel(self, joint: Geneva, pin: Array) -> None:
+        """A Geneva wheel: slots towards its centre, and hollows for the crank's arc between."""
+        link, (x, y) = joint.second, joint.on_second
+        away = pin - np.array([[x], [y]])
+        reach, n = np.hypot(*away), joint.slots
+        inside = reach < joint.entry * (1.0 + 1e-9)
+        turn = float(np.angle(np.exp(1j * n * np.arctan2(*away[::-1]))[inside].sum())) / n
+        self._bodied.add(link)
+
+        def at(r: float, angle: float) -> Place:
+            return link, (x + r * math.cos(angle), y + r * math.sin(angle))
+
+        d, mouth = joint.distance, joint.entry
+        crank = math.sqrt(d * d - mouth * mouth)
+        hollow = 0.5 * (crank + d - mouth)
+        rim = []
+        for angle in np.linspace(0.0, 2.0 * math.pi, 24 * n, endpoint=False):
+            aside = (angle + math.pi / n) % (2.0 * math.pi / n) - math.pi / n
+            across = d * math.sin(aside)
+            r = mouth
+            if abs(across) < hollow:
+                r = min(r, d * math.cos(aside) - math.sqrt(hollow**2 - across**2))
+            rim.append(at(r, turn + math.pi / n + angle))
+        self.shapes.append(Shape('wheel', tuple(rim)))
+        deepest = float(reach.min()) - self.symbol
+        for k in range(n):
+            direction = turn + 2.0 * math.pi * k / n
+            self.shapes.append(Shape('slot', (at(deepest, direction), at(mouth, direction))))
+
+    def _rack(self, joint: SlottedRack, pin: Array) -> None:
+        """The slots that the pin visits, and their neighbours."""
+        link, base = joint.second, np.array(joint.on_second)
+        ux, uy = self._poses.along[link][:, 0]  # a rack does not turn
+        axis = joint.axis - math.atan2(uy, ux)
+        along, across = (np.array(rotate((1.0, 0.0), axis + a)) for a in (0.0, 0.5 * math.pi))
+        place = (joint.first, joint.on_first)
+        from_centre = self._poses.at(place) - np.array(joint.centre)[:, None]
+        driven = rotate((1.0, 0.0), joint.axis + 0.5 * math.pi) @ from_centre <= 0.0
+        away = (pin - base[:, None])[:, driven]
+        slots = np.round(along @ away / joint.pitch).astype(int) if driven.any() else np.zeros(1)
+        ends = across @ away if driven.any() else np.zeros(1)
+        spare = 1.5 * self.symbol
+        low, high = float(ends.min()) - spare, float(ends.max()) + spare
+        for k in range(int(slots.min()) - 1, int(slots.max()) + 2):
+            foot = base + k * joint.pitch * along
+            line = [foot + s * across for s in (low, high)]
+            ends_of_slot = tuple((link, (float(p[0]), float(p[1]))) for p in line)
+            self.shapes.append(Shape('slot', ends_of_slot))
+            self._reach(*ends_of_slot[0])
+
     def _link(self, link: str) -> Shape:
         """A link through its joints, meeting its rails where they are nearest."""
         corners = self._corners[link]
         for owner, start, end in self._rails:
             if owner == link:
                 corners.append(_nearest(start, end, corners))
+        cog = self.mechanism.body(link).cog
+        if len(set(corners)) == 1 and link not in self._bodied:
+            corners.append(cog)  # a pendulum
         distinct: list[Vector2] = []
         for corner in corners:
             if all(math.dist(corner, other) > 1e-9 for other in distinct):
                 distinct.append(corner)
-        body = self.mechanism.body(link)
-        if len(distinct) == 1 and link not in self._sliders:
-            distinct.append(body.cog)  # a pendulum
-        return Shape(
-            'link', tuple((link, corner) for corner in _around(distinct, self.symbol)), link
-        )
-
-
-def _located(mechanism: Mechanism, places: Sequence[Place], q: Array) -> Array:
-    """Points in the world (P, 2, N) [m]."""
-    still = np.zeros_like(q)
-    return Paths(mechanism, places)(q, still, still)[:, 0]
+        outline = _around(distinct or [cog], self.symbol)
+        return Shape('link', tuple((link, corner) for corner in outline), link)
 
 
 def _plus(a: Vector2, b: Vector2) -> Vector2:
