@@ -9,6 +9,7 @@ import pytest
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.cli import main
 from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.planar.mechanism import (
     GROUND,
@@ -161,8 +162,10 @@ def test_ghosts_and_paths_are_drawn(tmp_path):
         (('-o', 'picture.jpg'), 'the ending must be .png, .svg or .pdf'),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, words):
-    done = run('draw', 'four_bar_nominal', *arguments)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert done.stderr.count('\n') == 1
+def test_bad_input_is_one_sentence(arguments, words, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(['draw', 'four_bar_nominal', *arguments])
+    assert stopped.value.code == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count('\n') == 1
