@@ -1,9 +1,9 @@
-"""Newton and Euler for every body, all reactions unknown: the second route to a machine's forces.
+"""Newton and Euler for every body, all reactions unknown: the second route to forces.
 
-Coordinates are x, y of the mass centre and the angle of every body; joints are constraints on them,
-drives too. ``[M, -J^T; J, 0] [a; lambda] = [F; gamma]`` is solved densely. Nothing here knows of
-trees, of absolute link angles as coordinates, or of symbols; derivatives along the motion are
-complex steps.
+Coordinates are x, y of the mass centre and the angle of every body; joints are constraints on
+them, drives too. ``[M, -J^T; J, 0] [a; lambda] = [F; gamma]`` is solved densely. Nothing here
+knows of trees, of absolute link angles as coordinates, or of symbols; derivatives along the motion
+are complex steps.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ class Absolute:
         self.bodies = {b.name: b for b in plan.bodies}
 
     def poses(self, q):
-        """x, y of the mass centre and angle of every body, from coordinates that may be complex."""
+        """Place and angle of every body's mass centre, from coordinates that may be complex."""
         known = dict(zip(self.mechanism.coordinates, q, strict=True))
         found = []
         for body in self.plan.bodies:
@@ -72,7 +72,7 @@ class Absolute:
         return J
 
     def joint_rows(self, x, j):
-        """Jacobian rows of a joint, and what each row's multiplier does: (force, moment) on second.
+        """Jacobian rows of a joint, and what a multiplier of each does: (force, moment).
 
         The moment is about the joint's point on the second link; multipliers push on the second.
         """
@@ -99,7 +99,8 @@ class Absolute:
         if isinstance(j, SlottedRack):
             u = np.array([np.cos(j.axis), np.sin(j.axis)])
             if (across(u) @ (a - np.array(j.centre)) < 0.0).real:
-                return [u @ (Jb - Ja)], [(u, cross(a - b, u))]
+                row = u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.second)
+                return [row], [(u, cross(a - b, u))]
             return [u @ Jb], [(u, 0.0)]
         D = Jb - Ja
         return [D[0], D[1]], [(np.array([1.0, 0.0]), 0.0), (np.array([0.0, 1.0]), 0.0)]

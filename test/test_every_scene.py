@@ -1,4 +1,4 @@
-"""Every mechanism of the package: closures, derivatives, forces and power, each by a second route."""
+"""Every mechanism of the package: closures, derivatives, forces, power, by a second route each."""
 
 import math
 
@@ -47,7 +47,9 @@ def instants(machine, solution, count, margin):
     if machine.plan.elements(machine.mechanism) or any(
         type(j).__name__ in ('Geneva', 'SlottedRack') for j in machine.plan.joints
     ):
-        irregular = ends[np.abs(np.diff(solution.motion.curve.duration)) > 1e-9 * solution.duration]
+        irregular = ends[
+            np.abs(np.diff(solution.motion.curve.duration)) > 1e-9 * solution.duration
+        ]
         t = np.array([x for x in t if (np.abs(irregular - x) > margin).all()])
     return t
 

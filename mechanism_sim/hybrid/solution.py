@@ -54,7 +54,8 @@ class Piece:
         """Everything at times `t` [s], as arrays (N,) by name.
 
         ``position.LINK`` [rad, or m for a displacement], ``velocity.LINK``,
-        ``acceleration.LINK``, the same of ``LINK.x`` and ``LINK.y`` [m] for links that float; with clearance ``gap.JOINT`` [m],
+        ``acceleration.LINK``, the same of ``LINK.x`` and ``LINK.y`` [m] for links that float;
+        with clearance ``gap.JOINT`` [m],
         ``normal_force.JOINT``, ``friction_force.JOINT`` [N], ``closed.JOINT`` (0 or 1),
         ``mode.JOINT`` (the number of a `Mode`); and where the scene has forces
         ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named link),

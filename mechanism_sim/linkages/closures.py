@@ -1,4 +1,4 @@
-"""Ideal joints that close a loop, as the engine sees them: what vanishes, and what it transmits."""
+"""Ideal joints that close a loop, as the engine sees them: what vanishes, what they transmit."""
 
 from __future__ import annotations
 

@@ -175,5 +175,5 @@ def _sine(x: Jet, n: int) -> Jet:
 
 
 def _either(flag: Term, a: Jet, b: Jet) -> Jet:
-    """a where the flag is 1, b where it is 0; the flag does not move."""
+    """The first where the flag is 1, the second where it is 0; the flag does not move."""
     return a * lift(flag) + b * lift(1.0 - flag)

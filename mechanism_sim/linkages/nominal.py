@@ -80,7 +80,7 @@ class NominalRun:
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
         self._coming: deque[DriveLaw] = deque()
-        self._pieces: list[tuple[float, float, Array, Array]] = []
+        self._pieces: list[tuple[float, float, NDArray[np.int64], Array]] = []
         self._turns = np.zeros(len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
         self._share = 1.0  # of the usual length of a piece

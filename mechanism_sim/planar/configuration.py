@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 
 from mechanism_sim.planar.mechanism import (
     GROUND,
+    Geneva,
     Joint,
     Mechanism,
     PinInSlot,
     Prismatic,
     Revolute,
+    SlottedRack,
     Vector2,
 )
 
@@ -36,7 +38,8 @@ class Constraints:
     A revolute joint gives two rows: its point of the first link less that of the second [m]. A
     prismatic joint gives two: the distance of its point of the second link from the line [m], and
     the angle by which the second link is turned too far [rad]. A pin in a slot gives one: the
-    distance of the pin from the slot [m].
+    distance of the pin from the slot [m]; so do Geneva wheels and racks, where the locked ones
+    are held in their place.
     """
 
     links: tuple[str, ...]  #: the moving links, in the order of poses
@@ -50,8 +53,8 @@ class Constraints:
     @cached_property
     def rows(self) -> tuple[str, ...]:
         """Name of the joint of each row."""
-        counts = {Revolute: 2, Prismatic: 2, PinInSlot: 1}
-        return tuple(j.name for j in self.joints for _ in range(counts[type(j)]))
+        counts = {Revolute: 2, Prismatic: 2}
+        return tuple(j.name for j in self.joints for _ in range(counts.get(type(j), 1)))
 
     @cached_property
     def size(self) -> float:
@@ -112,8 +115,8 @@ class Constraints:
     @cached_property
     def _turns(self) -> NDArray[np.bool_]:
         """Which rows are angles."""
-        kinds = {Revolute: (False, False), Prismatic: (False, True), PinInSlot: (False,)}
-        return np.array([turns for j in self.joints for turns in kinds[type(j)]], dtype=bool)
+        kinds = {Revolute: (False, False), Prismatic: (False, True)}
+        return np.array([t for j in self.joints for t in kinds.get(type(j), (False,))], dtype=bool)
 
 
 def poses(mechanism: Mechanism, q: Mapping[str, float]) -> Array:
@@ -142,10 +145,35 @@ def _equations(joint: Joint, first: Array, second: Array) -> Iterator[_Row]:
         value, by_second, by_first = _off_line(second, joint.axis, b, turning_b, a, turning_a)
         yield value, by_first, by_second
         return
+    if isinstance(joint, Geneva | SlottedRack):
+        yield _indexed(joint, second, (a, turning_a), (b, turning_b))
+        return
     yield _off_line(first, joint.axis, a, turning_a, b, turning_b)
     turned = second[2] - first[2] - joint.angle
     unit = np.array([0.0, 0.0, 1.0])
     yield math.remainder(turned, 2.0 * math.pi), -unit, unit
+
+
+def _indexed(
+    joint: Geneva | SlottedRack, second: Array, pin: tuple[Array, Array], on: tuple[Array, Array]
+) -> _Row:
+    """Distance of the pin from the nearest slot, or of the locked follower from its place."""
+    (a, turning_a), (b, turning_b) = pin, on
+    if isinstance(joint, Geneva):
+        between, z = 2.0 * math.pi / joint.slots, a - b
+        if math.hypot(*z) >= joint.entry:
+            turned = math.remainder(second[2] - joint.towards - 0.5 * between, between)
+            return joint.entry * turned, np.zeros(3), np.array([0.0, 0.0, joint.entry])
+        nearest = between * round((math.atan2(z[1], z[0]) - second[2]) / between)
+        value, by_second, by_first = _off_line(second, nearest, b, turning_b, a, turning_a)
+        return value, by_first, by_second
+    u = np.array([math.cos(joint.axis), math.sin(joint.axis)])
+    by_rack = np.array([*u, u @ turning_b])
+    if u[0] * (a[1] - joint.centre[1]) - u[1] * (a[0] - joint.centre[0]) >= 0.0:
+        off = math.remainder(u @ (b - joint.centre) - 0.5 * joint.pitch, joint.pitch)
+        return off, np.zeros(3), by_rack
+    off = math.remainder(u @ (a - b), joint.pitch)
+    return off, np.array([*u, u @ turning_a]), -by_rack
 
 
 def _off_line(

@@ -132,7 +132,7 @@ class InverseDynamics:
 
         Parameters
         ----------
-        q, v, a : (n, N) angles [rad], rates [rad/s], accelerations [rad/s^2]; of displacements in m
+        q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
         outside : (k, N) what is named by `outside`
 
         Raises

@@ -12,7 +12,7 @@ GROUND = 'ground'
 
 Vector2 = tuple[float, float]
 Arm: TypeAlias = tuple[str, str | None]
-"""The coordinate with which a vector turns (or the ground), and the displacement that scales it."""
+"""The angle with which a vector turns (or the ground), and the displacement that scales it."""
 Point: TypeAlias = dict[Arm, Vector2]
 """A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
 
@@ -40,7 +40,7 @@ class Revolute:
 
 @dataclass(frozen=True)
 class Prismatic:
-    """A prismatic joint: a point of `second` slides on a line of `first`, without turning on it."""
+    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn."""
 
     name: str
     first: str
@@ -167,9 +167,7 @@ class Mechanism:
         carried: dict[str, Joint] = {}
         floating: list[str] = []
         left = [body.name for body in self.bodies]
-        usable = [
-            j for j in self.joints if j.name not in self.cut and not isinstance(j, HIGHER)
-        ]
+        usable = [j for j in self.joints if j.name not in self.cut and not isinstance(j, HIGHER)]
         while left:
             reached = {GROUND, *carried, *floating}
             for link, j in ((link, j) for link in left for j in usable):

@@ -40,9 +40,11 @@ def tree_reactions(
                 w, sign = found[joint.name], neg if joint.first == link else _same
                 wrench = Wrench(sign(w.x), sign(w.y), sign(w.moment))
                 hanging.append((joint.second, joint.on_second, f'{joint.name}.second', wrench))
-        for load in loads:
-            if load.link == link:
-                hanging.append((link, load.at, load.name, Wrench(*load.force, load.moment)))
+        hanging += [
+            (link, load.at, load.name, Wrench(*load.force, load.moment))
+            for load in loads
+            if load.link == link
+        ]
         force = (
             add(needed[0], *(neg(w.x) for *_, w in hanging)),
             add(needed[1], *(neg(w.y) for *_, w in hanging)),

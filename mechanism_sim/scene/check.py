@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.linkages.closures import closures
 from mechanism_sim.planar.mechanism import GROUND, HIGHER, Revolute
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import motion_notes
@@ -15,8 +14,8 @@ from mechanism_sim.scene.motion_notes import motion_notes
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
     'for or masses not given: loop closure',
-    Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are asked '
-    'for: loop closure and a linear solve for the forces',
+    Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are '
+    'asked for: loop closure and a linear solve for the forces',
     Level.SMOOTH: 'every joint is ideal and the drives leave a motion free: equations of motion '
     'with closed loops',
     Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
@@ -76,11 +75,10 @@ def check(machine: Machine) -> Report:
                 f"{joint}: Newton's restitution with friction can create energy where sliding "
                 "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
             )
-    for joint in closures(machine.mechanism, machine.mechanism.cut):
-        if joint.name not in machine.clearances:
-            count = 1 if isinstance(machine.mechanism.joint(joint.name), HIGHER) else 2
-            equations = 'equation' if count == 1 else 'equations'
-            relations.append(f'{joint.name}: closes a loop, {count} {equations}')
+    for name in machine.mechanism.cut:
+        if name not in machine.clearances:
+            single = isinstance(machine.mechanism.joint(name), HIGHER)
+            relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
@@ -91,10 +89,11 @@ def check(machine: Machine) -> Report:
             left_out.append('friction and pin radius: none given')
         if len(gaps) < sum(isinstance(j, Revolute) for j in machine.plan.joints):
             left_out.append('clearance in the other joints: none given')
-    grounded = [j for j in machine.plan.joints if GROUND in (j.first, j.second)]
-    for c in machine.plan.prescribed if machine.dynamic else ():
-        if any(c in (j.first, j.second) for j in grounded):
-            left_out.append(f'{c} inertia: its motion is given')
+    grounded = [{j.first, j.second} for j in machine.plan.joints if GROUND in (j.first, j.second)]
+    given = machine.plan.prescribed if machine.dynamic else []
+    left_out += [
+        f'{c} inertia: its motion is given' for c in given if any(c in ends for ends in grounded)
+    ]
     return Report(
         machine.name,
         scene.title,

@@ -106,7 +106,10 @@ def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
         elif name in loose.displacements:
             j = loose.tree_joints[link]
             assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
-            a, b = ideal.locate(j.first, known, j.on_first), ideal.locate(j.second, known, j.on_second)
+            a, b = (
+                ideal.locate(j.first, known, j.on_first),
+                ideal.locate(j.second, known, j.on_second),
+            )
             way = ideal.angle(j.first, known) + j.axis
             found.append((b[0] - a[0]) * np.cos(way) + (b[1] - a[1]) * np.sin(way))
         else:

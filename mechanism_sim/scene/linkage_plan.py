@@ -197,8 +197,8 @@ class _Reader:
         if abs(b - right) > 1e-6 * right:
             raise InputError(
                 f'{self._name}: {where}: with {joint.slots} slots and the pin {radius:.9g} m from '
-                f'its centre, the centres must be {right:.9g} m apart, not {b:.9g} m: else the pin '
-                'strikes the slot where it enters'
+                f'its centre, the centres must be {right:.9g} m apart, not {b:.9g} m: else the '
+                'pin strikes the slot where it enters'
             )
         entry = right * math.cos(math.pi / joint.slots)
         towards = math.atan2(oy - wy, ox - wx)
@@ -307,15 +307,15 @@ class _Reader:
     ) -> tuple[tuple[Law, ...], tuple[float, float]]:
         where = f'{self._name}: the drive of {c}'
         straight = c in tree.displacements
-        ways = [w for w in ('profile', 'torque', 'force', 'motor') if getattr(drive, w) is not None]
+        ways = [
+            w for w in ('profile', 'torque', 'force', 'motor') if getattr(drive, w) is not None
+        ]
         if len(ways) > 1:
             raise InputError(f'{where}: {ways[0]} and {ways[1]} exclude each other: keep one')
         wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
         for key in sorted(wrong):
             if getattr(drive, key) is not None:
-                raise InputError(
-                    f"{where}: '{key}' does not fit: {c} is {_kind(straight)}"
-                )
+                raise InputError(f"{where}: '{key}' does not fit: {c} is {_kind(straight)}")
         start = drive.start_position if straight else drive.start_angle
         start = self._values('initial.position', self._scene.initial.position, tree,
                              ('rad', 'm')).get(c, start)  # fmt: skip

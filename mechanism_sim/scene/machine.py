@@ -186,6 +186,26 @@ class Machine:
         """Angle [rad] and speed [rad/s] of the main drive's coordinate at time zero."""
         return self.plan.begins.get(self.main, (0.0, 0.0))
 
+    def started_at(self, angle: float) -> Machine:
+        """The same machine with its main drive at another angle [rad] at the start.
+
+        Raises
+        ------
+        InputError
+            If it has no drive.
+        """
+        scene, update = self.scene, {'start_angle': angle}
+        if isinstance(scene, FourBarScene):
+            position = scene.initial.position.model_copy(update={'crank': None})
+            initial = scene.initial.model_copy(update={'position': position})
+            drive = scene.drive.model_copy(update=update)
+            changed: Scene = scene.model_copy(update={'drive': drive, 'initial': initial})
+        elif scene.drive:
+            changed = scene.model_copy(update={'drive': scene.drive.model_copy(update=update)})
+        else:
+            raise InputError(f"{self.name}: there is no 'drive' to start at an angle")
+        return replace(self, scene=changed)
+
     @cached_property
     def ideal(self) -> IdealMotion:
         """The motion of the mechanism without clearance."""
@@ -214,7 +234,9 @@ class Machine:
         """Forces of the ideal mechanism."""
         ideal = self.plan.ideal
         driven = self.plan.prescribed
-        return InverseDynamics(ideal, closures(ideal, ideal.cut), driven, self.plan.elements(ideal))
+        return InverseDynamics(
+            ideal, closures(ideal, ideal.cut), driven, self.plan.elements(ideal)
+        )
 
     @cached_property
     def system(self) -> System:

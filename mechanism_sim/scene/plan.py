@@ -135,7 +135,9 @@ def four_bar_plan(scene: FourBarScene) -> Plan:
     )  # fmt: skip
 
 
-def _four_bar_laws(scene: FourBarScene, start: float) -> tuple[tuple[Law, ...], tuple[float, float]]:
+def _four_bar_laws(
+    scene: FourBarScene, start: float
+) -> tuple[tuple[Law, ...], tuple[float, float]]:
     """The laws of the crank, and its angle and speed at the start."""
     drive = scene.drive
     begin = start, drive.speed or 0.0
@@ -154,4 +156,3 @@ def _four_bar_laws(scene: FourBarScene, start: float) -> tuple[tuple[Law, ...], 
 def motor_law(coordinate: str, stall_torque: float, no_load_speed: float) -> TorqueLaw:
     """The straight line of a direct-current motor."""
     return TorqueLaw(coordinate, (stall_torque, 0.0, -stall_torque / no_load_speed))
-
