@@ -2,9 +2,9 @@
 
 The mechanism has one degree of freedom and starts at rest, so the energy integral
 ``J(beta) beta'^2/2 + V(beta) - V(beta0) = mom (beta - beta0)`` gives the speed at every angle of
-the crank and ``t = integral of d beta/beta'``. With ``beta = beta0 + s^2`` the integrand is smooth;
-it is integrated by Gauss-Legendre in 40 digits, and the angle at the end of the run is found by
-Newton's method. Positions come from circles that intersect: a four-bar, then two dyads.
+the crank and ``t = integral of d beta/beta'``. With ``beta = beta0 + s^2`` the integrand is
+smooth; it is integrated by Gauss-Legendre in 40 digits, and the angle at the end of the run is
+found by Newton's method. Positions come from circles that intersect: a four-bar, then two dyads.
 
 `python make_andrews_squeezer.py` writes `andrews_squeezer.json` to mechanism_sim/bench/references.
 """
@@ -36,7 +36,7 @@ A, B, C = mp.mpc(K['xa'], K['ya']), mp.mpc(K['xb'], K['yb']), mp.mpc(K['xc'], K[
 
 
 def dyad(first, second, near, far, side):
-    """Unit vectors of two links, from `first` and from `second`, that meet on `side` of the line."""
+    """Unit vectors of two links, from `first` and `second`, that meet on `side` of the line."""
     line = second - first
     r = abs(line)
     cosine = (near**2 + r**2 - far**2) / (2 * near * r)
@@ -45,7 +45,7 @@ def dyad(first, second, near, far, side):
 
 
 def spins(a, b, near, far, v):
-    """Rates of two links that meet, when the start of the first one moves by `v` less the other."""
+    """Rates of two links that meet; the start of the first moves with `v`, the other rests."""
     # v + i near wa a = i far wb b
     cross = (mp.conj(a) * b).imag
     return -(mp.conj(b) * v).real / (near * cross), -(mp.conj(a) * v).real / (far * cross)
@@ -109,7 +109,12 @@ def test_set_angles(beta):
     """beta, Theta, gamma, phi, delta, Omega, epsilon, as the test set counts them."""
     (_, u2, u3, u4, u5, u6, u7), _ = state(beta)
     turned = mp.mpc(0, 1)
-    theta, gamma, delta, epsilon = mp.arg(-u2) - beta, mp.arg(turned * u3), mp.arg(u5), mp.arg(turned * u7)  # noqa: E501
+    theta, gamma, delta, epsilon = (
+        mp.arg(-u2) - beta,
+        mp.arg(turned * u3),
+        mp.arg(u5),
+        mp.arg(turned * u7),
+    )
     theta += 2 * mp.pi * mp.nint((-beta - theta) / (2 * mp.pi))  # beta + Theta never turns round
     return beta, theta, gamma, mp.arg(turned * u4) - delta, delta, mp.arg(u6) - epsilon, epsilon
 
