@@ -1,7 +1,7 @@
 """The motion of an ideal linkage under prescribed drives, as polynomials like any other motion.
 
-Positions are exact at every instant; for topics and sensors they are interpolated on pieces of up to
-an eighth of a turn, shorter where the motion is sharp.
+Positions are exact at every instant; for topics and sensors they are interpolated on pieces of an
+eighth of a turn or less, where the motion is sharp.
 """
 
 from __future__ import annotations
