@@ -6,11 +6,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mechanism_sim.linkages.indexing import GenevaClosure, RackClosure
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import Mechanism, PinInSlot, Prismatic, rotate
+from mechanism_sim.planar.mechanism import (
+    Geneva,
+    Mechanism,
+    PinInSlot,
+    Prismatic,
+    SlottedRack,
+    rotate,
+)
 from mechanism_sim.planar.protocols import Relation
 
 
@@ -103,6 +111,10 @@ def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
         joint = mechanism.joint(name)
         if isinstance(joint, Prismatic):
             found.append(PrismaticClosure(name, mechanism))
+        elif isinstance(joint, Geneva):
+            found.append(GenevaClosure(name, mechanism))
+        elif isinstance(joint, SlottedRack):
+            found.append(RackClosure(name, mechanism))
         elif isinstance(joint, PinInSlot):
             found.append(SlotClosure(name, mechanism))
         else:

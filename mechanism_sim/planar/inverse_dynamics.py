@@ -14,6 +14,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import COLUMNS, Evaluation
 from mechanism_sim.numerics.symbolic import Term, add, dense, neg
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.kinematics import switch_guards
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
@@ -82,6 +83,10 @@ class InverseDynamics:
     def outside(self) -> tuple[str, ...]:
         """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
         return tuple(self.equations.frames.outside)
+
+    def guards(self, q: Array) -> Array:
+        """The guards (g, N) of loads that act in a part of the cycle only."""
+        return switch_guards(self.equations, q)
 
     @cached_property
     def _functions(self) -> tuple[Evaluation, Evaluation]:

@@ -6,6 +6,7 @@ import math
 from itertools import combinations, pairwise
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.schema import Clearance, FourBarScene
@@ -54,7 +55,7 @@ def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
             f'not shorter than the three other links together ({others:g} m)'
         )
     _check_drive(name, scene)
-    if not machine.torque_driven and not linkage.assembles_everywhere():
+    if not machine.torque_driven and not crank_turns(linkage):
         raise InputError(
             f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
             'crank in line must leave a triangle with coupler and rocker; shorten the crank'

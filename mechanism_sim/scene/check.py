@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.linkages.closures import closures
-from mechanism_sim.planar.mechanism import GROUND, PinInSlot, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HIGHER, Revolute
 from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.motion_notes import motion_notes
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -75,7 +78,7 @@ def check(machine: Machine) -> Report:
             )
     for joint in closures(machine.mechanism, machine.mechanism.cut):
         if joint.name not in machine.clearances:
-            count = 1 if isinstance(machine.mechanism.joint(joint.name), PinInSlot) else 2
+            count = 1 if isinstance(machine.mechanism.joint(joint.name), HIGHER) else 2
             equations = 'equation' if count == 1 else 'equations'
             relations.append(f'{joint.name}: closes a loop, {count} {equations}')
     left_out = []
@@ -126,13 +129,9 @@ def _drive(machine: Machine, coordinate: str) -> str:
 
 
 def _notes(machine: Machine) -> list[str]:
-    scene, notes = machine.scene, []
-    if machine.plan.four_bar:
-        grashof = machine.plan.four_bar.grashof()
-        notes.append(
-            f'Grashof: the sum of shortest and longest link is {abs(grashof):.6g} m '
-            f'{"less" if grashof > 0 else "more"} than that of the others'
-        )
+    scene, mechanism = machine.scene, machine.plan.ideal
+    start = dict(zip(mechanism.coordinates, _start(machine), strict=True))
+    notes = motion_notes(mechanism, start, machine.plan.laws)
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
@@ -141,6 +140,15 @@ def _notes(machine: Machine) -> list[str]:
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
+
+
+def _start(machine: Machine) -> list[float]:
+    """Coordinates of the mechanism without clearance at the start."""
+    four_bar = machine.plan.four_bar
+    if four_bar is None:
+        return [float(x) for x in machine.assembly.q]
+    crank = machine.start_of_crank[0]
+    return [crank, *(float(x) for x in four_bar.positions(np.array(crank)))]
 
 
 def render(report: Report) -> str:

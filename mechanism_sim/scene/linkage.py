@@ -87,22 +87,29 @@ class PointMass(Part):
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
+KINDS = 'revolute', 'prismatic', 'slot', 'geneva', 'rack'
+
+
 class LinkageJoint(Part):
     """A joint between points of two links: of one kind."""
 
     revolute: Reference | None = None
     prismatic: Reference | None = None
     slot: Reference | None = None
+    geneva: Reference | None = None
+    rack: Reference | None = None
+    slots: Annotated[int, Field(ge=3, le=24)] | None = None  #: of a Geneva wheel
+    pitch: Length | None = None  #: of the slots of a rack
     axis: Angle = 0.0  #: of sliding: in the first link of a prismatic joint, in the second's slot
     angle: Angle = 0.0  #: of the second link in the first, for a prismatic joint
     clearance: Clearance | None = None
 
     @model_validator(mode='after')
     def _one_kind(self) -> LinkageJoint:
-        kinds = [k for k in ('revolute', 'prismatic', 'slot') if getattr(self, k) is not None]
+        kinds = [k for k in KINDS if getattr(self, k) is not None]
         if len(kinds) != 1:
             raise ValueError(
-                'must be of one kind: revolute, prismatic or slot, with two points such as '
+                f'must be of one kind, {", ".join(KINDS)}, with two points such as '
                 '[crank.end, rod.start]'
             )
         if self.clearance and kinds != ['revolute']:
@@ -111,13 +118,14 @@ class LinkageJoint(Part):
 
     @property
     def kind(self) -> str:
-        """revolute, prismatic or slot."""
-        return 'revolute' if self.revolute else 'prismatic' if self.prismatic else 'slot'
+        """One of `KINDS`."""
+        return next(k for k in KINDS if getattr(self, k) is not None)
 
     @property
     def points(self) -> list[str]:
         """The two points."""
-        return self.revolute or self.prismatic or self.slot or []
+        points: list[str] = getattr(self, self.kind)
+        return points
 
 
 class LinkageProfile(Part):

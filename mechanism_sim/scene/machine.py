@@ -28,7 +28,7 @@ from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
 from mechanism_sim.linkages.closures import closures
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
-from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
+from mechanism_sim.linkages.nominal import Guards, NominalPhysics, NominalRun
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
@@ -360,13 +360,24 @@ class Machine:
             prescribed = [x for x in first if isinstance(x, DriveLaw)]
             if len(prescribed) < len(first):
                 raise TypeError('a mechanism that a torque moves has equations of motion')
-            q = self.assembly.q
-            run = NominalRun(self.ideal, prescribed, q, self.mechanism.size)
+            q = np.zeros(3) if self.plan.four_bar else self.assembly.q
+            run = NominalRun(self.ideal, prescribed, q, self.mechanism.size, self._guards())
         for later in sorted(
             (x for c in system_order for x in laws[c][1:]), key=lambda x: x.valid_from
         ):
             run.change_law(later)
         return run
+
+    def _guards(self) -> Guards | None:
+        """Where something begins or ceases to act in the course of an ideal motion."""
+        sources = [self.inverse_dynamics.guards] if self.level is Level.INVERSE_DYNAMICS else []
+        if isinstance(self.ideal, LinkageMotion):
+            sources.append(self.ideal.kinematics.guards)
+        here = self.assembly.q[:, None] if self.plan.four_bar is None else np.zeros((3, 1))
+        used = [guards for guards in sources if len(guards(here))]
+        if not used:
+            return None
+        return lambda q: np.concatenate([guards(q) for guards in used])
 
     @cached_property
     def fingerprint(self) -> str:
