@@ -215,6 +215,21 @@ def test_rotary_engine_moves_as_printed_for_the_cylinder():
     assert push == pytest.approx(CubicSpline(t, slide)(t, 1), abs=1e-2)
 
 
+def test_a_driven_link_keeps_its_angle_where_its_bearing_is_loose():
+    """With its bearing cut, the guide on the piston could carry the cylinder, without an angle."""
+    loose = {'joints.ground_cylinder.clearance': {'radial': '0.1 mm', 'restitution': 0.5}}
+    machine = ms.load_scene('rotary_engine', loose)
+    solution = ms.simulate(machine, duration=0.0125)
+    t = np.linspace(0.0, solution.duration, 200)
+    seen, ideal = solution.sample(t), run('rotary_engine')[1].sample(t)
+    assert not solution.impacts
+    assert seen['position.cylinder'] == pytest.approx(40.0 * pi * t, abs=1e-13)
+    assert seen['position.piston'] == pytest.approx(seen['position.cylinder'], abs=1e-12)
+    assert seen['position.rod'] == pytest.approx(ideal['position.rod'], abs=2.5e-4 / 0.23)
+    force = np.hypot(*(ideal[f'reaction.ground_cylinder.{x}'] for x in 'xy'))
+    assert seen['normal_force.ground_cylinder'] == pytest.approx(force, rel=0.01)
+
+
 def test_quick_return_has_its_time_ratio_and_stroke():
     half = np.arccos(0.03 / 0.06)  # problem 2.12: O1O2 over O2A
     assert time_ratio('quick_return', 'ram') == pytest.approx((pi - half) / half, rel=1e-10)
