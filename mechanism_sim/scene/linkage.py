@@ -12,6 +12,7 @@ from mechanism_sim.scene.schema import (
     AffineTorque,
     Angle,
     Clearance,
+    Duration,
     Gravity,
     Inertia,
     Length,
@@ -216,6 +217,7 @@ class LinkageScene(Part):
     guess: dict[str, Place] = {}
     springs: dict[str, SpringPart] = {}
     loads: dict[str, LoadPart] = {}
+    duration: Duration | None = None  #: of a run of which no length is asked; else a revolution
     start: Literal['seated', 'centred'] = 'seated'
     initial: LinkageInitial = LinkageInitial()
     sensors: dict[str, LinkageSensor] = {}

@@ -409,7 +409,8 @@ class Machine:
     @cached_property
     def fingerprint(self) -> str:
         """Of all that rules the motion, in a few letters."""
-        content = self.scene.model_dump(exclude={'title', 'description', 'outputs', 'sensors'})
+        silent = {'title', 'description', 'duration', 'outputs', 'sensors'}
+        content = self.scene.model_dump(exclude=silent)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def snapshot(self, run: Run) -> Snapshot:

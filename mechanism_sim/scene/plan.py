@@ -70,8 +70,19 @@ class Plan:
         """The mechanism cut at its loose joints, and where loops are left then."""
         if not self.clearances:
             return self.ideal
-        links = [body.name for body in self.bodies]
-        return self.mechanism(closing_joints(links, self.joints, [*self.clearances], [*self.laws]))
+        links, cut = [body.name for body in self.bodies], [*self.clearances]
+        straight = [c for c in self.laws if c in self.ideal.displacements]
+        while True:
+            found = self.mechanism(closing_joints(links, self.joints, cut, straight))
+            # a link whose angle is driven must not be carried by a guide: it would lose its angle
+            guides = [
+                found.tree_joints[c].name
+                for c in self.laws
+                if c in found.displacements and c not in straight
+            ]
+            if not guides:
+                return found
+            cut += guides
 
     @property
     def prescribed(self) -> list[str]:
