@@ -204,7 +204,7 @@ def _check_way(machine: Machine) -> None:
         run.advance(duration, final=True)
     except RunError as error:
         raise InputError(
-            f'{machine.name}: {error}; change the lengths, or keep the drive within its limits by a '
+            f'{machine.name}: {error}; change the lengths, or keep the drive within limits by a '
             "'profile' and 'duration'"
         ) from error
 
