@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from linkages import TURN, cycle, place
 
 import mechanism_sim as ms
 from mechanism_sim.bench.problems.andrews_squeezer import LINKS, relative_angles
 from mechanism_sim.bench.problems.andrews_squeezer import error as squeezer_error
 from mechanism_sim.bench.problems.andrews_squeezer import scipy as squeezer_by_scipy
-from mechanism_sim.planar.mechanism import PinInSlot, Prismatic, Revolute
 
 SQUEEZER = (
     15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948,
@@ -39,35 +39,6 @@ def test_andrews_squeezer_by_an_index_1_formulation():
 
 # --- the book's mechanisms --------------------------------------------------------------------
 
-TURN = 2.0 * np.pi
-DURATIONS = {
-    'loader': 0.7, 'dump_truck': 12.0, 'punch': 0.5, 'locking_pliers': 0.6,
-    'straight_line_drive': 2.0,
-}  # fmt: skip
-SCENES = (
-    *DURATIONS, 'windshield_wiper', 'double_toggle_punch', 'variable_stroke_drive',
-    'adjustable_stroke_drive', 'constant_velocity_slider', 'quick_return_shaper', 'film_advance',
-    'material_handling', 'double_rocker_tracing', 'ten_links',
-)  # fmt: skip
-
-
-def cycle(name, n=721, overrides=()):
-    """A scene over a turn of its crank, or its duration: machine, instants, what was sampled."""
-    machine = ms.load_scene(name, overrides)
-    length = {'duration': DURATIONS[name]} if name in DURATIONS else {'revolutions': 1}
-    solution = ms.simulate(machine, **length)
-    t = np.linspace(0.0, solution.duration, n)
-    return machine, t, solution.sample(t), solution
-
-
-def place(machine, seen, link, at=(0.0, 0.0)):
-    """A point of a link in the world as complex numbers (N,) [m]."""
-    found = np.zeros(len(next(iter(seen.values()))), complex)
-    for (frame, slide), d in machine.mechanism.point(link, at).items():
-        turned = 1.0 if frame == 'ground' else np.exp(1j * seen[f'position.{frame}'])
-        found += (1.0 if slide is None else seen[f'position.{slide}']) * turned * complex(*d)
-    return found
-
 
 def meet(first, second, near, far, side):
     """Where circles about two points meet: on the left of the way between them (1), or right."""
@@ -82,24 +53,6 @@ def ends(t, x):
     i = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
     before, here, after = x[i - 1], x[i], x[i + 1]
     return t[i] + 0.5 * (before - after) / (before - 2.0 * here + after) * (t[1] - t[0])
-
-
-@pytest.mark.parametrize('name', SCENES)
-def test_loops_stay_closed_and_energy_balances(name):
-    machine, _, seen, solution = cycle(name)
-    mechanism = machine.mechanism
-    for joint in mechanism.joints:
-        gap = place(machine, seen, joint.first, joint.on_first)
-        gap -= place(machine, seen, joint.second, joint.on_second)
-        if not isinstance(joint, Revolute):  # free along its axis
-            link = joint.first if isinstance(joint, Prismatic) else joint.second
-            frame, angle = mechanism.frame(link)
-            turned = 0.0 if frame == 'ground' else seen[f'position.{frame}']
-            gap = (gap * np.exp(-1j * (turned + angle + joint.axis))).imag
-        assert np.abs(gap).max() < 1e-12, joint.name
-    energy = solution.energy
-    scale = np.abs([energy.initial, energy.final, energy.drive_work, energy.dissipated]).max()
-    assert abs(energy.residual) < 1e-9 * scale
 
 
 def test_loader_as_the_book_solves_it():
@@ -307,153 +260,3 @@ def test_straight_line_drive_is_straight():
     assert np.ptp(seen['position.block']) == pytest.approx(
         0.4 * (1 - np.cos(np.pi / 12.0)), abs=1e-9
     )
-
-
-# --- forces, by free bodies -------------------------------------------------------------------
-
-
-def moved(machine, seen, link, at):
-    """Place, velocity and acceleration of a point as complex numbers (N,)."""
-    x = v = a = 0.0
-    for (frame, slide), d in machine.mechanism.point(link, at).items():
-        th, w, alpha = (
-            0.0 if frame == 'ground' else seen[f'{what}.{frame}']
-            for what in ('position', 'velocity', 'acceleration')
-        )
-        s, s1, s2 = (
-            float(k == 0) if slide is None else seen[f'{what}.{slide}']
-            for k, what in enumerate(('position', 'velocity', 'acceleration'))
-        )
-        arm = complex(*d) * np.exp(1j * th)
-        x, v = x + s * arm, v + (s1 + 1j * w * s) * arm
-        a = a + (s2 + 2j * w * s1 + (1j * alpha - w**2) * s) * arm
-    return x, v, a
-
-
-def turning(machine, seen, link, what='position'):
-    """Angle of a link [rad], or its rate or acceleration."""
-    frame, offset = machine.mechanism.frame(link)
-    offset = offset if what == 'position' else 0.0
-    return offset + (0.0 if frame == 'ground' else seen[f'{what}.{frame}'])
-
-
-def applied(machine, seen, t):
-    """Loads and springs: link, place, force as a complex number [N], moment [N m]."""
-
-    def find(reference):
-        link, _, point = reference.partition('.')
-        return link, machine.plan.points[link][point or 'start']
-
-    coordinates = {c: seen[f'position.{c}'] for c in machine.mechanism.coordinates}
-    coordinates |= {f'{c}_rate': seen[f'velocity.{c}'] for c in machine.mechanism.coordinates}
-    found = []
-    for load in machine.scene.loads.values():
-        link, at = find(load.at)
-        x, v, _ = moved(machine, seen, link, at)
-        known = {'t': t, 'x': x.real, 'y': x.imag, 'vx': v.real, 'vy': v.imag, **coordinates}
-        fx, fy, torque = (
-            eval(part, {}, known) if isinstance(part, str) else part
-            for part in (*load.force, load.torque)
-        )
-        on = 1.0
-        if load.during:
-            width = (load.during.end - load.during.begin) % TURN
-            on = (coordinates[load.during.coordinate] - load.during.begin) % TURN < width
-        turned = np.exp(1j * turning(machine, seen, link)) if load.frame == 'link' else 1.0
-        found.append((link, x, on * turned * (fx + 1j * fy), on * torque))
-    for spring in machine.scene.springs.values():
-        (a, at_a), (b, at_b) = map(find, spring.between)
-        xa, xb = (moved(machine, seen, k, at)[0] for k, at in ((a, at_a), (b, at_b)))
-        line = xb - xa
-        pull = spring.stiffness.value * (1.0 - spring.free_length / np.abs(line)) * line
-        found += [(a, xa, pull, 0.0), (b, xb, -pull, 0.0)]
-    return found
-
-
-def free_bodies(machine, seen, t):
-    """Forces of all joints (N, j) as complex numbers, and efforts of all drives (N, d).
-
-    Three equations a body, all joint forces and moments and the drives' efforts as unknowns.
-    """
-    mechanism, drives = machine.mechanism, list(machine.plan.laws)
-    links = [body.name for body in mechanism.bodies]
-    joints, n, size = mechanism.joints, len(t), 3 * len(links)
-    slides = [j for j in joints if not isinstance(j, Revolute)]
-    guides = [j for j in joints if isinstance(j, Prismatic)]
-    efforts = [d for d in drives if d not in mechanism.displacements]
-    unknowns = 2 * len(joints) + len(guides) + len(efforts)
-    A, b = np.zeros((n, unknowns, unknowns)), np.zeros((n, unknowns))
-    cogs = {}
-    for i, body in enumerate(mechanism.bodies):
-        x, _, a = moved(machine, seen, body.name, body.cog)
-        cogs[body.name] = x
-        force = body.mass * (a - complex(*mechanism.gravity))
-        b[:, 3 * i], b[:, 3 * i + 1] = force.real, force.imag
-        b[:, 3 * i + 2] = body.inertia * turning(machine, seen, body.name, 'acceleration')
-    for link, x, force, torque in applied(machine, seen, t):
-        if link in links:
-            i, arm = links.index(link), x - cogs[link]
-            b[:, 3 * i] -= force.real
-            b[:, 3 * i + 1] -= force.imag
-            b[:, 3 * i + 2] -= (arm.conj() * force).imag + torque
-    for k, j in enumerate(joints):
-        pin = isinstance(j, PinInSlot)
-        x = moved(machine, seen, *((j.first, j.on_first) if pin else (j.second, j.on_second)))[0]
-        for link, sign in ((j.first, -1.0), (j.second, 1.0)):
-            if link in links:
-                i, arm = links.index(link), x - cogs[link]
-                A[:, 3 * i, 2 * k] = A[:, 3 * i + 1, 2 * k + 1] = sign
-                A[:, 3 * i + 2, 2 * k], A[:, 3 * i + 2, 2 * k + 1] = (
-                    -sign * arm.imag,
-                    sign * arm.real,
-                )
-                if j in guides:
-                    A[:, 3 * i + 2, 2 * len(joints) + guides.index(j)] = sign
-    row = size
-    for j in slides:
-        if not (isinstance(j, Prismatic) and j.second in drives):  # free along its axis
-            way = (
-                turning(machine, seen, j.second if isinstance(j, PinInSlot) else j.first) + j.axis
-            )
-            k = joints.index(j)
-            A[:, row, 2 * k], A[:, row, 2 * k + 1] = np.cos(way), np.sin(way)
-            row += 1
-    for k, d in enumerate(efforts):
-        A[:, 3 * links.index(d) + 2, 2 * len(joints) + len(guides) + k] = 1.0
-    assert row == unknowns
-    found = np.linalg.solve(A, b[:, :, None])[:, :, 0]
-    forces = found[:, 0 : 2 * len(joints) : 2] + 1j * found[:, 1 : 2 * len(joints) : 2]
-    return forces, found[:, 2 * len(joints) + len(guides) :]
-
-
-@pytest.mark.parametrize('name', SCENES)
-def test_forces_are_those_of_free_bodies(name):
-    machine, t, seen, _ = cycle(name, 40)
-    t, seen = t[1:-1], {k: x[1:-1] for k, x in seen.items()}  # a load may begin with the turn
-    forces, efforts = free_bodies(machine, seen, t)
-    names = [j.name for j in machine.mechanism.joints]
-    mine = np.array([seen[f'reaction.{j}.x'] + 1j * seen[f'reaction.{j}.y'] for j in names]).T
-    assert np.abs(mine - forces).max() < 1e-9 * np.abs(forces).max()
-    if efforts.shape[1]:
-        assert np.abs(seen['drive_torque'] - efforts[:, 0]).max() < 1e-9 * np.abs(efforts).max()
-
-
-@pytest.mark.parametrize('name', SCENES)
-def test_velocities_and_accelerations_are_derivatives(name):
-    """By differences of sixth order, away from corners of a drive's profile."""
-    machine = ms.load_scene(name)
-    length = {'duration': DURATIONS[name]} if name in DURATIONS else {'revolutions': 1}
-    solution = ms.simulate(machine, **length)
-    h = 1e-3 * solution.duration
-    t = solution.duration * np.array([0.113, 0.317, 0.477, 0.629, 0.871])
-    around = [solution.sample(t + k * h) for k in range(-3, 4)]
-    for c in machine.mechanism.coordinates:
-        for order, (low, high) in enumerate(
-            (('position', 'velocity'), ('velocity', 'acceleration')), 1
-        ):
-            x = [seen[f'{low}.{c}'] for seen in around]
-            slope = (45.0 * (x[4] - x[2]) - 9.0 * (x[5] - x[1]) + (x[6] - x[0])) / (60.0 * h)
-            right = around[3][f'{high}.{c}']
-            least = 1e-3 / solution.duration**order  # of links that do not turn
-            scale = max(np.abs(right).max(), np.abs(x).max() / solution.duration, least)
-            assert np.abs(slope - right).max() < 1e-7 * scale, (c, high)
