@@ -11,11 +11,15 @@ from typing import Any
 
 __path__ = extend_path(__path__, __name__)
 
-__all__ = ['load_scene', 'scene_names', 'simulate', 'stream']
+__all__ = ['cycle', 'load_scene', 'scene_names', 'simulate', 'stream']
 
 
 def __getattr__(name: str) -> Any:
     """The public functions, imported when first used: most commands need few of the rooms."""
+    if name == 'cycle':
+        from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
+
+        return cycle
     if name in __all__:
         from mechanism_sim import scene  # noqa: PLC0415
 

@@ -71,6 +71,13 @@ def _parser() -> argparse.ArgumentParser:
     command('scenes', _scenes, 'list the scenes of the package')
     sub = command('check', _check, 'say what a scene comes down to, without running it')
     _scene_options(sub)
+    sub = command('equations', _equations, "write down a scene's own equations")
+    _scene_options(sub)
+    sub.add_argument('--rates', action='store_true', help='closures and gaps differentiated too')
+    form = sub.add_mutually_exclusive_group()
+    form.add_argument('--latex', action='store_true', help='a fragment of LaTeX')
+    form.add_argument('--markdown', action='store_true', help='Markdown')
+    sub.add_argument('-o', '--output', metavar='FILE', help='.tex, .md or .txt to write')
     sub = command('solve', _solve, 'run a scene in this process, without middleware')
     _scene_options(sub)
     _length_options(sub)
@@ -113,6 +120,28 @@ def _parser() -> argparse.ArgumentParser:
     _scene_options(sub)
     sub.add_argument('--angles', type=int, default=24, metavar='N', help='around the turn')
     sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run each')
+    sub = command('cycle', _cycle, 'tables, extremes and plots over a turn of the drive')
+    _scene_options(sub)
+    sub.add_argument('--samples', type=int, default=360, metavar='N', help='intervals in a cycle')
+    sub.add_argument('--from', metavar='ANGLE', dest='start', help="begin at, as '30 deg'")
+    sub.add_argument('--periods', type=int, default=1, metavar='N', help='turns of the drive')
+    sub.add_argument('--duration', type=float, metavar='S', help='instead, in seconds')
+    sub.add_argument(
+        '--points', nargs='+', default=[], metavar='LINK.POINT', help='whose paths are wanted'
+    )
+    sub.add_argument('--local', action='store_true', help='forces along and across each link')
+    sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
+    sub.add_argument('--plots', metavar='DIR|FILE', help='folder, .pdf, .png or .svg')
+    sub = command('draw', _draw, 'a picture of a mechanism')
+    _scene_options(sub)
+    sub.add_argument('-o', '--output', metavar='FILE', help='.svg, .png or .pdf; SCENE.svg if not')
+    sub.add_argument('--at', metavar='ANGLE|TIME', help="as '30 deg' or '20 ms'; the start if not")
+    sub.add_argument('--positions', type=int, default=1, metavar='K', help='this one and ghosts')
+    sub.add_argument(
+        '--path', action='append', default=[], metavar='LINK.POINT', help='draw the path of'
+    )
+    sub.add_argument('--duration', type=float, metavar='S', help='of a drive without a period')
+    sub.add_argument('--no-labels', action='store_true', help='no names of links and joints')
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
     sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
@@ -191,6 +220,31 @@ def _check(options: argparse.Namespace) -> int:
     return 0
 
 
+def _equations(options: argparse.Namespace) -> int:
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    try:
+        from mechanism_sim.report import typeset  # noqa: PLC0415
+        from mechanism_sim.report.derivation import derive  # noqa: PLC0415
+    except ModuleNotFoundError as missing:
+        if missing.name != 'sympy':
+            raise
+        raise InputError(
+            "equations needs the package 'sympy': pip install 'mechanism_sim[equations]'"
+        ) from missing
+    machine = load_scene(options.scene, _overrides(options))
+    setter = typeset.Typesetter(derive(machine, options.rates))
+    if options.output:
+        typeset.write(setter, options.output)
+    if options.json:
+        _print_json(setter.to_json())
+    elif options.latex or options.markdown:
+        print(setter.latex() if options.latex else setter.markdown(), end='')
+    elif not options.output:
+        print(setter.plain())
+    return 0
+
+
 def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
@@ -235,8 +289,8 @@ def _samples(options: argparse.Namespace) -> AbstractContextManager[Writer | Non
         return nullcontext()
     from mechanism_sim.report import tables  # noqa: PLC0415
 
-    tables.check_output(options.output, options.sample_rate)
-    return tables.Writer(options.output, options.sample_rate)
+    tables.check_output(options.output)
+    return tables.Writer(options.output, tables.check_rate(options.sample_rate))
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -313,6 +367,81 @@ def _periodic(options: argparse.Namespace) -> int:
     else:
         print(study.periodic(response))
     return 0
+
+
+def _cycle(options: argparse.Namespace) -> int:
+    from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
+    from mechanism_sim.report import cycle as report  # noqa: PLC0415
+    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
+    if options.output:
+        tables.check_output(options.output)
+    start = options.start and _quantity('--from', options.start, 'rad')[0]
+    machine = load_scene(options.scene, _overrides(options))
+    found = cycle(
+        machine, options.samples, start, options.periods, options.duration, options.points,
+        options.local,
+    )  # fmt: skip
+    if options.output:
+        tables.write(options.output, found.table())
+    if plots:
+        from mechanism_sim.report.plots import draw  # noqa: PLC0415
+
+        with figures.style():
+            figures.save_all(draw(found), plots)
+    if options.json:
+        _print_json(report.to_json(found))
+    else:
+        print(report.render(found))
+    return 0
+
+
+def _draw(options: argparse.Namespace) -> int:
+    from mechanism_sim.cycles.cycle import instant  # noqa: PLC0415
+    from mechanism_sim.report import drawing, figures  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    machine = load_scene(options.scene, _overrides(options))
+    file = figures.check_picture('--output', options.output or f'{machine.name}.svg')
+    if options.positions < 1:
+        raise InputError('--positions must be at least 1')
+    value, unit = _quantity('--at', options.at, 'rad', 's') if options.at else (None, '')
+    found, t = instant(
+        machine,
+        value if unit == 'rad' else None,
+        value if unit == 's' else None,
+        options.duration,
+        options.path,
+        still=options.positions == 1 and not options.path,
+    )
+    with figures.style():
+        picture = drawing.draw(found, t, options.positions, not options.no_labels)
+        figures.save(picture, file, cropped=True)
+    if options.json:
+        _print_json({'scene': machine.name, 'file': str(file), 't': t})
+    else:
+        print(file)
+    return 0
+
+
+def _quantity(option: str, text: str, *units: str) -> tuple[float, str]:
+    """A quantity given to an option, and which of these SI units it is a quantity of."""
+    from mechanism_sim.units import EXAMPLES, to_si  # noqa: PLC0415
+
+    example = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
+    for unit in units:
+        try:
+            value = to_si(text, unit)
+        except ValueError:
+            continue
+        if value and text.strip()[-1] in '0123456789.':
+            break  # a bare number: in degrees, radians, seconds?
+        return value, unit
+    raise InputError(
+        f"{option} '{text}' is not a quantity with a unit: write for example {example}"
+    )
 
 
 def _statistics(options: argparse.Namespace) -> int:

@@ -87,7 +87,9 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
         found = to_si(value, units[-1])
     except ValueError as error:
         examples = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
-        raise ValueError(f'is not a quantity of this place: write for example {examples}') from error
+        raise ValueError(
+            f'is not a quantity of this place: write for example {examples}'
+        ) from error
     return Measure(found, units[-1])
 
 

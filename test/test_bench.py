@@ -251,16 +251,23 @@ def test_costs_by_size(monkeypatch):
     monkeypatch.setattr(sizes, 'SENSORS', ())
     monkeypatch.setattr(sizes, 'LENGTHS', (1, 8))
     monkeypatch.setattr(sizes, 'STREAMED', (1,))
+    monkeypatch.setattr(sizes, 'DYADS', (1, 2))
+    monkeypatch.setattr(sizes, 'TURNS', 0.2)
     said = []
     costs = sizes.scaling(said.append)
-    assert [c.size for c in costs] == [1, 1e3, 1, 8, 1]
+    links = [c for c in costs if c.family.startswith('links')]
+    assert [c.size for c in links] == [4, 6] * 8
+    assert sum(c.family.endswith('getting ready') for c in links) == 8
+    others = costs[len(links) :]
+    assert [c.size for c in others] == [1, 1e3, 1, 8, 1]
     assert len(said) == len(costs)
-    assert all(c.cpu_per_unit > 0.0 and c.unit == 'revolution' for c in costs)
-    short, long = (c.peak_memory for c in costs[2:4])
+    assert all(c.cpu_per_unit > 0.0 for c in costs)
+    assert {c.unit for c in others} == {'revolution'}
+    short, long = (c.peak_memory for c in others[2:4])
     assert 1e4 < short < long  # motion is kept
     text = report.render_scaling(costs, machine())
     assert all(c.family in text for c in costs)
-    assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 1
+    assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 4
 
 
 def test_no_two_methods_look_alike_in_a_picture():

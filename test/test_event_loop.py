@@ -675,7 +675,11 @@ def test_two_loose_loops_on_one_crank_do_not_know_of_each_other():
             # the integrators of one and of two loops round differently: positions are known to
             # 2e-16 m, so that the instant of a slow touch is not
             assert a.t == pytest.approx(b.t, abs=1e-14 + 2e-16 / b.approach_speed)
-            assert a.normal_impulse == pytest.approx(b.normal_impulse, rel=1e-6, abs=3e-11)
+            # nor its speed, by what the pin gains meanwhile
+            gained = 1e3 * 2e-16 / b.approach_speed**2
+            assert a.normal_impulse == pytest.approx(
+                b.normal_impulse, rel=1e-6 + gained, abs=3e-11
+            )
         assert [m.mode for m in modes if m.joint == joint] == [m.mode for m in alone[2]]
     end = np.array([0.29 * TURN])
     both, one = motion.curve(end)[0], alone[0].curve(end)[0]

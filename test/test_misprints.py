@@ -508,3 +508,13 @@ def test_v_2_141_and_2_142_are_right():
     ) / (l4 * sin(th3 - th4))
     np.testing.assert_allclose(a3_printed, a3, rtol=1e-10)
     np.testing.assert_allclose(a4_printed, a4, rtol=1e-10)
+
+
+def test_v_figure_1_15c_the_coupler_revolves_too():
+    """[V] 1.7 names two revolving links of the double-crank; its coupler makes full turns too."""
+    th2 = np.linspace(0.0, 2.0 * np.pi, 721)
+    for branch in ('open', 'crossed'):
+        th3, th4 = FourBar(1.0, 3.5, 4.0, 5.0, branch).positions(th2)
+        for th in (th3, th4):
+            turned = np.unwrap(th)[-1] - np.unwrap(th)[0]
+            assert close(turned, 2.0 * np.pi)

@@ -22,7 +22,7 @@ FLOORS = (
     ('sensing',),
     ('scene',),
     ('messages', 'recording', 'middleware'),
-    ('study', 'sweep', 'bench'),
+    ('study', 'sweep', 'bench', 'cycles'),
     ('nodes', 'analysis', 'report', 'export'),
     ('cli', '__init__'),
     ('__main__',),

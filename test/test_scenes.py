@@ -8,9 +8,11 @@ from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.scene import span
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.files import config_folder, read_scene
 from mechanism_sim.scene.machine import Level
+from mechanism_sim.scene.motion_notes import mobility_note
 
 LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'
 
@@ -228,9 +230,9 @@ def test_every_scene_of_the_package_loads_checks_and_runs(name):
     machine = ms.load_scene(name)
     report = check(machine)
     assert report.title == machine.scene.title
-    solution = ms.simulate(machine, revolutions=0.1)
+    solution = ms.simulate(machine, duration=0.1 * span(machine, None, None))
     assert solution.level == report.level == machine.level.value
-    assert set(report.coordinates) == {'crank', 'coupler', 'rocker'}
+    assert set(report.coordinates) == {*machine.mechanism.coordinates}
     assert report.level in render(report)
 
 
@@ -246,6 +248,43 @@ def test_check_says_what_the_model_contains_and_what_it_leaves_out():
     assert 'closes the loop' in ideal.relations[0]
     assert any('gravity: it is zero' in x for x in ideal.left_out)
     assert any('0.17 m less' in x for x in ideal.notes)  # 309 + 312 - 64 - 387 mm
+
+
+def four_bar(ground, crank, coupler, rocker, start):
+    lengths = {'ground': ground, 'crank': crank, 'coupler': coupler, 'rocker': rocker}
+    overrides = {f'links.{link}.length': f'{x} mm' for link, x in lengths.items()}
+    overrides |= {'drive.torque': {'constant': '0.1 N m'}, 'drive.start_angle': start}
+    return ms.load_scene('four_bar_nominal', overrides)
+
+
+def test_check_says_how_a_four_bar_moves():
+    def notes(*lengths, start='120 deg'):
+        return '\n'.join(check(four_bar(*lengths, start)).notes)
+
+    crank_rocker = notes(387, 64, 309, 312)
+    assert 'mobility: 1, as Kutzbach counts\n' in crank_rocker
+    assert 'Grashof: crank-rocker' in crank_rocker
+    assert 'transmission angle: 62.68 to 93.14 deg\n' in crank_rocker
+    assert 'cannot turn' not in crank_rocker
+    triple = notes(400, 100, 700, 300)  # [V] Figure 2.11
+    assert 'triple-rocker' in triple
+    assert 'the crank cannot turn fully: it stays between 82.8192 and 277.181 deg' in triple
+    assert 'transmission angle: 0 to 38.21 deg; within 30 deg of 0 or 180' in triple
+    double = notes(400, 500, 100, 600, start='80 deg')
+    assert 'Grashof: double-rocker' in double
+    assert ', or -' in double
+    parallel = notes(400, 100, 400, 100)
+    assert 'Grashof: change point, the sum of shortest and longest link is equal' in parallel
+    assert 'all links lie in one line at 0 and 180 deg between crank' in parallel
+    assert 'mobility: 1, as Kutzbach counts\n' in parallel
+
+
+def test_check_tells_a_singular_position_from_more_freedom():
+    parallel = four_bar(400, 100, 400, 100, '120 deg').plan.ideal
+    assert mobility_note(parallel, dict.fromkeys(parallel.coordinates, 0.0)) == (
+        'mobility: 1, as Kutzbach counts; 2 at the start, which is a singular position; '
+        '1 redundant among ground_crank, crank_coupler, coupler_rocker, rocker_ground'
+    )
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ class LooseFourBar:
         revolutions : a multiple of 1/64; the whole of the reference if not given
         """
         scene = load_scene('four_bar_clearance', scene_overrides(start, e))
-        links, clearance = scene.scene.links, scene.clearances['coupler_rocker']
+        lengths, clearance = scene.linkage, scene.clearances['coupler_rocker']
         state = scene.initial_state()
         run = reference(f'four_bar_{start}_e{f"{e:g}".replace(".", "")}')
         whole = float(run['revolutions'])
@@ -82,10 +82,10 @@ class LooseFourBar:
             for key in ('mass', 'inertia', 'cog')
         }
         return cls(
-            ground=links.ground.length,
-            crank=links.crank.length,
-            coupler=links.coupler.length,
-            rocker=links.rocker.length,
+            ground=lengths.ground,
+            crank=lengths.crank,
+            coupler=lengths.coupler,
+            rocker=lengths.rocker,
             **masses,
             gravity=-scene.scene.gravity[1],
             clearance=clearance.radial,

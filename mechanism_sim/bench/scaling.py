@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.bench.chains import SPEED, chain
 from mechanism_sim.errors import RunError
 from mechanism_sim.scene import Machine, load_scene, simulate
 
@@ -23,9 +24,12 @@ REVOLUTIONS = 20
 JOINTS = ('coupler_rocker', 'crank_coupler', 'rocker_ground', 'ground_crank')
 RATES = (1e3, 1e4, 1e5)
 SENSORS = (0, 1, 2, 4, 8)
+DYADS = (1, 2, 3, 4, 6, 9)
+TURNS = 3
 LENGTHS = (10, 100, 500)
 STREAMED = (20, 100)
 REPEATS = 3
+CLEARANCE = {'radial': 2.54e-4, 'restitution': 0.5}
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Cost:
 def scaling(show: Callable[[str], None] = lambda _: None) -> list[Cost]:
     """All families, one after the other."""
     found = []
-    for family in (_loose_joints, _sample_rates, _sensors, _lengths, _streams):
+    for family in (_links, _loose_joints, _sample_rates, _sensors, _lengths, _streams):
         for cost in family():
             show(f'{cost.family} {cost.size:g}: {cost.cpu_per_unit:.3g} s per {cost.unit}')
             found.append(cost)
@@ -70,11 +74,41 @@ def _cpu(work: Callable[[], Any]) -> float:
 
 
 def _loose(count: int) -> Machine:
-    clearance = {'radial': 2.54e-4, 'restitution': 0.5}
-    overrides = {f'joints.{joint}.clearance': clearance for joint in JOINTS[:count]}
+    overrides = {f'joints.{joint}.clearance': CLEARANCE for joint in JOINTS[:count]}
     machine = load_scene('four_bar_clearance', overrides)
     machine.prepare()
     return machine
+
+
+def _links() -> Iterator[Cost]:
+    """CPU time of a revolution, and of getting ready, by the number of links with the ground.
+
+    Where a machine gets ready, its equations are built and compiled; heyoka keeps the code on
+    disk, so that this is dear only the first time on a computer.
+    """
+    free = {'drive': {'speed': SPEED, 'torque': {}}}
+    for name, change in (
+        ('positions only', {'outputs': {'forces': False}}),
+        ('all forces', {}),
+        ('equations of motion, free crank', free),
+        ('equations of motion, one loose joint', None),
+    ):
+        ready: list[Cost] = []
+        for dyads in DYADS:
+            last = f'coupler_{dyads}_rocker_{dyads}'
+            began = time.process_time()
+            machine = chain(dyads, **({} if change is None else change))
+            if change is None:
+                content = machine.scene.model_dump(exclude_unset=True, by_alias=True)
+                joint = {**content['joints'][last], 'clearance': CLEARANCE}
+                machine = chain(dyads, joints=content['joints'] | {last: joint})
+            machine.prepare()
+            ready.append(Cost(f'links, {name}: getting ready', 2 * dyads + 2,
+                              time.process_time() - began, 'machine'))  # fmt: skip
+            duration = TURNS * machine.period
+            cpu = _cpu(lambda m=machine, t=duration: simulate(m, duration=t))  # type: ignore[misc]
+            yield Cost(f'links, {name}', 2 * dyads + 2, cpu / TURNS, 'revolution')
+        yield from ready
 
 
 def _loose_joints() -> Iterator[Cost]:

@@ -30,6 +30,14 @@ class Physics(Protocol):
         """Names of the joints with clearance."""
 
     @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
+
+    @property
+    def displacements(self) -> tuple[str, ...]:
+        """Names of the coordinates that are displacements."""
+
+    @property
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
 
@@ -61,6 +69,8 @@ class DynamicPhysics:
         self.system = system
         self.coordinates = system.coordinates
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
+        self.driven = (*system.prescribed, *system.powered)
+        self.displacements = system.mechanism.displacements
         self.clearances = tuple(gap.name for gap in system.gaps)
 
     def observe(

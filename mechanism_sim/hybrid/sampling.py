@@ -90,7 +90,11 @@ def table(physics: Physics, s: Samples) -> dict[str, Array]:
         for i, joint in enumerate(physics.joints):
             columns[f'reaction.{joint}.x'] = o.reaction[i, 0]
             columns[f'reaction.{joint}.y'] = o.reaction[i, 1]
-        columns['drive_torque'] = o.drive_torque.sum(axis=0)
+            if o.reaction_moment[i].any():
+                columns[f'reaction.{joint}.moment'] = o.reaction_moment[i]
+        columns['drive_torque'] = o.drive_torque[0]
+        for coordinate, row in zip(physics.driven[1:], o.drive_torque[1:], strict=True):
+            columns[f'drive_torque.{coordinate}'] = row
         columns['energy.kinetic'] = o.kinetic_energy
         columns['energy.potential'] = o.potential_energy
         columns['energy.drive_work'] = s.drive_work

@@ -53,12 +53,15 @@ class Piece:
     def sample(self, t: Array | float) -> Mapping[str, Array]:
         """Everything at times `t` [s], as arrays (N,) by name.
 
-        ``position.LINK`` [rad], ``velocity.LINK``, ``acceleration.LINK``, the same of ``LINK.x``
-        and ``LINK.y`` [m] for links that float; with clearance ``gap.JOINT`` [m],
+        ``position.LINK`` [rad, or m for a displacement], ``velocity.LINK``,
+        ``acceleration.LINK``, the same of ``LINK.x`` and ``LINK.y`` [m] for links that float;
+        with clearance ``gap.JOINT`` [m],
         ``normal_force.JOINT``, ``friction_force.JOINT`` [N], ``closed.JOINT`` (0 or 1),
         ``mode.JOINT`` (the number of a `Mode`); and where the scene has forces
         ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named link),
-        ``drive_torque`` [N m], ``energy.kinetic``, ``energy.potential``, ``energy.drive_work``,
+        ``.moment`` [N m] about its point on the latter where a joint transmits one,
+        ``drive_torque`` [N m, or N] of the first drive and ``drive_torque.COORDINATE`` of others,
+        ``energy.kinetic``, ``energy.potential``, ``energy.drive_work``,
         ``energy.dissipated`` [J].
 
         Raises

@@ -74,9 +74,7 @@ class Spring:
     def energy(self, frames: Frames) -> Term:
         """``k (l - l0)^2/2``."""
         p = frames.parameters
-        longer = add(
-            self._line(frames)[1], neg(p(f'{self.name}.free_length', self.free_length))
-        )
+        longer = add(self._line(frames)[1], neg(p(f'{self.name}.free_length', self.free_length)))
         k = p(f'{self.name}.stiffness', self.stiffness)
         return mul(hy.expression(0.5), mul(k, mul(longer, longer)))
 

@@ -1,4 +1,4 @@
-"""The ideal four-bar linkage in closed form: position, velocity, acceleration, Grashof's rule.
+"""The ideal four-bar linkage in closed form: position, velocity, acceleration.
 
 Links are vectors ``l2 u(th2) + l3 u(th3) - l4 u(th4) - l1 u(0) = 0`` ([V] 2.3.1, second case: two
 unknown angles). All functions are vectorised over the crank angle.
@@ -26,24 +26,10 @@ class FourBar:
     rocker: float
     branch: Branch = 'open'
 
-    def assembles_everywhere(self) -> bool:
-        """Whether the crank can make a full turn: both extreme diagonals leave a triangle.
-
-        A triangle that degenerates is a change point, from where the linkage may go on in either
-        branch and where no finite force holds it: this does not count.
-        """
-        shortest, longest = abs(self.ground - self.crank), self.ground + self.crank
-        reach, least = self.coupler + self.rocker, abs(self.coupler - self.rocker)
-        margin = 1e-12 * (longest + reach)
-        return shortest - least > margin and reach - longest > margin
-
-    def grashof(self) -> float:
-        """Sum of the two middle lengths less that of the shortest and longest [m].
-
-        Positive: some link makes full turns; zero: a change point; negative: none does.
-        """
-        a = sorted((self.ground, self.crank, self.coupler, self.rocker))
-        return (a[1] + a[2]) - (a[0] + a[3])
+    @property
+    def lengths(self) -> tuple[float, float, float, float]:
+        """Of ground, crank, coupler and rocker [m]."""
+        return self.ground, self.crank, self.coupler, self.rocker
 
     def positions(self, th2: Array) -> tuple[Array, Array]:
         """Angles th3, th4 of coupler and rocker [rad], in (-pi, pi].

@@ -1,14 +1,14 @@
 """The motion of an ideal linkage under prescribed drives, as polynomials like any other motion.
 
-Positions are exact at every instant; for topics and sensors they are interpolated on pieces of a
-sixty-fourth of a turn, or shorter where the motion is sharp.
+Positions are exact at every instant; for topics and sensors they are interpolated on pieces of an
+eighth of a turn or less, where the motion is sharp.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -34,10 +34,13 @@ from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Obse
 from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
-_PIECES_PER_TURN = 64
+_PIECES_PER_TURN = 8
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
+
+
+Guards = Callable[[Array], Array]
 
 
 class NominalRun:
@@ -49,6 +52,8 @@ class NominalRun:
     laws : of the driven coordinates
     first : configuration (n,) at the start, or near it
     size : [m] of the mechanism
+    guards : functions (g, N) of the coordinates (n, N), at whose changes of sign pieces end:
+        something begins or ceases to act there
 
     Attributes
     ----------
@@ -62,21 +67,23 @@ class NominalRun:
         laws: Sequence[DriveLaw],
         first: Array,
         size: float,
+        guards: Guards | None = None,
         start: float = 0.0,
     ) -> None:
         self.steps = 0
         self.events = 0
         self.time = start
         self._ideal = ideal
+        self._guards = guards
         self._laws = list(laws)
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
         self._coming: deque[DriveLaw] = deque()
-        self._pieces: list[tuple[float, float, Array, Array]] = []
+        self._pieces: list[tuple[float, float, NDArray[np.int64], Array]] = []
         self._turns = np.zeros(len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
-        self._share = 1.0  # of the usual length of a piece
+        self._share = 0.25  # of the greatest length of a piece
 
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one from ``law.valid_from`` on.
@@ -129,8 +136,10 @@ class NominalRun:
         h = end - self.time
         if h <= 0.0:
             return
+        if self._guards is not None:
+            h = self._before_switch(h)
         while True:
-            values = self._values(h)
+            values = self._values(h * _NODES)
             terms = np.abs(chebyshev_coefficients(values)).T / self._scale
             if terms[-2:].max() <= _TAIL or self._share < _SHORTEST:
                 break
@@ -152,14 +161,36 @@ class NominalRun:
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole
 
-    def _values(self, h: float) -> Array:
-        """The coordinates at the nodes of the next h [s]: (n, nodes)."""
+    def _before_switch(self, h: float) -> float:
+        """The next h [s], or as much of it as ends where a guard changes its sign."""
+        places = np.array([*_NODES, 1.0])
+        positive = self._guarded(h * places)
+        changed = np.flatnonzero((positive[:, 1:] != positive[:, :-1]).any(axis=0))
+        if not changed.size:
+            return h
+        low, high = h * places[changed[0]], h * places[changed[0] + 1]
+        before = positive[:, changed[0]]
+        while high - low > 1e-15 * max(self.time + h, 1.0):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            same = (self._guarded(np.array([middle]))[:, 0] == before).all()
+            low, high = (middle, high) if same else (low, middle)
+        return float(high)
+
+    def _guarded(self, times: Array) -> NDArray[np.bool_]:
+        """Which guards are positive (g, N) at times [s] from now."""
+        assert self._guards is not None  # noqa: S101 - asked for only then
+        return self._guards(self._values(times)) > 0.0
+
+    def _values(self, times: Array) -> Array:
+        """The coordinates at times [s] from now: (n, N)."""
         driven = []
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
             self._turns[i], local = law.about(Fraction(self.time))
             self._last[i] = local[0]
-            rows = np.repeat(np.array([local]), len(_NODES), axis=0)
-            driven.append(shift_powers(rows, h * _NODES)[:, 0])
+            rows = np.repeat(np.array([local]), len(times), axis=0)
+            driven.append(shift_powers(rows, times)[:, 0])
         return self._ideal.follow(self._last, np.array(driven))
 
     @property
@@ -211,6 +242,8 @@ class NominalPhysics:
     ) -> None:
         self.coordinates = mechanism.coordinates
         self.joints = tuple(joint.name for joint in mechanism.joints)
+        self.driven = tuple(self.coordinates[i] for i in ideal.driven)
+        self.displacements = mechanism.displacements
         self.has_forces = forces is not None
         self._ideal = ideal
         self._forces = forces

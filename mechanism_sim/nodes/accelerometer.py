@@ -15,6 +15,7 @@ from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.scene.linkage import LinkageSensor
 from mechanism_sim.scene.schema import Accelerometer as AccelerometerScene
 from mechanism_sim.sensing.accelerometer import IdealAccelerometer
 
@@ -24,7 +25,9 @@ BLOCK = 256  # samples
 class _Sensor:
     """One sensor: its instrument, and the samples that do not fill a block yet."""
 
-    def __init__(self, mechanism: Mechanism, name: str, scene: AccelerometerScene) -> None:
+    def __init__(
+        self, mechanism: Mechanism, name: str, scene: AccelerometerScene | LinkageSensor
+    ) -> None:
         self.name, self.link, self.rate = name, scene.link, scene.sample_rate
         self._instrument = IdealAccelerometer(mechanism, scene.link, scene.at, scene.axis)
         self._samples = np.zeros(0)

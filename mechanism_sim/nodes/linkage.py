@@ -74,9 +74,9 @@ class Linkage(SimulationNode):
     def _follow(self, message: Any) -> None:
         """Advance to where the law is known to hold."""
         if self._run is None:
-            self._run = self.machine.start(_law(message))
+            self._run = self.machine.start(self._law(message))
         elif message.law_id != self._law_id:
-            self._run.change_law(_law(message))
+            self._run.change_law(self._law(message))
         self._law_id = message.law_id
         while True:
             before = self._run.steps
@@ -87,6 +87,16 @@ class Linkage(SimulationNode):
             self.report(self._run.time)
         self.report(self._run.time, finished=message.final)
         self.done = message.final
+
+    def _law(self, message: Any) -> Law:
+        """The law of the drive that a message announces."""
+        name, since = message.coordinate, message.valid_from
+        coefficients = [float(c) for c in message.coefficients]
+        if message.kind == DriveLaw.TORQUE:
+            constant, per_angle, per_speed = coefficients
+            return TorqueLaw(name, (constant, per_angle, per_speed), since)
+        straight = name in self.machine.mechanism.displacements
+        return MotionLaw(name, tuple(coefficients), message.reference_time, since, straight)
 
     def _publish(
         self, motion: MotionBatch, impacts: list[ImpactEvent], changes: list[ModeChangeEvent]
@@ -135,17 +145,6 @@ class Linkage(SimulationNode):
         t = t[t < end]
         self._next[topic] = first + len(t)
         return t
-
-
-def _law(message: Any) -> Law:
-    """The law of the drive that a message announces."""
-    coefficients = [float(c) for c in message.coefficients]
-    if message.kind == DriveLaw.TORQUE:
-        constant, per_angle, per_speed = coefficients
-        return TorqueLaw(message.coordinate, (constant, per_angle, per_speed), message.valid_from)
-    return MotionLaw(
-        message.coordinate, tuple(coefficients), message.reference_time, message.valid_from
-    )
 
 
 def main(args: list[str] | None = None) -> None:

@@ -29,13 +29,13 @@ WORLD = 'world'
 
 
 def joint_states(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
-    """JointState messages: absolute angles of the links; the effort is that of the drive.
+    """JointState messages: angles and displacements of the links; the effort is the drives'.
 
     It is the same object every time, to be published before the next: they come by the thousand.
     """
     names = list(physics.coordinates)
     effort = np.zeros_like(o.position)
-    effort[: len(o.drive_torque)] = o.drive_torque
+    effort[[names.index(c) for c in physics.driven]] = o.drive_torque
     rows = [np.ascontiguousarray(x.T) for x in (o.position, o.velocity, effort)]
     message = JointState(name=names)
     for time, q, v, torque in zip(t.tolist(), *rows, strict=True):
@@ -49,7 +49,7 @@ def joint_states(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
 def linkage_states(physics: Physics, s: Samples) -> Iterator[Any]:
     """LinkageState messages."""
     o = s.observed
-    torque = o.drive_torque.sum(axis=0)
+    torque = o.drive_torque[0]
     for i, time in enumerate(s.t.tolist()):
         message = LinkageState(
             time=time,
@@ -74,13 +74,14 @@ def linkage_states(physics: Physics, s: Samples) -> Iterator[Any]:
 
 def reactions(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
     """JointReactions messages."""
-    torque = o.drive_torque.sum(axis=0)
+    torque = o.drive_torque[0]
     for i, time in enumerate(t.tolist()):
         message = JointReactions(
             time=time,
             joints=list(physics.joints),
             force_x=_column(o.reaction[:, 0], i),
             force_y=_column(o.reaction[:, 1], i),
+            moment=_column(o.reaction_moment, i),
             drive_torque=float(torque[i]),
         )
         message.header.stamp = stamp(time)
@@ -100,8 +101,9 @@ def transforms(mechanism: Mechanism, t: Array, angles: Array) -> Iterator[Any]:
             frame.header.frame_id = WORLD
             frame.transform.translation.x = x
             frame.transform.translation.y = y
-            frame.transform.rotation.z = float(np.sin(0.5 * known[link]))
-            frame.transform.rotation.w = float(np.cos(0.5 * known[link]))
+            half = 0.5 * mechanism.angle(link, known)
+            frame.transform.rotation.z = float(np.sin(half))
+            frame.transform.rotation.w = float(np.cos(half))
             frames.append(frame)
         yield TFMessage(transforms=frames)
 

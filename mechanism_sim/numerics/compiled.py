@@ -20,7 +20,10 @@ _LARGEST = 200_000
 
 
 def _kept(expressions: Sequence[hy.expression]) -> bool:
-    nodes = [len(x) for x in expressions]  # 0: too many to count
+    try:
+        nodes = [len(x) for x in expressions]  # 0: too many to count
+    except OverflowError:
+        return False
     return 0 not in nodes and sum(nodes) <= _LARGEST
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from functools import reduce
 from typing import Any
 
 import heyoka as hy
@@ -22,6 +23,7 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     'tanh': hy.tanh,
     'abs': lambda x: hy.sqrt(x * x),
 }
+_POWERS: dict[Any, int] = {2: 2, 3: 3, 4: 4}
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -84,12 +86,9 @@ def _build(node: ast.expr, known: Mapping[str, Any], text: str) -> Any:
         return _BINARY[type(node.op)](left, right)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
         exponent = node.right
-        if isinstance(exponent, ast.Constant) and exponent.value in (2, 3, 4):
-            base = _build(node.left, known, text)
-            power = base
-            for _ in range(int(exponent.value) - 1):
-                power = power * base
-            return power
+        value = getattr(exponent, 'value', None)
+        if value in _POWERS:
+            return reduce(operator.mul, [_build(node.left, known, text)] * _POWERS[value])
         raise ValueError(f"the power in '{text}' must be 2, 3 or 4")
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and len(node.args) == 1:
         if node.func.id in FUNCTIONS:

@@ -5,7 +5,7 @@
 Every position is a sum of vectors that turn with one angle each, some of them as long as a
 displacement: ``p = sum_k s_k R(theta_k) d_k`` with ``s_k = 1`` for arms of fixed length. So
 
-``p'' = sum_k R (E d s theta'' - d s theta'^2 + d s'' + 2 E d s' theta')``, E turning by 90 degrees,
+``p'' = sum_k R (E d s theta'' - d s theta'^2 + d s'' + 2 E d s' theta')`` (E turns by 90 degrees)
 
 and d'Alembert's principle gives M and bias with the constants ``sum_b m_b d_bk . d_bl`` collected
 beforehand.
@@ -71,9 +71,7 @@ class Equations:
                     found.append((_Vector(frame, None, (-2.0 * y, 2.0 * x)), (slide, frame)))
         return found
 
-    def _products(
-        self, name: str, pairs: Iterable[tuple[float, _Vector, _Vector]]
-    ) -> Term:
+    def _products(self, name: str, pairs: Iterable[tuple[float, _Vector, _Vector]]) -> Term:
         """``sum m a . b``, with the constants of equal frames and displacements collected."""
         sums: dict[tuple[str, str, tuple[str, ...]], tuple[float, float]] = {}
         for mass, a, b in pairs:

@@ -14,6 +14,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import COLUMNS, Evaluation
 from mechanism_sim.numerics.symbolic import Term, add, dense, neg
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.kinematics import switch_guards
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
@@ -83,6 +84,10 @@ class InverseDynamics:
         """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
         return tuple(self.equations.frames.outside)
 
+    def guards(self, q: Array) -> Array:
+        """The guards (g, N) of loads that act in a part of the cycle only."""
+        return switch_guards(self.equations, q)
+
     @cached_property
     def _functions(self) -> tuple[Evaluation, Evaluation]:
         """What must be supplied with the closure rows; and the joint forces from the closures'."""
@@ -127,7 +132,7 @@ class InverseDynamics:
 
         Parameters
         ----------
-        q, v, a : (n, N) angles [rad], rates [rad/s], accelerations [rad/s^2]; of displacements in m
+        q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
         outside : (k, N) what is named by `outside`
 
         Raises

@@ -79,6 +79,15 @@ class Jet:
         gradient = {n: div(g, o) for n, g in self.gradient.items()}
         return Jet(div(self.value, o), gradient, div(self.rate, o), div(self.curvature, o))
 
+    def chain(self, value: hy.expression, slope: Term, bend: Term) -> Jet:
+        """``F(f)``, given its value and its first two derivatives there."""
+        return Jet(
+            value,
+            {n: mul(slope, g) for n, g in self.gradient.items()},
+            mul(slope, self.rate),
+            add(mul(slope, self.curvature), mul(mul(bend, self.rate), self.rate)),
+        )
+
     def across(self, other: Jet) -> Jet:
         """``f g' - g f'`` as a rate that belongs to no value: gradient, rate and curvature."""
         return Jet(

@@ -73,8 +73,16 @@ class Kinematics:
     def _evaluation(
         self, groups: Sequence[Sequence[hy.expression]], variables: Sequence[hy.expression]
     ) -> Evaluation:
-        function = compiled.function([x for group in groups for x in group], variables)
+        expressions = [x for group in groups for x in group]
+        known = self._equations.frames.evaluated()
+        if known:
+            expressions = list(hy.subs(expressions, known))
+        function = compiled.function(expressions, variables)
         return Evaluation(function, self._equations.parameters.values, [len(g) for g in groups])
+
+    def guards(self, q: Array) -> Array:
+        """The guards (g, N) of what acts in a part of the cycle only; they change sign there."""
+        return switch_guards(self._equations, q)
 
     def closure(self, q: Array) -> tuple[Array, Array]:
         """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N)."""
@@ -151,6 +159,15 @@ class Kinematics:
         found[self.held] = held
         found[self.sought] = _solve(J[:, :, self.sought], right).T
         return found
+
+
+def switch_guards(equations: Equations, q: Array) -> Array:
+    """The guards (g, N) of the switches known to some equations, at coordinates (n, N)."""
+    switches = equations.frames.switches.values()
+    if not switches:
+        return np.zeros((0, q.shape[1]))
+    function = compiled.function([s.guard for s in switches], [*equations.frames.q.values()])
+    return Evaluation(function, equations.parameters.values, [len(switches)])(q)[0]
 
 
 def _solve(A: Array, b: Array) -> Array:

@@ -12,7 +12,7 @@ GROUND = 'ground'
 
 Vector2 = tuple[float, float]
 Arm: TypeAlias = tuple[str, str | None]
-"""The coordinate with which a vector turns (or the ground), and the displacement that scales it."""
+"""The angle with which a vector turns (or the ground), and the displacement that scales it."""
 Point: TypeAlias = dict[Arm, Vector2]
 """A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
 
@@ -40,7 +40,7 @@ class Revolute:
 
 @dataclass(frozen=True)
 class Prismatic:
-    """A prismatic joint: a point of `second` slides on a line of `first`, without turning on it."""
+    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn."""
 
     name: str
     first: str
@@ -63,7 +63,45 @@ class PinInSlot:
     axis: float = 0.0  #: [rad] direction of the slot in the frame of `second`
 
 
-Joint: TypeAlias = Revolute | Prismatic | PinInSlot
+@dataclass(frozen=True)
+class Geneva:
+    """A driving pin of `first` and a Geneva wheel `second`, both pivoted on the ground.
+
+    While the pin is out of the slots, the wheel is locked by the crank's arc.
+    """
+
+    name: str
+    first: str
+    second: str
+    on_first: Vector2  #: [m] the pin
+    on_second: Vector2  #: [m] the wheel's centre
+    slots: int
+    towards: float  #: [rad] direction from the wheel's centre to the crank's, in the world
+    distance: float  #: [m] of the two centres
+    entry: float  #: [m] from the wheel's centre to the mouth of a slot
+
+
+@dataclass(frozen=True)
+class SlottedRack:
+    """A driving pin of `first` and a rack `second` that slides on the ground, slots across it.
+
+    The pin moves the rack while it is on the right of the axis through the crank's centre; in the
+    other half of a turn the rack is locked.
+    """
+
+    name: str
+    first: str
+    second: str
+    on_first: Vector2  #: [m] the pin
+    on_second: Vector2  #: [m] a point of a slot
+    pitch: float  #: [m] of the slots: twice the radius of the pin's circle
+    axis: float  #: [rad] direction of the rack in the world
+    centre: Vector2  #: [m] of the crank, in the world
+
+
+Joint: TypeAlias = Revolute | Prismatic | PinInSlot | Geneva | SlottedRack
+HIGHER = PinInSlot, Geneva, SlottedRack
+"""Higher pairs: they take one degree of freedom, and no tree has them."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +167,7 @@ class Mechanism:
         carried: dict[str, Joint] = {}
         floating: list[str] = []
         left = [body.name for body in self.bodies]
-        usable = [
-            j for j in self.joints if j.name not in self.cut and not isinstance(j, PinInSlot)
-        ]
+        usable = [j for j in self.joints if j.name not in self.cut and not isinstance(j, HIGHER)]
         while left:
             reached = {GROUND, *carried, *floating}
             for link, j in ((link, j) for link in left for j in usable):
@@ -227,7 +263,7 @@ def closing_joints(
     come first, since a drive needs its coordinate; then revolute joints and guides fixed to the
     ground; guides on moving links last, because their displacements cost more.
     """
-    usable = [j for j in joints if j.name not in loose and not isinstance(j, PinInSlot)]
+    usable = [j for j in joints if j.name not in loose and not isinstance(j, HIGHER)]
     kept: list[str] = []
     group = {link: link for link in (GROUND, *links)}
 

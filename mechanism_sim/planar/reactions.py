@@ -13,7 +13,7 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
-from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2, rotate
 
 
 def tree_reactions(
@@ -40,9 +40,11 @@ def tree_reactions(
                 w, sign = found[joint.name], neg if joint.first == link else _same
                 wrench = Wrench(sign(w.x), sign(w.y), sign(w.moment))
                 hanging.append((joint.second, joint.on_second, f'{joint.name}.second', wrench))
-        for load in loads:
-            if load.link == link:
-                hanging.append((link, load.at, load.name, Wrench(*load.force, load.moment)))
+        hanging += [
+            (link, load.at, load.name, Wrench(*load.force, load.moment))
+            for load in loads
+            if load.link == link
+        ]
         force = (
             add(needed[0], *(neg(w.x) for *_, w in hanging)),
             add(needed[1], *(neg(w.y) for *_, w in hanging)),
@@ -52,7 +54,22 @@ def tree_reactions(
             moment = _moment_missing(equations, a, link, needed, hanging)
         sign = neg if carrier.first == link else _same
         found[carrier.name] = Wrench(sign(force[0]), sign(force[1]), sign(moment))
-    return {joint.name: found[joint.name] for joint in mechanism.joints}
+    return {
+        joint.name: _across(equations, joint, found[joint.name])
+        if isinstance(joint, Prismatic) and joint.name not in cut
+        else found[joint.name]
+        for joint in mechanism.joints
+    }
+
+
+def _across(equations: Equations, joint: Prismatic, total: Wrench) -> Wrench:
+    """What a guide does by itself: along its line there is nothing but the force of a drive."""
+    frames = equations.frames
+    frame, offset = equations.mechanism.frame(joint.first)
+    normal = rotate((0.0, 1.0), offset + joint.axis)
+    x, y = frames.position({(frame, None): normal}, f'{joint.name}.normal')
+    size = add(mul(total.x, x.value), mul(total.y, y.value))
+    return Wrench(mul(size, x.value), mul(size, y.value), total.moment)
 
 
 def _inertia_force(equations: Equations, a: Mapping[str, Term], link: str) -> tuple[Term, Term]:

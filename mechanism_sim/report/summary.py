@@ -88,7 +88,11 @@ def _final(run: Stream) -> dict[str, object]:
             joint: [float(x) for x in force[:, 0]]
             for joint, force in zip(physics.joints, o.reaction, strict=True)
         }
-        final['drive_torque'] = float(o.drive_torque.sum())
+        moments = zip(physics.joints, o.reaction_moment[:, 0].tolist(), strict=True)
+        final['reaction_moments'] = {joint: m for joint, m in moments if m}
+        final['drive_torque'] = float(o.drive_torque[0, 0])
+        torques = zip(physics.driven, o.drive_torque[:, 0].tolist(), strict=True)
+        final['drive_torques'] = dict(torques)
     return final
 
 
@@ -126,10 +130,16 @@ def render(run: Stream) -> str:
     lines.append(f'  at the end, t = {run.duration:.9g} s')
     for c in run.machine.physics.coordinates:
         q, v, a = (data[k][c] for k in ('position', 'velocity', 'acceleration'))  # type: ignore[index]
-        unit = 'm' if '.' in c else 'rad'
+        unit = 'm' if c in run.machine.physics.displacements else 'rad'
         lines.append(f'    {c:9} {q:16.10g} {unit} {v:16.10g} {unit}/s {a:16.10g} {unit}/s^2')
     for joint, (x, y) in data.get('reactions', {}).items():  # type: ignore[attr-defined]
-        lines.append(f'    {joint:16} {x:14.9g} {y:14.9g} N')
-    if 'drive_torque' in data:
-        lines.append(f'    drive torque     {data["drive_torque"]:14.9g} N m')
+        moment = data['reaction_moments'].get(joint)  # type: ignore[attr-defined]
+        turning = f' {moment:14.9g} N m' if moment else ''
+        lines.append(f'    {joint:16} {x:14.9g} {y:14.9g} N{turning}')
+    torques: dict[str, float] = data.get('drive_torques', {})  # type: ignore[assignment]
+    for c, torque in torques.items():
+        straight = c in run.machine.physics.displacements
+        of = f' of {c}' if len(torques) > 1 else ''
+        kind, unit = ('force ', 'N') if straight else ('torque', 'N m')
+        lines.append(f'    drive {kind}{of}     {torque:14.9g} {unit}')
     return '\n'.join(lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Self
 
@@ -17,7 +17,7 @@ from mechanism_sim.hybrid.system import Array
 SUFFIXES = ('.npz', '.csv', '.parquet')
 
 
-def check_output(file: str, rate: float | None) -> None:
+def check_output(file: str) -> None:
     """Refuse what cannot be written before anything is computed.
 
     Raises
@@ -27,12 +27,38 @@ def check_output(file: str, rate: float | None) -> None:
     path = Path(file)
     if path.suffix not in SUFFIXES:
         raise InputError(f'--output {file}: the ending must be one of {", ".join(SUFFIXES)}')
-    if rate is None or rate <= 0.0:
-        raise InputError('--output needs a positive --sample-rate in Hz')
     if not path.resolve().parent.is_dir():
         raise InputError(f"--output {file}: there is no directory '{path.parent}'")
     if path.exists():
         raise InputError(f'--output {file}: exists already, not overwriting')
+
+
+def check_rate(rate: float | None) -> float:
+    """The rate of samples [Hz], refused unless it is positive.
+
+    Raises
+    ------
+    InputError
+    """
+    if rate is None or rate <= 0.0:
+        raise InputError('--output needs a positive --sample-rate in Hz')
+    return rate
+
+
+def write(file: str, columns: Mapping[str, Array]) -> None:
+    """Write columns of equal length as one table, see `check_output`.
+
+    Raises
+    ------
+    InputError
+        If nothing can be written there.
+    """
+    table, complete = _Table(Path(file)), False
+    try:
+        table.write(dict(columns))
+        complete = True
+    finally:
+        table.close(complete)
 
 
 class Writer:
@@ -54,13 +80,7 @@ class Writer:
     """
 
     def __init__(self, file: str, rate: float) -> None:
-        self._file, self._rate = Path(file), rate
-        self._part = self._file.with_name(f'.{self._file.name}.part')
-        try:
-            self._part.touch()
-        except OSError as error:
-            raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
-        self._sink = _SINKS[self._file.suffix](self._part)
+        self._table, self._rate = _Table(Path(file)), rate
         self._piece: Piece | None = None
         self._count = 0
 
@@ -68,16 +88,15 @@ class Writer:
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
+        complete = False
         try:
             if kind is None and self._piece:
                 end = self._piece.motion.curve.end
                 last = int(np.floor(end * self._rate * (1.0 + 1e-12)))
                 self._write(self._piece, np.minimum(self._times(last + 1), end))
-            self._sink.close()
-            if kind is None:
-                self._part.replace(self._file)
+            complete = kind is None
         finally:
-            self._part.unlink(missing_ok=True)
+            self._table.close(complete)
 
     def add(self, piece: Piece) -> None:
         """Write the piece before, up to where this one begins: there this one's values hold."""
@@ -97,7 +116,29 @@ class Writer:
     def _write(self, piece: Piece, t: Array) -> None:
         if t.size:
             self._count += len(t)
-            self._sink.write(dict(piece.sample(t)))
+            self._table.write(dict(piece.sample(t)))
+
+
+class _Table:
+    """A table under another name until it is complete."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._part = file.with_name(f'.{file.name}.part')
+        try:
+            self._part.touch()
+        except OSError as error:
+            raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+        sink = _SINKS[file.suffix](self._part)
+        self.write, self._close = sink.write, sink.close
+
+    def close(self, complete: bool) -> None:
+        try:
+            self._close()
+            if complete:
+                self._part.replace(self._file)
+        finally:
+            self._part.unlink(missing_ok=True)
 
 
 class _Npz:

@@ -86,7 +86,9 @@ def closed_near(
         q, left = kinematics.positions(guess[:, None] + spread, targets)
         if left.all():
             best = int(np.argmin(left))
-            near, miss = (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])  # noqa: E501
+            near, miss = (
+                (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
+            )
             _refuse(name, kinematics, near, float(miss), targets)
         far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
         q = q[:, [int(np.argmin(np.where(left > 0.0, np.inf, far)))]]

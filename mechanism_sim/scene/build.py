@@ -6,6 +6,7 @@ import math
 from itertools import combinations, pairwise
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.schema import Clearance, FourBarScene
@@ -43,7 +44,9 @@ def build(name: str, scene: Scene) -> Machine:
 
 
 def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
-    name, linkage = machine.name, machine.linkage
+    name = machine.name
+    _check_drive(name, scene)
+    linkage = machine.linkage
     lengths = {n: getattr(linkage, n) for n in ('ground', 'crank', 'coupler', 'rocker')}
     said = ', '.join(f'{n} {x:g} m' for n, x in lengths.items())
     longest = max(lengths, key=lambda n: lengths[n])
@@ -53,8 +56,7 @@ def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
             f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is '
             f'not shorter than the three other links together ({others:g} m)'
         )
-    _check_drive(name, scene)
-    if not machine.torque_driven and not linkage.assembles_everywhere():
+    if not machine.torque_driven and not crank_turns(linkage):
         raise InputError(
             f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
             'crank in line must leave a triangle with coupler and rocker; shorten the crank'
@@ -86,7 +88,9 @@ def _check_linkage(machine: Machine) -> None:
         )
     given = [n for n, link in machine.links.items() if link.mass is not None]
     if machine.dynamic or (given and machine.scene.outputs.forces):
-        _check_masses(machine, [] if plan.weighed else [n for n in machine.links if n not in given])
+        _check_masses(
+            machine, [] if plan.weighed else [n for n in machine.links if n not in given]
+        )
 
 
 def _check_drive(name: str, scene: FourBarScene) -> None:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.linkages.closures import closures
-from mechanism_sim.planar.mechanism import GROUND, PinInSlot, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HIGHER, Revolute
 from mechanism_sim.scene.machine import Level, Machine
+from mechanism_sim.scene.motion_notes import motion_notes
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
     'for or masses not given: loop closure',
-    Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are asked '
-    'for: loop closure and a linear solve for the forces',
+    Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are '
+    'asked for: loop closure and a linear solve for the forces',
     Level.SMOOTH: 'every joint is ideal and the drives leave a motion free: equations of motion '
     'with closed loops',
     Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
@@ -62,6 +64,12 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in machine.plan.laws}
     relations, gaps, warnings = [], [], []
     for joint, c in machine.clearances.items():
+        if not isinstance(machine.mechanism.joint(joint), Revolute):
+            gaps.append(
+                f'{joint}: pin between the walls of a slot, play {c.radial:g} m to either side, '
+                f'Newton restitution {c.restitution:g}'
+            )
+            continue
         friction = f', friction {c.friction:g}' if c.friction else ''
         gaps.append(
             f'{joint}: pin in bushing, radial clearance {c.radial:g} m, '
@@ -73,11 +81,10 @@ def check(machine: Machine) -> Report:
                 f"{joint}: Newton's restitution with friction can create energy where sliding "
                 "stops or turns within an impact; 'hypothesis: poisson' or 'stronge' cannot"
             )
-    for joint in closures(machine.mechanism, machine.mechanism.cut):
-        if joint.name not in machine.clearances:
-            count = 1 if isinstance(machine.mechanism.joint(joint.name), PinInSlot) else 2
-            equations = 'equation' if count == 1 else 'equations'
-            relations.append(f'{joint.name}: closes a loop, {count} {equations}')
+    for name in machine.mechanism.cut:
+        if name not in machine.clearances:
+            single = isinstance(machine.mechanism.joint(name), HIGHER)
+            relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
@@ -88,10 +95,11 @@ def check(machine: Machine) -> Report:
             left_out.append('friction and pin radius: none given')
         if len(gaps) < sum(isinstance(j, Revolute) for j in machine.plan.joints):
             left_out.append('clearance in the other joints: none given')
-    grounded = [j for j in machine.plan.joints if GROUND in (j.first, j.second)]
-    for c in machine.plan.prescribed if machine.dynamic else ():
-        if any(c in (j.first, j.second) for j in grounded):
-            left_out.append(f'{c} inertia: its motion is given')
+    grounded = [{j.first, j.second} for j in machine.plan.joints if GROUND in (j.first, j.second)]
+    given = machine.plan.prescribed if machine.dynamic else []
+    left_out += [
+        f'{c} inertia: its motion is given' for c in given if any(c in ends for ends in grounded)
+    ]
     return Report(
         machine.name,
         scene.title,
@@ -126,13 +134,9 @@ def _drive(machine: Machine, coordinate: str) -> str:
 
 
 def _notes(machine: Machine) -> list[str]:
-    scene, notes = machine.scene, []
-    if machine.plan.four_bar:
-        grashof = machine.plan.four_bar.grashof()
-        notes.append(
-            f'Grashof: the sum of shortest and longest link is {abs(grashof):.6g} m '
-            f'{"less" if grashof > 0 else "more"} than that of the others'
-        )
+    scene, mechanism = machine.scene, machine.plan.ideal
+    start = dict(zip(mechanism.coordinates, _start(machine), strict=True))
+    notes = motion_notes(mechanism, start, machine.plan.laws)
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
@@ -141,6 +145,15 @@ def _notes(machine: Machine) -> list[str]:
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
+
+
+def _start(machine: Machine) -> list[float]:
+    """Coordinates of the mechanism without clearance at the start."""
+    four_bar = machine.plan.four_bar
+    if four_bar is None:
+        return [float(x) for x in machine.assembly.q]
+    crank = machine.start_of_crank[0]
+    return [crank, *(float(x) for x in four_bar.positions(np.array(crank)))]
 
 
 def render(report: Report) -> str:

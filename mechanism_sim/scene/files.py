@@ -76,9 +76,7 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     return folder / f'{name}.yaml'
 
 
-def read_scene(
-    name: str, overrides: Mapping[str, Any] | Iterable[str] = ()
-) -> tuple[str, Scene]:
+def read_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> tuple[str, Scene]:
     """Name and content of a scene, checked, in SI units.
 
     Parameters

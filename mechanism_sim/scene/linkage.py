@@ -12,6 +12,7 @@ from mechanism_sim.scene.schema import (
     AffineTorque,
     Angle,
     Clearance,
+    Duration,
     Gravity,
     Inertia,
     Length,
@@ -86,37 +87,50 @@ class PointMass(Part):
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
+KINDS = 'revolute', 'prismatic', 'slot', 'geneva', 'rack'
+
+
 class LinkageJoint(Part):
     """A joint between points of two links: of one kind."""
 
     revolute: Reference | None = None
     prismatic: Reference | None = None
     slot: Reference | None = None
+    geneva: Reference | None = None
+    rack: Reference | None = None
+    slots: Annotated[int, Field(ge=3, le=24)] | None = None  #: of a Geneva wheel
+    pitch: Length | None = None  #: of the slots of a rack
     axis: Angle = 0.0  #: of sliding: in the first link of a prismatic joint, in the second's slot
     angle: Angle = 0.0  #: of the second link in the first, for a prismatic joint
     clearance: Clearance | None = None
 
     @model_validator(mode='after')
     def _one_kind(self) -> LinkageJoint:
-        kinds = [k for k in ('revolute', 'prismatic', 'slot') if getattr(self, k) is not None]
+        kinds = [k for k in KINDS if getattr(self, k) is not None]
         if len(kinds) != 1:
             raise ValueError(
-                'must be of one kind: revolute, prismatic or slot, with two points such as '
+                f'must be of one kind, {", ".join(KINDS)}, with two points such as '
                 '[crank.end, rod.start]'
             )
-        if self.clearance and kinds != ['revolute']:
-            raise ValueError('cannot have a clearance: only revolute joints can be loose')
+        c = self.clearance
+        if c and kinds == ['prismatic']:
+            raise ValueError('cannot have a clearance: guides have none here')
+        if c and kinds != ['revolute'] and (c.friction or c.pin_radius or c.contact):
+            raise ValueError(
+                f'has a clearance of a {kinds[0]}, which has radial and restitution only'
+            )
         return self
 
     @property
     def kind(self) -> str:
-        """revolute, prismatic or slot."""
-        return 'revolute' if self.revolute else 'prismatic' if self.prismatic else 'slot'
+        """One of `KINDS`."""
+        return next(k for k in KINDS if getattr(self, k) is not None)
 
     @property
     def points(self) -> list[str]:
         """The two points."""
-        return self.revolute or self.prismatic or self.slot or []
+        points: list[str] = getattr(self, self.kind)
+        return points
 
 
 class LinkageProfile(Part):
@@ -208,6 +222,7 @@ class LinkageScene(Part):
     guess: dict[str, Place] = {}
     springs: dict[str, SpringPart] = {}
     loads: dict[str, LoadPart] = {}
+    duration: Duration | None = None  #: of a run of which no length is asked; else a revolution
     start: Literal['seated', 'centred'] = 'seated'
     initial: LinkageInitial = LinkageInitial()
     sensors: dict[str, LinkageSensor] = {}

@@ -13,11 +13,13 @@ from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import (
     GROUND,
     Body,
+    Geneva,
     Joint,
     Mechanism,
     PinInSlot,
     Prismatic,
     Revolute,
+    SlottedRack,
     Vector2,
     closing_joints,
 )
@@ -27,6 +29,12 @@ from mechanism_sim.scene.linkage import LinkageDrive, LinkageJoint, LinkageScene
 from mechanism_sim.scene.plan import Plan, motor_law
 from mechanism_sim.units import Measure
 
+_BELONGS = {
+    'axis': ('prismatic', 'slot'),
+    'angle': ('prismatic',),
+    'slots': ('geneva',),
+    'pitch': ('rack',),
+}
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi', 'now', 'watch', 'step_constant', 'run_time')
 
 
@@ -149,7 +157,7 @@ class _Reader:
                 f'{self._name}: {where}.{joint.kind} ties the link {a} to itself: give points of '
                 'two links'
             )
-        for key, kinds in (('axis', ('prismatic', 'slot')), ('angle', ('prismatic',))):
+        for key, kinds in _BELONGS.items():
             if getattr(joint, key) and joint.kind not in kinds:
                 raise InputError(
                     f'{self._name}: {where}.{key} has no meaning in a {joint.kind} joint'
@@ -158,7 +166,66 @@ class _Reader:
             return Revolute(name, a, b, on_a, on_b)
         if joint.kind == 'slot':
             return PinInSlot(name, a, b, on_a, on_b, joint.axis)
+        if joint.kind == 'geneva':
+            return self._geneva(name, joint, (a, on_a), (b, on_b))
+        if joint.kind == 'rack':
+            return self._rack(name, joint, (a, on_a), (b, on_b))
         return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
+
+    def _pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
+        """Where a link turns on the ground, in the world and in its own frame."""
+        for name, joint in self._scene.joints.items():
+            ends = dict(self._find(f'joints.{name}', p) for p in joint.points)
+            if joint.revolute and ends.keys() == {GROUND, link}:
+                return ends[GROUND], ends[link]
+        raise InputError(
+            f'{self._name}: {where}: {link} must turn on the ground: add a revolute joint of both'
+        )
+
+    def _geneva(
+        self, name: str, joint: LinkageJoint, pin: tuple[str, Vector2], wheel: tuple[str, Vector2]
+    ) -> Geneva:
+        where = f'joints.{name}'
+        if joint.slots is None:
+            raise InputError(f"{self._name}: '{where}.slots' is missing: how many the wheel has")
+        (ox, oy), on_crank = self._pivot(where, pin[0])
+        (wx, wy), on_wheel = self._pivot(where, wheel[0])
+        if wheel[1] != on_wheel:
+            raise InputError(f'{self._name}: {where}: name the point where the wheel is pivoted')
+        radius, b = math.dist(pin[1], on_crank), math.hypot(ox - wx, oy - wy)
+        right = radius / math.sin(math.pi / joint.slots)
+        if abs(b - right) > 1e-6 * right:
+            raise InputError(
+                f'{self._name}: {where}: with {joint.slots} slots and the pin {radius:.9g} m from '
+                f'its centre, the centres must be {right:.9g} m apart, not {b:.9g} m: else the '
+                'pin strikes the slot where it enters'
+            )
+        entry = right * math.cos(math.pi / joint.slots)
+        towards = math.atan2(oy - wy, ox - wx)
+        return Geneva(name, pin[0], wheel[0], pin[1], wheel[1], joint.slots, towards, right, entry)
+
+    def _rack(
+        self, name: str, joint: LinkageJoint, pin: tuple[str, Vector2], rack: tuple[str, Vector2]
+    ) -> SlottedRack:
+        where = f'joints.{name}'
+        centre, on_crank = self._pivot(where, pin[0])
+        guides = [
+            j for n, j in self._scene.joints.items()
+            if j.prismatic
+            and [self._find(f'joints.{n}', p)[0] for p in j.points] == [GROUND, rack[0]]
+        ]  # fmt: skip
+        if not guides:
+            raise InputError(
+                f'{self._name}: {where}: {rack[0]} must slide on the ground: add a joint '
+                f"'prismatic: [ground, {rack[0]}]'"
+            )
+        pitch = 2.0 * math.dist(pin[1], on_crank)
+        if joint.pitch is None or abs(joint.pitch - pitch) > 1e-6 * pitch:
+            raise InputError(
+                f"{self._name}: '{where}.pitch' must be twice the radius of the pin's circle, "
+                f'{pitch:.9g} m: else the pin strikes the slot where it enters'
+            )
+        return SlottedRack(name, pin[0], rack[0], pin[1], rack[1], pitch, guides[0].axis, centre)
 
     def _check_connected(self, joints: Iterable[Joint]) -> None:
         reached, grown = {GROUND}, True
@@ -240,15 +307,15 @@ class _Reader:
     ) -> tuple[tuple[Law, ...], tuple[float, float]]:
         where = f'{self._name}: the drive of {c}'
         straight = c in tree.displacements
-        ways = [w for w in ('profile', 'torque', 'force', 'motor') if getattr(drive, w) is not None]
+        ways = [
+            w for w in ('profile', 'torque', 'force', 'motor') if getattr(drive, w) is not None
+        ]
         if len(ways) > 1:
             raise InputError(f'{where}: {ways[0]} and {ways[1]} exclude each other: keep one')
         wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
         for key in sorted(wrong):
             if getattr(drive, key) is not None:
-                raise InputError(
-                    f"{where}: '{key}' does not fit: {c} is {_kind(straight)}"
-                )
+                raise InputError(f"{where}: '{key}' does not fit: {c} is {_kind(straight)}")
         start = drive.start_position if straight else drive.start_angle
         start = self._values('initial.position', self._scene.initial.position, tree,
                              ('rad', 'm')).get(c, start)  # fmt: skip

@@ -25,14 +25,15 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
-from mechanism_sim.linkages.closures import closures
+from mechanism_sim.linkages.closures import closures, slotted
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
-from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
+from mechanism_sim.linkages.nominal import Guards, NominalPhysics, NominalRun
+from mechanism_sim.linkages.play import walls
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import GROUND, HIGHER, Mechanism
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap, Relation
 from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.initial import initial_state
@@ -44,7 +45,7 @@ from mechanism_sim.scene.schema import Clearance, FourBarScene
 Scene = FourBarScene | LinkageScene
 
 _COMPACT_FROM = 8
-"""Free coordinates and contact rows from which on compact code pays: it compiles much faster."""
+"""Free coordinates, contacts and closures from which on compact code pays: it compiles faster."""
 
 
 class Level(Enum):
@@ -186,6 +187,26 @@ class Machine:
         """Angle [rad] and speed [rad/s] of the main drive's coordinate at time zero."""
         return self.plan.begins.get(self.main, (0.0, 0.0))
 
+    def started_at(self, angle: float) -> Machine:
+        """The same machine with its main drive at another angle [rad] at the start.
+
+        Raises
+        ------
+        InputError
+            If it has no drive.
+        """
+        scene, update = self.scene, {'start_angle': angle}
+        if isinstance(scene, FourBarScene):
+            position = scene.initial.position.model_copy(update={'crank': None})
+            initial = scene.initial.model_copy(update={'position': position})
+            drive = scene.drive.model_copy(update=update)
+            changed: Scene = scene.model_copy(update={'drive': drive, 'initial': initial})
+        elif scene.drive:
+            changed = scene.model_copy(update={'drive': scene.drive.model_copy(update=update)})
+        else:
+            raise InputError(f"{self.name}: there is no 'drive' to start at an angle")
+        return replace(self, scene=changed)
+
     @cached_property
     def ideal(self) -> IdealMotion:
         """The motion of the mechanism without clearance."""
@@ -214,7 +235,9 @@ class Machine:
         """Forces of the ideal mechanism."""
         ideal = self.plan.ideal
         driven = self.plan.prescribed
-        return InverseDynamics(ideal, closures(ideal, ideal.cut), driven, self.plan.elements(ideal))
+        return InverseDynamics(
+            ideal, closures(ideal, ideal.cut), driven, self.plan.elements(ideal)
+        )
 
     @cached_property
     def system(self) -> System:
@@ -225,13 +248,15 @@ class Machine:
             for name, c in self.clearances.items()
             if (film := oil_film(c))
         ]
-        gaps = [] if films else [
-            BearingClearance(
-                name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
-                c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
-            )
-            for name, c in self.clearances.items()
-        ]  # fmt: skip
+        gaps: list[Gap] = []
+        for name, c in self.clearances.items():
+            if isinstance(mechanism.joint(name), HIGHER):
+                gaps += walls(slotted(mechanism, name), c.radial, c.restitution)
+            elif not films:
+                gaps.append(BearingClearance(
+                    name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
+                    c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
+                ))  # fmt: skip
         closing = closures(mechanism, [j for j in mechanism.cut if j not in self.clearances])
         return self._compiled(mechanism, gaps, closing, films)
 
@@ -353,25 +378,42 @@ class Machine:
                 solver.atol,
                 min(self.period / 8.0, 0.1),
                 compact=self.system.elements != ()
-                or len(self.system.free) + len(self.system.dynamics.rows) >= _COMPACT_FROM,
+                or len(self.system.free) + self._rows >= _COMPACT_FROM,
                 fastest=self._fastest,
             )
         else:
             prescribed = [x for x in first if isinstance(x, DriveLaw)]
             if len(prescribed) < len(first):
                 raise TypeError('a mechanism that a torque moves has equations of motion')
-            q = self.assembly.q
-            run = NominalRun(self.ideal, prescribed, q, self.mechanism.size)
+            q = np.zeros(3) if self.plan.four_bar else self.assembly.q
+            run = NominalRun(self.ideal, prescribed, q, self.mechanism.size, self._guards())
         for later in sorted(
             (x for c in system_order for x in laws[c][1:]), key=lambda x: x.valid_from
         ):
             run.change_law(later)
         return run
 
+    def _guards(self) -> Guards | None:
+        """Where something begins or ceases to act in the course of an ideal motion."""
+        sources = [self.inverse_dynamics.guards] if self.level is Level.INVERSE_DYNAMICS else []
+        if isinstance(self.ideal, LinkageMotion):
+            sources.append(self.ideal.kinematics.guards)
+        here = self.assembly.q[:, None] if self.plan.four_bar is None else np.zeros((3, 1))
+        used = [guards for guards in sources if len(guards(here))]
+        if not used:
+            return None
+        return lambda q: np.concatenate([guards(q) for guards in used])
+
+    @property
+    def _rows(self) -> int:
+        """How many contacts and closures the equations of motion are solved for."""
+        return len(self.system.dynamics.rows) + len(self.system.dynamics.relation)
+
     @cached_property
     def fingerprint(self) -> str:
         """Of all that rules the motion, in a few letters."""
-        content = self.scene.model_dump(exclude={'title', 'description', 'outputs', 'sensors'})
+        silent = {'title', 'description', 'duration', 'outputs', 'sensors'}
+        content = self.scene.model_dump(exclude=silent)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def snapshot(self, run: Run) -> Snapshot:

@@ -70,8 +70,19 @@ class Plan:
         """The mechanism cut at its loose joints, and where loops are left then."""
         if not self.clearances:
             return self.ideal
-        links = [body.name for body in self.bodies]
-        return self.mechanism(closing_joints(links, self.joints, [*self.clearances], [*self.laws]))
+        links, cut = [body.name for body in self.bodies], [*self.clearances]
+        straight = [c for c in self.laws if c in self.ideal.displacements]
+        while True:
+            found = self.mechanism(closing_joints(links, self.joints, cut, straight))
+            # a link whose angle is driven must not be carried by a guide: it would lose its angle
+            guides = [
+                found.tree_joints[c].name
+                for c in self.laws
+                if c in found.displacements and c not in straight
+            ]
+            if not guides:
+                return found
+            cut += guides
 
     @property
     def prescribed(self) -> list[str]:
@@ -135,7 +146,9 @@ def four_bar_plan(scene: FourBarScene) -> Plan:
     )  # fmt: skip
 
 
-def _four_bar_laws(scene: FourBarScene, start: float) -> tuple[tuple[Law, ...], tuple[float, float]]:
+def _four_bar_laws(
+    scene: FourBarScene, start: float
+) -> tuple[tuple[Law, ...], tuple[float, float]]:
     """The laws of the crank, and its angle and speed at the start."""
     drive = scene.drive
     begin = start, drive.speed or 0.0
@@ -154,4 +167,3 @@ def _four_bar_laws(scene: FourBarScene, start: float) -> tuple[tuple[Law, ...], 
 def motor_law(coordinate: str, stall_torque: float, no_load_speed: float) -> TorqueLaw:
     """The straight line of a direct-current motor."""
     return TorqueLaw(coordinate, (stall_torque, 0.0, -stall_torque / no_load_speed))
-

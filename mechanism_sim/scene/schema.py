@@ -32,6 +32,7 @@ Rate = Annotated[float, _si('Hz'), _POSITIVE]
 Tolerance = Annotated[float, _si(''), Field(ge=1e-16, le=1e-4)]
 Displacement = Annotated[float, _si('m'), _NOT_NEGATIVE]
 Time = Annotated[float, _si('s'), _NOT_NEGATIVE]
+Duration = Annotated[float, _si('s'), _POSITIVE]
 Torque = Annotated[float, _si('N m'), _FINITE]
 TorquePerAngle = Annotated[float, _si('N m/rad'), _FINITE]
 TorquePerSpeed = Annotated[float, _si('N m s/rad'), _FINITE]
@@ -211,6 +212,7 @@ class FourBarScene(Part):
     joints: FourBarJoints = FourBarJoints()
     gravity: Gravity = (0.0, 0.0)
     drive: Drive
+    duration: Duration | None = None  #: of a run of which no length is asked; else a revolution
     start: Literal['seated', 'centred'] = 'seated'
     initial: Initial = Initial()
     sensors: dict[str, Accelerometer] = {}

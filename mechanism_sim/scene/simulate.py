@@ -45,7 +45,9 @@ def load_scene(name: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> 
 
 
 def span(machine: Machine, revolutions: float | None, duration: float | None) -> float:
-    """The duration [s] asked for, as revolutions of the crank or in seconds; 1 revolution if not.
+    """The duration [s] asked for, as revolutions of the crank or in seconds.
+
+    If none is asked for, that of the scene, or else one revolution.
 
     Raises
     ------
@@ -57,6 +59,8 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
     asked = revolutions if revolutions is not None else duration
     if asked is not None and not (asked > 0.0 and math.isfinite(asked)):
         raise InputError(f'the length of a run must be positive and finite, not {asked:g}')
+    if asked is None:
+        duration = machine.scene.duration
     if duration is None:
         duration = machine.time_of(1.0 if revolutions is None else revolutions)
     return duration
@@ -211,7 +215,7 @@ def simulate(
     Parameters
     ----------
     revolutions : of the crank, or
-    duration : [s]; without either one revolution
+    duration : [s]; without either the scene's, or one revolution
     progress : called after every batch of steps
     resume : where an earlier run of the same machine stood; the solution begins there, and
         `revolutions` and `duration` count from the beginning of the earlier run

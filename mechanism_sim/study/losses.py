@@ -14,7 +14,6 @@ from mechanism_sim.linkages.contact_loss import (
     contact_loss,
 )
 from mechanism_sim.scene import Machine, simulate
-from mechanism_sim.scene.machine import CLOSING_JOINT
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
         cycle = ForceCycle.nominal(machine.linkage, machine.inverse_dynamics, joint, speed)
         link = (
             ClearanceLink.four_bar(clearance.radial, machine.linkage, about[0], about[1])
-            if joint == CLOSING_JOINT
+            if (joint,) == machine.plan.closing
             else None
         )
         predictions = contact_loss(cycle, link, start=angle, turns=revolutions)

@@ -47,8 +47,7 @@ def starts(
     found = []
     for k in range(angles):
         angle = 2.0 * math.pi * k / angles
-        drive = machine.scene.drive.model_copy(update={'start_angle': angle})
-        scene = machine.scene.model_copy(update={'drive': drive, 'start': 'seated'})
+        scene = machine.started_at(angle).scene.model_copy(update={'start': 'seated'})
         solution = simulate(type(machine)(machine.name, scene), revolutions=revolutions)
         lost = [m.t for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
         followed = min(lost) / machine.period if lost else math.inf

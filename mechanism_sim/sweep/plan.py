@@ -25,7 +25,7 @@ from mechanism_sim.scene.files import (
     find_scene,
     read_yaml,
 )
-from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.scene.machine import Scene
 from mechanism_sim.study.statistics import BATCHES
 from mechanism_sim.sweep.schema import SweepFile
 from mechanism_sim.units import to_si
@@ -73,7 +73,7 @@ class Run:
 
     index: int
     name: str
-    scene: FourBarScene
+    scene: Scene
     values: Mapping[str, float | str | bool | None]
     given: Mapping[str, Any]
     key: str
@@ -135,8 +135,12 @@ def read_plan(name: str) -> Plan:
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
             content = check_scene(base.name, data, overrides)
             for repetition in range(file.repeat):
-                nudged = _nudged(content, repetition * file.nudge)
-                machine = build(base.stem, nudged)
+                machine = build(base.stem, content)
+                if repetition * file.nudge:  # the drive a little further at the start
+                    machine = machine.started_at(
+                        machine.start_of_crank[0] + repetition * file.nudge
+                    )
+                nudged = machine.scene
                 span(machine, extent.revolutions, extent.duration)
                 values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
                 values |= {SCENE: base.stem} if SCENE in columns else {}
@@ -181,20 +185,7 @@ def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
     return (*swept, REPEAT) if sweep.repeat > 1 else swept
 
 
-def _nudged(scene: FourBarScene, by: float) -> FourBarScene:
-    """The scene with its crank turned a little further at the start [rad]."""
-    if not by:
-        return scene
-    given = scene.initial.position.crank
-    if given is None:
-        drive = scene.drive.model_copy(update={'start_angle': scene.drive.start_angle + by})
-        return scene.model_copy(update={'drive': drive})
-    position = scene.initial.position.model_copy(update={'crank': given + by})
-    initial = scene.initial.model_copy(update={'position': position})
-    return scene.model_copy(update={'initial': initial})
-
-
-def _value(scene: FourBarScene, path: str) -> float | str | bool | None:
+def _value(scene: Scene, path: str) -> float | str | bool | None:
     """What stands at a dotted path of a scene; lists and parts as JSON."""
     place: Any = scene
     for part in path.split('.'):

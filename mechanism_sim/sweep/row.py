@@ -19,8 +19,7 @@ from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.inverse_dynamics import Account
-from mechanism_sim.scene import Machine
-from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.scene.machine import Machine, Scene
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import BagError, RunBag
 from mechanism_sim.sweep.plan import Extent
@@ -73,7 +72,7 @@ class Task:
 
     key: str
     name: str
-    scene: FourBarScene
+    scene: Scene
     extent: Extent
     bag: Path | None = None
 
@@ -99,6 +98,7 @@ class Gauge:
         self.largest_force = 0.0
         self.coordinates, self.joints = physics.coordinates, physics.joints
         self.clearances, self.has_forces = physics.clearances, physics.has_forces
+        self.driven, self.displacements = physics.driven, physics.displacements
         self.observe, self.open_gaps = physics.observe, physics.open_gaps
         self._physics, self._since = physics, since
 
@@ -147,7 +147,7 @@ def _measure(machine: Machine, extent: Extent, file: Path | None) -> dict[str, V
             work = audit.add(motion, impacts)
             audit.judge(machine.allowed_penetration)
             tally.add(motion, impacts, changes, work.friction)
-            _follow(crank, edges, motion, gauge.coordinates.index('crank'))
+            _follow(crank, edges, motion, gauge.coordinates.index(machine.main))
             digest.add(motion, impacts)
             largest = max([largest, *(i.normal_impulse for i in impacts if i.t >= edges[skip])])
     turned = np.abs(np.diff(crank))[skip:] / (2.0 * np.pi)

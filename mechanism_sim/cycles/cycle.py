@@ -1,0 +1,255 @@
+"""Everything about a machine over one cycle, as arrays by name.
+
+A cycle is a revolution of the drive where it turns at constant speed, and otherwise as long as it
+is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_swings
+from mechanism_sim.cycles.forces import Forces
+from mechanism_sim.cycles.points import Paths, Place, choose
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.sampling import table
+from mechanism_sim.hybrid.solution import Solution
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.scene import Machine, simulate, span
+
+Array = NDArray[np.float64]
+
+_MOMENT = 1e-6
+"""[s] that is run where only the start is wanted."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
+
+    The names are those of `Solution.sample`, and where forces are known ``drive_power`` [W],
+    ``drive_torque.COORDINATE`` for each of several drives, ``reaction.JOINT.size`` [N] and
+    ``.direction`` [rad], ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
+    what the machine does to its frame, about the origin, and ``position.mass_centre.x`` and so on
+    of the whole machine. A point has ``position.LINK.POINT.x`` [m], ``velocity.``,
+    ``acceleration.``; on request there is the force on a link in its own frame,
+    ``reaction.JOINT.LINK.along`` and ``.across`` [N] ([V] ch. 3).
+
+    Attributes
+    ----------
+    machine, solution : what was run
+    t : (N + 1,) [s] evenly spaced
+    repeats : whether it is a whole number of turns of a drive at constant speed
+    """
+
+    machine: Machine
+    solution: Solution
+    t: Array
+    repeats: bool
+    points: Mapping[str, Place]
+    local: bool
+
+    @cached_property
+    def drive(self) -> str:
+        """The coordinate whose position orders the cycle: that of the first drive."""
+        return self.machine.main
+
+    @property
+    def drive_torques(self) -> list[str]:
+        """The columns of the drives' torques, or forces of those that slide."""
+        names = [name for name in self.table() if name.startswith('drive_torque')]
+        return names if len(names) < 2 else [name for name in names if '.' in name]
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.t[-1] - self.t[0])
+
+    def __getitem__(self, name: str) -> Array:
+        return self.table()[name]
+
+    def table(self) -> dict[str, Array]:
+        """All columns (N + 1,) by name, in SI units."""
+        return self._table
+
+    @cached_property
+    def _table(self) -> dict[str, Array]:
+        return self.at(self.t)
+
+    @cached_property
+    def _paths(self) -> Paths:
+        return Paths(self.machine.mechanism, list(self.points.values()))
+
+    @cached_property
+    def _forces(self) -> Forces:
+        return Forces(self.machine, self.local)
+
+    def at(self, t: Array) -> dict[str, Array]:
+        """The columns at any instants (K,) of the cycle."""
+        samples = self.solution.samples(t)
+        o = samples.observed
+        columns = table(self.machine.physics, samples)
+        if self.points:
+            paths = self._paths(o.position, o.velocity, o.acceleration)
+            for name, track in zip(self.points, paths, strict=True):
+                columns |= path_columns(name, track)
+        if self.machine.physics.has_forces:
+            columns |= self._forces.columns(samples.t, o)
+        return columns
+
+    def extremes(self) -> dict[str, Extremes]:
+        """Least and greatest value of each column, and when, finer than the samples."""
+        return self._extremes
+
+    @cached_property
+    def _extremes(self) -> dict[str, Extremes]:
+        return find_extremes(self.at, self.table(), f'position.{self.drive}')
+
+    def swings(self) -> dict[str, Swing]:
+        """How far each coordinate goes, and how long there and back, by coordinate."""
+        period = self.machine.period if self.repeats else None
+        return find_swings(self.machine.physics.coordinates, self.table(), self.extremes(), period)
+
+    @cached_property
+    def _between(self) -> dict[str, Array]:
+        """The columns at five Gauss points between any two samples."""
+        half, middle = 0.5 * np.diff(self.t), 0.5 * (self.t[1:] + self.t[:-1])
+        return self.at((middle[:, None] + half[:, None] * _NODES).ravel())
+
+    def mean(self, name: str) -> float:
+        """Mean of a column over time."""
+        return self._mean(self._between[name])
+
+    def rms(self, name: str) -> float:
+        """Root of the mean square of a column over time."""
+        return math.sqrt(self._mean(self._between[name] ** 2))
+
+    def _mean(self, x: Array) -> float:
+        return float((x.reshape(-1, len(_NODES)) @ _WEIGHTS).mean() / 2.0)
+
+    @property
+    def mean_power(self) -> float:
+        """Work of the drives over time [W], that of impacts included."""
+        work = self['energy.drive_work']
+        return float(work[-1] - work[0]) / self.duration
+
+
+def cycle(
+    machine: Machine,
+    samples: int = 360,
+    start: float | None = None,
+    periods: int = 1,
+    duration: float | None = None,
+    points: Sequence[str] = (),
+    local: bool = False,
+) -> Cycle:
+    """Run a machine over a cycle.
+
+    Parameters
+    ----------
+    samples : intervals between samples in a cycle
+    start : position of the drive where the cycle begins [rad]; where the scene begins if not
+    periods : turns of the drive
+    duration : [s] instead, where the drive has no constant speed
+    points : whose paths are wanted, ``LINK.POINT``
+    local : forces on each link along and across it too
+
+    Raises
+    ------
+    InputError
+        If nothing says how long the cycle is, or there is no such point.
+    RunError
+        If the run fails.
+    """
+    if samples < 2 or periods < 1:
+        raise InputError('a cycle needs at least 2 samples and 1 period')
+    if duration is not None and periods != 1:
+        raise InputError('a cycle has a number of periods or a duration, not both')
+    chosen = choose(machine, points)
+    steady = is_steady(machine)
+    begin = 0.0
+    if start is not None:
+        if not steady:
+            raise InputError(f'{machine.name}: only a drive at constant speed has a start angle')
+        angle, speed = machine.start_of_crank
+        begin = math.remainder(start - angle, 2.0 * math.pi) / speed
+        begin += machine.period if begin < 0.0 else 0.0
+    if steady and duration is None:
+        end = begin + periods * machine.period
+    else:
+        end = begin + span(machine, periods if duration is None else None, duration)
+    solution = simulate(machine, duration=end)
+    t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
+    return Cycle(machine, solution, t, steady and duration is None, chosen, local)
+
+
+def instant(
+    machine: Machine,
+    angle: float | None = None,
+    t: float | None = None,
+    duration: float | None = None,
+    points: Sequence[str] = (),
+    still: bool = False,
+) -> tuple[Cycle, float]:
+    """A cycle, and the instant in it when the drive is at an angle, or the clock at a time.
+
+    Parameters
+    ----------
+    angle : of the drive [rad], or
+    t : [s]; without either the start
+    duration : of the cycle [s], where the drive has no period
+    points : as for `cycle`
+    still : no more than the instant is wanted, so that a drive without a period needs no duration
+
+    Raises
+    ------
+    InputError, RunError
+        As `cycle` does.
+    """
+    if t is not None and t < 0.0:
+        raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
+    if is_steady(machine):
+        if t is not None:
+            duration = max(t, duration or machine.period)
+    elif still and duration is None:
+        duration = max(t or 0.0, _MOMENT)
+    elif duration is not None:
+        duration = max(t or 0.0, duration)
+    found = cycle(machine, start=angle, duration=duration, points=points)
+    return found, float(found.t[0]) if t is None else t
+
+
+def is_steady(machine: Machine) -> bool:
+    """Whether the main drive turns at constant speed, so that there is a period.
+
+    Other drives rest, or turn whole turns in each of its turns.
+    """
+    speeds = []
+    for coordinate, laws in machine.plan.laws.items():
+        law = laws[0]
+        if len(laws) > 1 or not isinstance(law, DriveLaw) or law.degree > 1:
+            return False
+        speeds.append(law.coefficients[1] if law.degree else 0.0)
+        if speeds[-1] and coordinate in machine.mechanism.displacements:
+            return False
+    if not speeds[0]:
+        return False
+    ratios = [speed / speeds[0] for speed in speeds]
+    return all(abs(ratio - round(ratio)) < 1e-9 for ratio in ratios)
+
+
+def path_columns(name: str, track: Array) -> dict[str, Array]:
+    """Columns of a point whose position, velocity and acceleration are (3, 2, N)."""
+    return {
+        f'{kind}.{name}.{axis}': row
+        for kind, pair in zip(('position', 'velocity', 'acceleration'), track, strict=True)
+        for axis, row in zip('xy', pair, strict=True)
+    }

@@ -1,0 +1,140 @@
+"""What follows from the forces of a machine: on its links, on its frame, and its mass centre."""
+
+from __future__ import annotations
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cycles.points import Paths, Place, Poses
+from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.evaluation import Evaluation
+from mechanism_sim.numerics.symbolic import add, dense
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.loads import moment_of
+from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.scene import Machine
+
+Array = NDArray[np.float64]
+
+
+class Forces:
+    """Columns that follow from an observation of a machine with forces.
+
+    Parameters
+    ----------
+    local : forces along and across each link too
+    """
+
+    def __init__(self, machine: Machine, local: bool) -> None:
+        self._local = local
+        self._mechanism = machine.mechanism
+        self._driven = [*machine.plan.prescribed, *machine.plan.powered]
+        self._masses = np.array([body.mass for body in self._mechanism.bodies])
+        self._on_frame = [
+            (i, joint)
+            for i, joint in enumerate(self._mechanism.joints)
+            if GROUND in (joint.first, joint.second)
+        ]
+        cogs: list[Place] = [(body.name, body.cog) for body in self._mechanism.bodies]
+        held: list[Place] = [(joint.second, joint.on_second) for _, joint in self._on_frame]
+        self._paths = Paths(self._mechanism, [*cogs, *held])
+        self._springs = _OnGround(machine)
+
+    def columns(self, t: Array, o: Observation) -> dict[str, Array]:
+        """Arrays (N,) by name, see `Cycle`."""
+        found: dict[str, Array] = {'drive_power': o.drive_power}
+        if len(self._driven) > 1:
+            for name, row in zip(self._driven, o.drive_torque, strict=True):
+                found[f'drive_torque.{name}'] = row
+        for i, joint in enumerate(self._mechanism.joints):
+            x, y = o.reaction[i]
+            found[f'reaction.{joint.name}.size'] = np.hypot(x, y)
+            found[f'reaction.{joint.name}.direction'] = np.arctan2(y, x)
+            if isinstance(joint, Prismatic):
+                found[f'reaction.{joint.name}.moment'] = o.reaction_moment[i]
+        if self._local:
+            found |= self._along_and_across(o)
+        paths = self._paths(o.position, o.velocity, o.acceleration)
+        cogs, held = paths[: len(self._masses)], paths[len(self._masses) :, 0]
+        centre = np.tensordot(self._masses, cogs, 1) / self._masses.sum()
+        for kind, pair in zip(('position', 'velocity', 'acceleration'), centre, strict=True):
+            found[f'{kind}.mass_centre.x'], found[f'{kind}.mass_centre.y'] = pair
+        return found | self._shaking(t, o, held)
+
+    def _along_and_across(self, o: Observation) -> dict[str, Array]:
+        """Force on each moving link in every joint, in the link's frame."""
+        along = Poses(self._mechanism, o.position).along
+        found = {}
+        for joint, force in zip(self._mechanism.joints, o.reaction, strict=True):
+            for link, sign in ((joint.first, -1.0), (joint.second, 1.0)):
+                if link == GROUND:
+                    continue
+                (ux, uy), (x, y) = along[link], sign * force
+                found[f'reaction.{joint.name}.{link}.along'] = ux * x + uy * y
+                found[f'reaction.{joint.name}.{link}.across'] = ux * y - uy * x
+        return found
+
+    def _shaking(self, t: Array, o: Observation, held: Array) -> dict[str, Array]:
+        """Force and moment about the origin that all links and springs put on the frame.
+
+        The torque of a drive acts between frame and link; the force of one that slides is part of
+        the force in its joint.
+        """
+        fx, fy, moment = self._springs(t, o)
+        for name, torque in zip(self._driven, o.drive_torque, strict=True):
+            if name not in self._mechanism.displacements:
+                moment = moment - torque
+        for (i, joint), (x, y) in zip(self._on_frame, held, strict=True):
+            sign = 1.0 if joint.second == GROUND else -1.0
+            px, py = sign * o.reaction[i]
+            fx, fy = fx + px, fy + py
+            moment = moment + x * py - y * px + sign * o.reaction_moment[i]
+        return {
+            'shaking_force.x': fx,
+            'shaking_force.y': fy,
+            'shaking_force.size': np.hypot(fx, fy),
+            'shaking_moment': moment,
+        }
+
+
+class _OnGround:
+    """Force and moment about the origin of all springs and dampers that end at the frame."""
+
+    def __init__(self, machine: Machine) -> None:
+        mechanism, parameters = machine.mechanism, Parameters()
+        frames = Frames(mechanism.coordinates, parameters)
+        loads = [
+            load
+            for element in machine.plan.elements(mechanism)
+            for load in element.loads(frames)
+            if load.link == GROUND
+        ]
+        terms = [
+            add(*(load.force[0] for load in loads)),
+            add(*(load.force[1] for load in loads)),
+            add(
+                *(load.moment for load in loads),
+                *(
+                    moment_of((dense(x.value), dense(y.value)), load.force)
+                    for load in loads
+                    for x, y in [load.place(frames, mechanism)]
+                ),
+            ),
+        ]
+        self._outside = tuple(frames.outside)
+        known = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
+        expressions = list(hy.subs([dense(x) for x in terms], frames.evaluated()))
+        self._function = Evaluation(
+            compiled.function(expressions, known), parameters.values, [len(terms)]
+        )
+
+    def __call__(self, t: Array, o: Observation) -> Array:
+        """Force x, y [N] and moment [N m], (3, N)."""
+        # positions are given with their whole turns: none are left out
+        outside = [t if name == 'time' else np.zeros_like(t) for name in self._outside]
+        (found,) = self._function(
+            np.concatenate([o.position, o.velocity, *(x[None] for x in outside)])
+        )
+        return found

@@ -1,0 +1,116 @@
+"""Points of links: their names, and how they move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics import compiled
+from mechanism_sim.numerics.evaluation import Evaluation
+from mechanism_sim.numerics.symbolic import add, dense, mul
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.files import nearest
+
+Array = NDArray[np.float64]
+Place = tuple[str, Vector2]
+"""A link, and a point in its frame [m]."""
+
+
+def named_points(machine: Machine) -> dict[str, Place]:
+    """The points that have a name, ``LINK.POINT``; of moving links the ``cog`` too."""
+    cogs = {f'{b.name}.cog': (b.name, b.cog) for b in machine.mechanism.bodies}
+    return cogs | {
+        f'{link}.{name}': (link, at)
+        for link, points in machine.plan.points.items()
+        for name, at in points.items()
+    }
+
+
+def choose(machine: Machine, names: Iterable[str]) -> dict[str, Place]:
+    """The points of these names, in this order.
+
+    Raises
+    ------
+    InputError
+        If there is no such point; names the nearest.
+    """
+    known = named_points(machine)
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"{machine.name} has no point '{name}'{nearest(name, known)}; a point is "
+                f'LINK.POINT: {", ".join(known)}'
+            )
+    return {name: known[name] for name in names}
+
+
+class Paths:
+    """Position, velocity and acceleration of points, compiled from where the mechanism has them.
+
+    Parameters
+    ----------
+    places : P points of links
+    """
+
+    def __init__(self, mechanism: Mechanism, places: Sequence[Place]) -> None:
+        self._count = len(places)
+        parameters = Parameters()
+        frames = Frames(mechanism.coordinates, parameters)
+        expressions = []
+        for k, (link, at) in enumerate(places):
+            for jet in frames.position(mechanism.point(link, at), f'point{k}'):
+                pull = add(*(mul(s, frames.a[n]) for n, s in jet.gradient.items()), jet.curvature)
+                expressions += [dense(x) for x in (jet.value, jet.rate, pull)]
+        motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
+        self._function = Evaluation(
+            compiled.function(expressions, motion), parameters.values, [len(expressions)]
+        )
+
+    def __call__(self, q: Array, v: Array, a: Array) -> Array:
+        """The points at N instants, in the ground's frame.
+
+        Parameters
+        ----------
+        q, v, a : (n, N) coordinates, rates, accelerations
+
+        Returns
+        -------
+        (P, 3, 2, N): position [m], velocity [m/s], acceleration [m/s^2] of each, x and y
+        """
+        (rows,) = self._function(np.concatenate([q, v, a]))
+        return rows.reshape(self._count, 2, 3, -1).swapaxes(1, 2)
+
+
+class Poses:
+    """Where links are at N instants, and how they are turned.
+
+    Parameters
+    ----------
+    q : (n, N) coordinates
+    """
+
+    def __init__(self, mechanism: Mechanism, q: Array) -> None:
+        links = [GROUND, *(body.name for body in mechanism.bodies)]
+        places: list[Place] = [(link, at) for link in links for at in ((0.0, 0.0), (1.0, 0.0))]
+        still = np.zeros_like(q)
+        at = Paths(mechanism, places)(q, still, still)[:, 0]
+        self._origin = {link: at[2 * i] for i, link in enumerate(links)}
+        self.along = {link: at[2 * i + 1] - at[2 * i] for i, link in enumerate(links)}
+        """Unit vectors (2, N) along the x axis of each link."""
+
+    def at(self, place: Place) -> Array:
+        """A point of a link in the world (2, N) [m]."""
+        link, (x, y) = place
+        ux, uy = self.along[link]
+        return np.asarray(self._origin[link] + np.array([ux * x - uy * y, uy * x + ux * y]))
+
+    def within(self, link: str, place: Place) -> Array:
+        """A point of any link in the frame of this one (2, N) [m]."""
+        x, y = self.at(place) - self._origin[link]
+        ux, uy = self.along[link]
+        return np.array([ux * x + uy * y, ux * y - uy * x])

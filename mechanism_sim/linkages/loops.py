@@ -1,0 +1,103 @@
+"""Four-bars and slider-cranks within a mechanism: its loops of four links, by their dimensions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from itertools import pairwise, permutations
+
+import numpy as np
+
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.slider_crank import SliderCrank
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Joint,
+    Mechanism,
+    Prismatic,
+    Revolute,
+    Vector2,
+    rotate,
+)
+
+Loop = tuple[tuple[str, str, str], tuple[Joint, Joint, Joint, Joint]]
+
+
+def four_bars(
+    mechanism: Mechanism, driven: Collection[str] = ()
+) -> dict[tuple[str, str, str], FourBar]:
+    """Loops of four revolute joints through the ground: crank, coupler, rocker and their lengths.
+
+    The crank is a `driven` link if one of the two on the ground is, else the first of `bodies`.
+    The branch is not told: every linkage is given in the open one.
+    """
+    found = {}
+    for links, joints in _loops(mechanism, driven):
+        if all(isinstance(j, Revolute) for j in joints):
+            # every link lies between two joints of the loop, the ground between last and first
+            sides = zip((GROUND, *links), (joints[-1], *joints[:-1]), joints, strict=True)
+            ground, crank, coupler, rocker = (
+                math.dist(_end(a, link), _end(b, link)) for link, a, b in sides
+            )
+            if min(ground, crank, coupler, rocker) > 0.0:
+                found[links] = FourBar(ground, crank, coupler, rocker)
+    return found
+
+
+def slider_cranks(
+    mechanism: Mechanism, driven: Collection[str] = ()
+) -> dict[tuple[str, str, str], SliderCrank]:
+    """Loops of three revolute joints and a guide on the ground: crank, rod, slider, dimensions.
+
+    The crank turns on the ground, whichever link is driven.
+    """
+    found = {}
+    for links, joints in _loops(mechanism, driven):
+        for (crank, rod, slider), (pivot, pin, end, guide) in (
+            (links, joints), (links[::-1], joints[::-1])
+        ):  # fmt: skip
+            turning = all(isinstance(j, Revolute) for j in (pivot, pin, end))
+            if not turning or not isinstance(guide, Prismatic):
+                continue
+            lengths = (
+                math.dist(_end(pivot, crank), _end(pin, crank)),
+                math.dist(_end(pin, rod), _end(end, rod)),
+            )
+            if min(lengths) > 0.0:
+                offset = _offset(guide, _end(end, slider), _end(pivot, GROUND))
+                found[crank, rod, slider] = SliderCrank(*lengths, offset)
+    return found
+
+
+def _loops(mechanism: Mechanism, driven: Collection[str]) -> Iterator[Loop]:
+    """Every loop of the ground and three links, one way round."""
+    order = [body.name for body in mechanism.bodies]
+    order.sort(key=lambda link: link not in driven)
+    for links in permutations(order, 3):
+        if order.index(links[0]) > order.index(links[2]):
+            continue
+        ring = (GROUND, *links, GROUND)
+        between = [
+            [j for j in mechanism.joints if {j.first, j.second} == {a, b}]
+            for a, b in pairwise(ring)
+        ]
+        if all(len(js) == 1 for js in between):
+            a, b, c, d = (js[0] for js in between)
+            yield links, (a, b, c, d)
+
+
+def _end(joint: Joint, link: str) -> Vector2:
+    """Where a joint is on a link [m]."""
+    return joint.on_first if joint.first == link else joint.on_second
+
+
+def _offset(guide: Prismatic, pin: Vector2, pivot: Vector2) -> float:
+    """How far the pin of a slider runs to the left of the pivot, along the guide's axis [m]."""
+    if guide.first == GROUND:
+        turned, axis = guide.angle, guide.axis
+    else:
+        turned, axis = -guide.angle, guide.axis - guide.angle
+    slider = _end(guide, guide.second if guide.first == GROUND else guide.first)
+    arm = rotate((pin[0] - slider[0], pin[1] - slider[1]), turned)
+    away = np.array(_end(guide, GROUND)) + arm - pivot
+    return float(away @ (-math.sin(axis), math.cos(axis)))

@@ -1,0 +1,158 @@
+"""A cycle as text and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from mechanism_sim.cycles.cycle import Cycle
+from mechanism_sim.cycles.extremes import Extreme
+
+_UNITS = {
+    'position': ('rad', 'm'),
+    'velocity': ('rad/s', 'm/s'),
+    'acceleration': ('rad/s^2', 'm/s^2'),
+    'gap': ('m', 'm'),
+    'energy': ('J', 'J'),
+    'drive_power': ('W', 'W'),
+    'drive_torque': ('N m', 'N'),
+    'shaking_moment': ('N m', 'N m'),
+    't': ('s', 's'),
+    'closed': ('', ''),
+    'mode': ('', ''),
+}
+"""Units of columns by the first part of their name: of what turns, and of what slides."""
+
+_FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
+_COMPONENTS = ('.x', '.y')
+
+
+def unit(cycle: Cycle, column: str) -> str:
+    """The SI unit of a column; empty for a number."""
+    kind, _, rest = column.partition('.')
+    if column.endswith('.direction'):
+        return 'rad'
+    if column.endswith('.moment'):
+        return 'N m'
+    mechanism = cycle.machine.mechanism
+    turns = kind == 'drive_torque' and not rest and cycle.drive not in mechanism.displacements
+    turning = rest in mechanism.coordinates and rest not in mechanism.displacements
+    return _UNITS.get(kind, ('N', 'N'))[0 if turns or turning else 1]
+
+
+def for_people(unit: str) -> tuple[str, float]:
+    """The unit in which people read a quantity, and by what its SI value is multiplied."""
+    return _FOR_PEOPLE.get(unit, (unit, 1.0))
+
+
+def where(cycle: Cycle, extreme: Extreme) -> str:
+    """The position of the drive at an extreme, within a turn."""
+    if cycle.drive in cycle.machine.mechanism.displacements:
+        return f'{1e3 * extreme.drive:.4f} mm'
+    angle = math.degrees(extreme.drive) % 360.0
+    return f'{0.0 if angle > 360.0 - 5e-5 else angle:.4f} deg'
+
+
+def render(cycle: Cycle) -> str:
+    """Extremes, strokes and means for people."""
+    machine = cycle.machine
+    span = f'{cycle.t[0]:.6g} s to {cycle.t[-1]:.6g} s'
+    return '\n'.join(
+        [
+            f'{machine.name}: {len(cycle.t)} samples from {span}',
+            *_extremes(cycle),
+            *_swings(cycle),
+            *_drive(cycle),
+        ]
+    )
+
+
+def _extremes(cycle: Cycle) -> Iterator[str]:
+    rows = []
+    for name, ends in cycle.extremes().items():
+        if name.startswith(('reaction.', 'shaking_force.')) and name.endswith(_COMPONENTS):
+            continue  # people read sizes; JSON has components too
+        shown, scale = for_people(unit(cycle, name))
+        low, high = (
+            f'{scale * x.value:.6g}' if abs(x.value) > ends.rounding else '0'
+            for x in (ends.least, ends.greatest)
+        )
+        if ends.constant:
+            rows.append((name, shown, low, 'always', '', ''))
+        else:
+            rows.append(
+                (name, shown, low, where(cycle, ends.least), high, where(cycle, ends.greatest))
+            )
+    head = ('', 'unit', 'least', f'at {cycle.drive}', 'greatest', f'at {cycle.drive}')
+    table = [head, *rows]
+    widths = [max(len(row[i]) for row in table) for i in range(len(head))]
+    for row in table:
+        cells = (
+            cell.ljust(width) if i < 2 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        yield '  ' + '  '.join(cells).rstrip()
+
+
+def _swings(cycle: Cycle) -> Iterator[str]:
+    for name, swing in cycle.swings().items():
+        shown, scale = for_people(unit(cycle, f'position.{name}'))
+        if swing.turns:
+            yield f'{name} makes {swing.turns} full turn{"s" if abs(swing.turns) > 1 else ""}'
+            continue
+        line = f'{name} goes over {scale * swing.size:.6g} {shown}'
+        if swing.rising is not None and swing.falling is not None:
+            line += (
+                f', up in {swing.rising:.6g} s and down in {swing.falling:.6g} s: '
+                f'time ratio {swing.time_ratio:.5g}'
+            )
+        yield line
+
+
+def _drive(cycle: Cycle) -> Iterator[str]:
+    if not cycle.machine.physics.has_forces:
+        return
+    for name in cycle.drive_torques:
+        yield f'{name}: root mean square {cycle.rms(name):.6g} {unit(cycle, name)}'
+    power = cycle.mean_power
+    if abs(power) <= 1e-12 * cycle.rms('drive_power'):
+        power = 0.0  # what is given is taken back
+    yield f'mean power of the drive {power:.6g} W'
+
+
+def to_json(cycle: Cycle) -> dict[str, object]:
+    """The same in SI units, and the unit of each column; JSON has no infinity: null."""
+    forces = cycle.machine.physics.has_forces
+    return {
+        'scene': cycle.machine.name,
+        'level': cycle.machine.level.value,
+        'drive': cycle.drive,
+        'start': float(cycle.t[0]),
+        'end': float(cycle.t[-1]),
+        'samples': len(cycle.t),
+        'units': {name: unit(cycle, name) for name in cycle.table()},
+        'extremes': {
+            name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
+            for name, ends in cycle.extremes().items()
+        },
+        'swings': {
+            name: {
+                'size': s.size,
+                'turns': s.turns,
+                'rising': s.rising,
+                'falling': s.falling,
+                'time_ratio': s.time_ratio,
+            }
+            for name, s in cycle.swings().items()
+        },
+        'rms': {name: _number(cycle.rms(name)) for name in cycle.drive_torques},
+        'mean_power': _number(cycle.mean_power) if forces else None,
+    }
+
+
+def _extreme(extreme: Extreme) -> dict[str, float | None]:
+    return {'value': _number(extreme.value), 't': extreme.t, 'drive': extreme.drive}
+
+
+def _number(x: float) -> float | None:
+    return x if math.isfinite(x) else None

@@ -1,0 +1,317 @@
+"""A machine's own equations: closures, gaps, forces and motion, from what the engine solves.
+
+``M(q) q'' + h(q, q') = J_n^T N + J_t^T T + G^T lambda + Q + tau`` row by row, in the symbols of
+`report.symbols`. Nothing is derived again: every term is one of `planar.equations`, of a gap, a
+relation or a force element, so a new kind of those needs nothing here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import heyoka as hy
+import sympy
+
+from mechanism_sim.hybrid.system import System
+from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.drive import Law, TorqueLaw
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import generalised
+from mechanism_sim.planar.protocols import Gap
+from mechanism_sim.report.equations import Equation, MachineEquations, Part
+from mechanism_sim.report.symbols import Expression, Symbol, Symbols
+from mechanism_sim.report.vectors import Vectors
+from mechanism_sim.scene.machine import Level, Machine
+
+_LONG = 30
+"""Operations from which on forces are written with intermediate quantities."""
+
+
+def derive(machine: Machine, rates: bool = False) -> MachineEquations:
+    """The equations of a machine at its level.
+
+    Parameters
+    ----------
+    rates : also the first and second derivatives of closures and gaps
+    """
+    return _Derivation(machine, rates).result()
+
+
+class _Derivation:
+    def __init__(self, machine: Machine, rates: bool) -> None:
+        self._machine, self._rates = machine, rates
+        self._system: System | None = machine.system if machine.dynamic else None
+        model = self._system or machine.inverse_dynamics
+        self._equations = model.equations
+        self._elements = () if machine.level is Level.KINEMATIC else model.elements
+        self._symbols = Symbols(self._equations)
+        self._vectors = Vectors(self._equations, self._symbols)
+        self._say, self._terms = self._vectors.say, self._vectors.terms
+        self._forces: list[Equation] = []
+        self._on: dict[str, list[Expression]] = {c: [] for c in self._equations.coordinates}
+
+    def result(self) -> MachineEquations:
+        """All parts that are not empty."""
+        machine, symbols = self._machine, self._symbols
+        closures = self._closures()
+        gaps = self._gaps()
+        self._load()
+        self._drives()
+        parts = [
+            Part('drive_laws', 'Drive', self._laws()),
+            Part('closures', 'Closures', closures[0]),
+            Part('closure_rates', 'Closures, differentiated once', closures[1]),
+            Part('closure_accelerations', 'Closures, differentiated twice', closures[2]),
+            gaps[0],
+            Part('gap_rates', 'Gaps, differentiated once', gaps[1]),
+            Part('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
+            Part('forces', 'Forces', self._abridged()),
+            Part('motion', 'Equations of motion', self._motion()),
+        ]
+        parts.insert(1, Part('switches', 'Parts of the cycle', self._switches(parts)))
+        used = _symbols_of(parts)
+        vectors = tuple(e for e in self._vectors.equations if e.left[0] in used)
+        parts.insert(1, Part('vectors', 'Vectors', vectors))
+        shown = _shown(parts)
+        derivatives = [(symbols.q[c], symbols.v[c], symbols.a[c]) for c in symbols.q]
+        own = {x for triple in derivatives for x in triple}
+        others = [s for s in symbols.used(shown) if s.symbol not in own]
+        return MachineEquations(
+            machine.name,
+            machine.scene.title,
+            machine.level.value,
+            tuple(self._coordinate(*(symbols.known[x.name] for x in d)) for d in derivatives),
+            tuple(s for s in others if s.value is not None),
+            tuple(s for s in others if s.value is None),
+            tuple(p for p in parts if p.equations),
+        )
+
+    def _coordinate(self, q: Symbol, v: Symbol, a: Symbol) -> tuple[Symbol, Symbol, Symbol]:
+        """The symbols of a coordinate, the first with what moves it in its meaning."""
+        plan = self._machine.plan
+        role = 'free' if self._system else 'follows from the closures'
+        if q.name in plan.prescribed:
+            role = 'prescribed'
+        elif q.name in plan.powered and not _idle(plan.laws[q.name]):
+            role = 'moved by its drive'
+        return replace(q, meaning=f'{q.meaning}; {role}'), v, a
+
+    def _push(self, jet: Jet, force: Expression) -> None:
+        """Count a force along a row among the generalised forces."""
+        for c, slope in jet.gradient.items():
+            if slope is not None:
+                self._on[c].append(sympy.Mul(force, self._say(slope)))
+
+    def _derivatives(self, jet: Jet) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
+        """First and second time derivative as terms; the latter with the accelerations."""
+        second = [
+            sympy.Mul(self._say(slope), self._symbols.a[c])
+            for c, slope in jet.gradient.items()
+            if slope is not None
+        ]
+        return self._terms(jet.rate), (*second, *self._terms(jet.curvature))
+
+    def _closures(self) -> tuple[tuple[Equation, ...], ...]:
+        """Closures and their derivatives, all of which vanish."""
+        orders: tuple[list[Equation], ...] = ([], [], [])
+        zero = (sympy.Integer(0),)
+        jets = iter(self._equations.relation_jets)
+        for relation in self._equations.relations:
+            values = relation.values(self._vectors.frames)
+            plain = values == [jet for pair in self._vectors.frames.seen.values() for jet in pair]
+            if all(_is_trigonometric(self._symbols.translate(jet.value)) for jet in values):
+                self._vectors.frames.seen.clear()  # it reads best by its arms and angles
+            self._vectors.use_seen()
+            for index, jet in zip('xy' if plain else '12', [next(jets) for _ in values]):  # noqa: B905
+                joint = relation.name
+                orders[0].append(Equation(joint, self._terms(jet.value), zero))
+                if self._rates:
+                    for line, terms in zip(orders[1:], self._derivatives(jet), strict=True):
+                        line.append(Equation(joint, terms, zero))
+                if self._machine.level is not Level.KINEMATIC:
+                    where = 'on the first link of' if plain else 'along a closure of'
+                    meaning = f'force {index} {where} {joint}'
+                    force = self._symbols.make(f'lambda{index}', (joint,), joint, meaning, 'N')
+                    self._push(jet, force)
+        return tuple(map(tuple, orders))
+
+    def _gaps(self) -> tuple[Part, tuple[Equation, ...], tuple[Equation, ...]]:
+        """Gaps with their forces; and their derivatives."""
+        lines: tuple[list[Equation], ...] = ([], [], [])
+        for i, gap in enumerate(self._equations.gaps):
+            gap.value(self._vectors.frames)
+            self._vectors.use_seen()
+            self._gap(i, gap, lines)
+        if not self._rates:
+            lines[2].clear()
+        values, first, second = map(tuple, lines)
+        notes = tuple(map(_condition, self._equations.gaps))
+        return Part('gaps', 'Gaps', values, notes), first, second
+
+    def _gap(self, i: int, gap: Gap, lines: tuple[list[Equation], ...]) -> None:
+        """The i-th gap: its value with its slip, its derivatives, its forces."""
+        joint, make = gap.name, self._symbols.make
+        # the engine's jets, not equal ones: heyoka is slow to find that they are equal
+        jet = self._equations.gap_jets[i]
+        g = make('g', (joint,), joint, f'gap of {joint}, zero when closed', 'm')
+        lines[0].append(Equation(joint, (g,), self._terms(jet.value)))
+        short = {jet.value: g}
+        if self._rates or gap.law:
+            names = ('gdot', 'rate', 'm/s'), ('gddot', 'second derivative', 'm/s^2')
+            derivatives = zip(lines[1:], self._derivatives(jet), names, strict=True)
+            for line, terms, (stem, what, unit) in derivatives:
+                left = make(stem, (joint,), joint, f'{what} of g_{joint}', unit)
+                line.append(Equation(joint, (left,), terms))
+            short[jet.rate] = lines[1][-1].left[0]
+        forces = [make('N', (joint,), joint, f'normal force in {joint}', 'N')]
+        self._push(jet, forces[0])
+        if gap.friction and self._system:
+            slip = self._system.dynamics.tangent[i]
+            u = make('u', (joint,), joint, f'tangential velocity in {joint}', 'm/s')
+            lines[0].append(Equation(joint, (u,), self._terms(slip.rate)))
+            short[slip.rate] = u
+            meaning = f'friction on the first link of {joint}, along its slip'
+            forces.append(make('T', (joint,), joint, meaning, 'N'))
+            self._push(slip, forces[1])
+        if gap.law and self._system:
+            dynamics = self._system.dynamics
+            known = {term: hy.make_vars(str(symbol)) for term, symbol in short.items()}
+            known[dynamics.closed[i]] = hy.expression(1.0)
+            laws = hy.subs([dynamics.exact.N[i], dense(dynamics.exact.T[i])], known)
+            for force, law in zip(forces, laws, strict=False):
+                self._forces.append(Equation(joint, (force,), (self._say(law),)))
+
+    def _load(self) -> None:
+        """Generalised forces of what needs no gap, and where it acts in the cycle."""
+        mechanism = self._equations.mechanism
+        for element in self._elements:
+            loads = element.loads(self._vectors.frames)
+            found = generalised(loads, self._vectors.frames, mechanism)
+            self._vectors.use_seen()
+            for c, term in found.items():
+                meaning = f'force of {element.name} on {c}'
+                unit = self._symbols.unit_of_force(c)
+                Q = self._symbols.make('Q', (element.name, c), element.name, meaning, unit)
+                self._on[c].append(Q)
+                self._forces.append(Equation(element.name, (Q,), self._terms(term)))
+
+    def _switches(self, parts: Sequence[Part]) -> tuple[Equation, ...]:
+        """Where that acts which does so in a part of the cycle only."""
+        lines, used = [], _symbols_of(parts)
+        for name, switch in self._equations.frames.switches.items():
+            flag = self._say(switch.flag)
+            if flag in used:
+                self._vectors.use(name)
+                left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
+                note = f'{flag} is 1 where this is positive, otherwise 0'
+                lines.append(Equation(name, (left,), self._terms(switch.guard), note))
+        return tuple(lines)
+
+    def _abridged(self) -> tuple[Equation, ...]:
+        """The laws of force; long ones with intermediate quantities before them."""
+        sums = [sympy.Add(*e.right) for e in self._forces]
+        if all(sympy.count_ops(x) < _LONG for x in sums):
+            return tuple(self._forces)
+        names = sympy.numbered_symbols('z', start=1, real=True)
+        steps, rest = sympy.cse(sums, names, order='none')
+        return (
+            *(Equation(str(symbol), (symbol,), (value,)) for symbol, value in steps),
+            *(Equation(e.name, e.left, (x,)) for e, x in zip(self._forces, rest, strict=True)),
+        )
+
+    def _drives(self) -> None:
+        """What a drive brings about: the force of a prescribed motion is among the unknowns."""
+        for c, laws in self._machine.plan.laws.items():
+            if _idle(laws) or self._machine.level is Level.KINEMATIC:
+                continue
+            unit = self._symbols.unit_of_force(c)
+            stem, what = ('tau', 'torque') if unit == 'N m' else ('F', 'force')
+            meaning = f'{what} of the drive on {c}'
+            self._on[c].append(self._symbols.make(stem, (c,), c, meaning, unit))
+
+    def _laws(self) -> tuple[Equation, ...]:
+        """Motion, with its acceleration where that counts, or force that drives give."""
+        lines = []
+        symbols = self._symbols
+        for c, laws in self._machine.plan.laws.items():
+            for law in () if _idle(laws) else laws:
+                since = f'for t >= {law.valid_from!r} s' if len(laws) > 1 else ''
+                if isinstance(law, TorqueLaw):
+                    factors = (sympy.Integer(1), symbols.q[c], symbols.v[c])
+                    lines.append(Equation(c, (self._on[c][-1],), _sum(law, factors), since))
+                    continue
+                t = symbols.time - law.reference_time if law.reference_time else symbols.time
+                given = _sum(law, [t**k for k in range(law.degree + 1)])
+                lines.append(Equation(c, (symbols.q[c],), given, since))
+                if self._machine.level is not Level.KINEMATIC:
+                    twice = sympy.diff(sympy.Add(*given), symbols.time, 2)
+                    lines.append(Equation(c, (symbols.a[c],), (twice,), since))
+        return tuple(lines)
+
+    def _motion(self) -> tuple[Equation, ...]:
+        """One row for each coordinate."""
+        if self._machine.level is Level.KINEMATIC:
+            return ()
+        eq, symbols = self._equations, self._symbols
+        lines = []
+        for c, row, bias in zip(eq.coordinates, eq.M, eq.bias, strict=True):
+            entries = dict(zip(eq.coordinates, row, strict=True))
+            left = [
+                sympy.Mul(symbols.translate(entries[d]), symbols.a[d])
+                for d in sorted(entries, key=lambda d: d != c)
+                if entries[d] is not None
+            ]
+            if bias is not None:
+                left += symbols.terms(symbols.translate(bias))
+            zero = [sympy.Integer(0)]
+            lines.append(Equation(c, tuple(left or zero), tuple(self._on[c] or zero)))
+        return tuple(lines)
+
+
+def _shown(parts: Sequence[Part]) -> list[Expression]:
+    """All terms of all equations."""
+    return [x for p in parts for e in p.equations for x in (*e.left, *e.right)]
+
+
+def _symbols_of(parts: Sequence[Part]) -> set[Expression]:
+    """All symbols in all equations."""
+    return set().union(*(x.free_symbols for x in _shown(parts)))
+
+
+def _is_trigonometric(expression: Expression) -> bool:
+    """Whether it is made of sums, products and directions."""
+    functions = {type(x) for x in expression.atoms(sympy.Function)}
+    powers = all(x.exp.is_Integer for x in expression.atoms(sympy.Pow))
+    return powers and functions <= {sympy.sin, sympy.cos}
+
+
+def _idle(laws: Sequence[Law]) -> bool:
+    """Whether the laws of a coordinate leave it free."""
+    return all(isinstance(law, TorqueLaw) and not any(law.coefficients) for law in laws)
+
+
+def _sum(law: Law, factors: Sequence[Expression]) -> tuple[Expression, ...]:
+    """The terms of a law, which are its coefficients times these."""
+    terms = [a * x for a, x in zip(law.coefficients, factors, strict=True) if a]
+    return tuple(terms) or (sympy.Integer(0),)
+
+
+def _condition(gap: Gap) -> str:
+    """What holds of a gap and its forces, in words."""
+    j = gap.name
+    if gap.law is not None:
+        return f'{j}: its forces are those below while g_{j} < 0, and zero otherwise.'
+    text = (
+        f'{j}: g_{j} >= 0, N_{j} >= 0, and one of both is zero; impacts by '
+        f"{gap.hypothesis.capitalize()}'s hypothesis with restitution {gap.restitution:g}"
+    )
+    if math.isinf(gap.friction):
+        text += f'; while closed it never slips, u_{j} = 0'
+    elif gap.friction:
+        text += (
+            f'; |T_{j}| <= {gap.friction:g} N_{j}, and where u_{j} is not zero T_{j} is as large '
+            'as that and against it'
+        )
+    return text + '.'

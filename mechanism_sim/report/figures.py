@@ -1,0 +1,103 @@
+"""How pictures look, and where they go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim.errors import InputError
+
+SUFFIXES = ('.png', '.svg', '.pdf')
+
+_STYLE: dict[Any, Any] = {
+    'font.size': 9.0,
+    'axes.linewidth': 0.7,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.grid': True,
+    'axes.axisbelow': True,
+    'grid.color': '0.9',
+    'grid.linewidth': 0.6,
+    'svg.hashsalt': 'mechanism_sim',  # the same picture is the same file
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Matplotlib as all pictures want it; imported here, for it takes half a second."""
+    import matplotlib as mpl  # noqa: PLC0415
+
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def check_picture(option: str, file: str, folder_too: bool = False) -> Path:
+    """A path that a picture can be written to, checked before anything is computed.
+
+    Parameters
+    ----------
+    option : of the command line, for the message
+    folder_too : whether a folder will do; it is made when it is needed
+
+    Raises
+    ------
+    InputError
+    """
+    path = Path(file)
+    folder = folder_too and (path.is_dir() or not path.suffix)
+    if not folder and path.suffix not in SUFFIXES:
+        raise InputError(
+            f'{option} {file}: the ending must be .png, .svg or .pdf'
+            + (', or none for a folder' if folder_too else '')
+        )
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"{option} {file}: there is no directory '{path.parent}'")
+    return path
+
+
+def save(figure: Any, file: Path, cropped: bool = False) -> None:
+    """Write one picture, on request cropped to what is on it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written there.
+    """
+    metadata = {'Date': None} if file.suffix == '.svg' else None
+    try:
+        figure.savefig(file, dpi=200, metadata=metadata, bbox_inches='tight' if cropped else None)
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+
+
+def save_all(figures: Mapping[str, Any], path: Path) -> list[Path]:
+    """Write several pictures by name: pages of a PDF, else files ``STEM_NAME`` or in a folder.
+
+    Raises
+    ------
+    InputError
+        If they cannot be written there.
+    """
+    if path.suffix == '.pdf' and not path.is_dir():
+        from matplotlib.backends.backend_pdf import PdfPages  # noqa: PLC0415
+
+        try:
+            with PdfPages(path, metadata={'CreationDate': None}) as pages:
+                for figure in figures.values():
+                    pages.savefig(figure)
+        except OSError as error:
+            raise InputError(f"'{path}' cannot be written: {error.strerror}") from error
+        return [path]
+    if path.is_dir() or not path.suffix:
+        try:
+            path.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"'{path}' cannot be made: {error.strerror}") from error
+        files = [path / f'{name}.png' for name in figures]
+    else:
+        files = [path.with_name(f'{path.stem}_{name}{path.suffix}') for name in figures]
+    for figure, file in zip(figures.values(), files, strict=True):
+        save(figure, file)
+    return files

@@ -1,0 +1,120 @@
+"""What the runtime parameters of a machine's equations are, read off their names."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.mechanism import GROUND
+
+
+class Description(NamedTuple):
+    """A parameter for people: symbol, meaning and unit."""
+
+    stem: str  #: of its symbol
+    subjects: tuple[str, ...]  #: indices of its symbol
+    meaning: str
+    unit: str
+    direction: bool = False  #: whether it is a component of a unit vector
+    changes: bool = False  #: whether it changes during a run
+
+
+def describe(name: str, equations: Equations) -> Description:
+    """What the parameter `name` is; one that is not known stands for itself."""
+    for read in (_of_masses, _of_vectors):
+        found = read(name, equations)
+        if found:
+            return found
+    for pattern, stem, meaning, unit in _MEANINGS:
+        if match := re.fullmatch(pattern, name):
+            subjects = tuple(match.groups())
+            said = meaning.format(*subjects)
+            return Description(
+                stem, subjects, said, unit, stem in ('ex', 'ey'), stem in ('sigma', 'v0')
+            )
+    return Description('p', (name,), name, '')
+
+
+_MEANINGS = (
+    (r'(.+)\.slip\.(.+)', 'r', 'arm of the friction in {0} on {1}', 'm'),
+    (r'(.+)\.height', 'h', 'height of the wall of {0}', 'm'),
+    (r'(.+)\.size', 'L', 'length that makes a distance of the angle in {0}', 'm'),
+    (r'(.+)\.closed', 'sigma', '1 while {0} is closed, otherwise 0', ''),
+    (r'(.+)\.approach', 'v0', 'speed at which {0} closed', 'm/s'),
+    (r'(.+)\.stiffness', 'k', 'stiffness of {0}', 'N/m or N m/rad'),
+    (r'(.+)\.damping', 'd', 'damping of {0}', 'N s/m or N m s/rad'),
+    (r'(.+)\.free_length', 'l0', 'length of {0} without force', 'm'),
+    (r'(.+)\.free_angle', 'theta0', 'angle of {0} without moment', 'rad'),
+    (r'(.+)\.torque', 'Mz', 'torque of {0}', 'N m'),
+    (r'(.+)\.entry', 'R', 'radius of the mouths of the slots of {0}', 'm'),
+    (
+        r'(.+)\.entry\.square',
+        'Rsq',
+        'square of the radius of the slots of {0}',
+        'm^2',
+    ),
+    (r'(.+)\.towards', 'theta0', 'direction in which {0} is locked', 'rad'),
+    (r'(.+)\.distance', 'D', 'distance of the centres of {0}', 'm'),
+    (r'(.+)\.wave', 'K', 'angle by length of the slots of {0}', 'rad/m'),
+    (r'(.+)\.(?:middle|offset|towards|axis)\.x', 'ex', 'x of the direction of {0}', ''),
+    (r'(.+)\.(?:middle|offset|towards|axis)\.y', 'ey', 'y of the direction of {0}', ''),
+    (r'(.+)\.half', 'w', 'cosine of half the part of the cycle in which {0} acts', ''),
+    (r'(.+)\.x', 'Fx', 'x of the force {0}', 'N'),
+    (r'(.+)\.y', 'Fy', 'y of the force {0}', 'N'),
+)
+"""Pattern, stem, meaning, unit."""
+
+
+def _of_masses(name: str, equations: Equations) -> Description | None:
+    """Constants of mass matrix, velocity products and weight."""
+    coordinates, straight = equations.coordinates, equations.mechanism.displacements
+    kind, _, rest = re.sub(r'(\.\d+)?(\.cross)?$', '', name).partition('.')
+    # on a guide that turns a displacement takes a metre off some of the constants
+    plain = not any(
+        slide and frame != GROUND
+        for body in equations.mechanism.bodies
+        for frame, slide in equations.mechanism.point(body.name, body.cog)
+    )
+    if kind == 'weight' and rest in coordinates:
+        unit, arm = ('N', '') if rest in straight else ('N m', ', times its arm')
+        return Description('W', (rest,), f'weight moved by {rest}{arm}', unit if plain else '')
+    for f in coordinates:
+        for g in coordinates:
+            pair = tuple(sorted((f, g), key=coordinates.index))
+            if kind == 'coriolis' and rest.startswith(f'{f}.') and rest.endswith(f'.{g}'):
+                return Description('C', pair, f'Coriolis term of {f}: masses times arms', '')
+            if kind not in ('inertia', 'centripetal') or rest != f'{f}.{g}':
+                continue
+            unit = ('kg m^2', 'kg m', 'kg')[sum(c in straight for c in pair)] if plain else ''
+            if f == g:
+                stem = 'm' if f in straight else 'I'
+                meaning = f'inertia of all that moves with {f}, reduced to it'
+                return Description(stem, (f,), meaning, unit)
+            # the constants of a pair come up in the mass matrix and in velocity products
+            meaning = f'sum of masses times their arms on {pair[0]} and {pair[1]}'
+            return Description('P', pair, meaning, unit)
+    return None
+
+
+def _of_vectors(name: str, equations: Equations) -> Description | None:
+    """Components of the vectors of which a position is the sum, and of directions."""
+    rest, _, axis = name.rpartition('.')
+    if axis not in ('x', 'y'):
+        return None
+    joints = {joint.name for joint in equations.mechanism.joints}
+    for frame in (GROUND, *equations.coordinates):
+        for slide in equations.mechanism.displacements:
+            if rest.endswith(f'.{frame}.{slide}'):
+                meaning = f'{axis} in the frame of {frame} of the direction of {slide}'
+                return Description(f'e{axis}', (slide,), meaning, '', direction=True)
+        if rest.endswith(f'.{frame}'):
+            label = rest.removesuffix(f'.{frame}')
+            joint, _, part = label.rpartition('.')
+            if joint in joints and part in ('normal', 'first', 'second'):
+                meaning = f'{axis} in the frame of {frame} of a direction in {joint}'
+                stem, own = ('n', (joint,)) if part == 'normal' else ('e', (joint, part))
+                return Description(f'{stem}{axis}', own, meaning, '', direction=True)
+            meaning = f'arm on {frame} towards {label}, {axis} in its frame'
+            return Description('l' if axis == 'x' else 'h', (frame,), meaning, 'm')
+    return None

@@ -1,0 +1,192 @@
+"""Pictures of a cycle: motion, phase portraits, forces as hodographs, torque and power."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import cycle as endless
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cycles.cycle import Cycle
+from mechanism_sim.report import cycle as report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_LINES = ('-', '--', '-.', ':', (0, (5, 1)), (0, (1, 1)), (0, (3, 1, 1, 1, 1, 1)))
+_KINDS = ('position', 'velocity', 'acceleration')
+_WORDS = {
+    'rad': ('angle', 'angular velocity', 'angular acceleration'),
+    'm': ('displacement', 'velocity', 'acceleration'),
+}
+
+
+def draw(cycle: Cycle) -> dict[str, Figure]:
+    """The pictures of a cycle by name: those for which it has quantities."""
+    figures = {'motion': _motion(cycle), 'phase': _phase(cycle)}
+    if cycle.machine.physics.has_forces:
+        figures |= {
+            'forces': _forces(cycle), 'hodographs': _hodographs(cycle), 'drive': _drive(cycle)
+        }  # fmt: skip
+    if cycle.points:
+        figures['paths'] = _paths(cycle)
+    return figures
+
+
+def _figure(cycle: Cycle, width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
+
+    figure = Figure(figsize=(width, height), layout='constrained')
+    figure.suptitle(cycle.machine.scene.title, fontsize=10.0)
+    return figure
+
+
+def _abscissa(cycle: Cycle) -> tuple[Array, str]:
+    """What a cycle is drawn over: the angle of a steady drive, or time."""
+    if cycle.repeats:
+        return np.degrees(cycle[f'position.{cycle.drive}']), f'angle of the {cycle.drive} [deg]'
+    return cycle['t'], 'time [s]'
+
+
+def _lines(axes: Any, cycle: Cycle, columns: dict[str, str], words: str) -> None:
+    """Columns of one unit over the cycle; values are their labels."""
+    x, _ = _abscissa(cycle)
+    shown, scale = report.for_people(report.unit(cycle, next(iter(columns))))
+    for k, ((column, label), line) in enumerate(zip(columns.items(), endless(_LINES))):
+        shade = f'{0.55 * k / max(1, len(columns) - 1):.2f}'
+        axes.plot(x, scale * cycle[column], color=shade, ls=line, lw=1.1, label=label)
+    axes.set_ylabel(f'{words} [{shown}]')
+    if cycle.repeats:
+        axes.set_xlim(x.min(), x.max())
+        axes.xaxis.set_major_locator(_degrees(float(np.ptp(x))))
+    if len(columns) > 1:
+        axes.legend(frameon=False, fontsize=7.5, ncols=min(3, len(columns)), handlelength=2.6)
+
+
+def _degrees(width: float) -> Any:
+    """Ticks where angles have them."""
+    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
+
+    return MultipleLocator(45.0 * max(1, math.ceil(width / 400.0)))
+
+
+def _motion(cycle: Cycle) -> Figure:
+    names = cycle.machine.physics.coordinates
+    units = [report.unit(cycle, f'position.{name}') for name in names]
+    columns = list(dict.fromkeys(units))
+    figure = _figure(cycle, 6.0 * len(columns), 6.5)
+    grid = figure.subplots(3, len(columns), sharex=True, squeeze=False)
+    for row, kind in enumerate(_KINDS):
+        for axes, unit in zip(grid[row], columns, strict=True):
+            chosen = {
+                f'{kind}.{name}': name for name, u in zip(names, units, strict=True) if u == unit
+            }
+            _lines(axes, cycle, chosen, _WORDS[unit][row])
+    for axes in grid[-1]:
+        axes.set_xlabel(_abscissa(cycle)[1])
+    return figure
+
+
+def _grid(figure: Figure, count: int, **more: Any) -> list[Any]:
+    """So many panels, at most three side by side."""
+    wide = min(3, count)
+    panels = figure.subplots(math.ceil(count / wide), wide, squeeze=False, **more).ravel()
+    for axes in panels[count:]:
+        axes.remove()
+    return list(panels[:count])
+
+
+def _size(count: int, side: float) -> tuple[float, float]:
+    return side * min(3, count), side * math.ceil(count / 3) + 0.4
+
+
+def _phase(cycle: Cycle) -> Figure:
+    """Rate over position of each coordinate, a dot at the start."""
+    names = cycle.machine.physics.coordinates
+    figure = _figure(cycle, *_size(len(names), 3.0))
+    for name, axes in zip(names, _grid(figure, len(names)), strict=True):
+        unit = report.unit(cycle, f'position.{name}')
+        shown, scale = report.for_people(unit)
+        x, y = scale * cycle[f'position.{name}'], cycle[f'velocity.{name}']
+        axes.plot(x, y, color='0.1', lw=1.1)
+        axes.plot(x[:1], y[:1], 'o', color='0.1', ms=4.0)
+        axes.set_title(name, fontsize=9.0)
+        axes.set_xlabel(f'{_WORDS[unit][0]} [{shown}]')
+        axes.set_ylabel(f'{_WORDS[unit][1]} [{unit}/s]')
+    return figure
+
+
+def _joints(cycle: Cycle) -> Sequence[str]:
+    return cycle.machine.physics.joints
+
+
+def _forces(cycle: Cycle) -> Figure:
+    columns = {f'reaction.{joint}.size': joint for joint in _joints(cycle)}
+    figure = _figure(cycle, 7.0, 4.0)
+    axes = figure.subplots()
+    _lines(axes, cycle, columns, 'force in the joint')
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel(_abscissa(cycle)[1])
+    return figure
+
+
+def _hodographs(cycle: Cycle) -> Figure:
+    """The vector of each joint's force over its direction, and of the force on the frame."""
+    names = {f'reaction.{joint}': joint for joint in _joints(cycle)}
+    names['shaking_force'] = 'all on the frame'
+    figure = _figure(cycle, *_size(len(names), 3.2))
+    panels = _grid(figure, len(names), subplot_kw={'projection': 'polar'})
+    for (column, label), axes in zip(names.items(), panels, strict=True):
+        x, y = cycle[f'{column}.x'], cycle[f'{column}.y']
+        axes.plot(np.arctan2(y, x), np.hypot(x, y), color='0.1', lw=1.1)
+        axes.plot(np.arctan2(y[:1], x[:1]), np.hypot(x[:1], y[:1]), 'o', color='0.1', ms=4.0)
+        axes.set_title(f'{label} [N]', fontsize=9.0)
+        axes.tick_params(labelsize=6.5, pad=0.0)
+        axes.yaxis.set_major_locator(_few())
+    return figure
+
+
+def _few() -> Any:
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
+    return MaxNLocator(4)
+
+
+def _drive(cycle: Cycle) -> Figure:
+    units = [report.unit(cycle, name) for name in cycle.drive_torques]
+    kinds = list(dict.fromkeys(units))
+    figure = _figure(cycle, 7.0, 2.2 * (len(kinds) + 3))
+    panels = figure.subplots(len(kinds) + 3, 1, sharex=True)
+    for kind, axes in zip(kinds, panels, strict=False):
+        chosen = {
+            name: name.partition('.')[2] or cycle.drive
+            for name, u in zip(cycle.drive_torques, units, strict=True)
+            if u == kind
+        }
+        _lines(axes, cycle, chosen, 'torque of the drive' if kind == 'N m' else 'force of drive')
+    power, energy, shaking = panels[len(kinds) :]
+    _lines(power, cycle, {'drive_power': ''}, 'power of the drive')
+    _lines(energy, cycle, {'energy.kinetic': 'kinetic', 'energy.potential': 'potential'}, 'energy')
+    _lines(shaking, cycle, {'shaking_moment': ''}, 'moment on the frame')
+    shaking.set_xlabel(_abscissa(cycle)[1])
+    return figure
+
+
+def _paths(cycle: Cycle) -> Figure:
+    figure = _figure(cycle, 5.5, 4.5)
+    axes = figure.subplots()
+    for k, (name, line) in enumerate(zip(cycle.points, endless(_LINES))):
+        x, y = (1e3 * cycle[f'position.{name}.{axis}'] for axis in 'xy')
+        shade = f'{0.55 * k / max(1, len(cycle.points) - 1):.2f}'
+        axes.plot(x, y, color=shade, ls=line, lw=1.1, label=name)
+        axes.plot(x[:1], y[:1], 'o', color=shade, ms=4.0)
+    axes.set_aspect('equal', adjustable='datalim')
+    axes.set_xlabel('x [mm]')
+    axes.set_ylabel('y [mm]')
+    axes.legend(frameon=False, fontsize=7.5)
+    return figure

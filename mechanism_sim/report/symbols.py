@@ -1,0 +1,231 @@
+"""The engine's expressions in symbols that people read; needs sympy.
+
+A coordinate is ``theta_LINK`` or ``s_LINK``; sympy knows ``thetadot`` and ``thetaddot`` for its
+derivatives. The runtime parameters ``par[i]`` become symbols with a name, a meaning and a value,
+the value always positive: a sign belongs to the equation.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import heyoka as hy
+import sympy
+from sympy.simplify.fu import TR8
+
+from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.planar.equations import Equations
+from mechanism_sim.report.parameters import describe
+
+Expression: TypeAlias = Any
+"""A sympy expression; sympy is not typed."""
+
+_LATEX = {
+    'theta': r'\theta', 'thetadot': r'\dot{\theta}', 'thetaddot': r'\ddot{\theta}',
+    'sdot': r'\dot{s}', 'sddot': r'\ddot{s}', 'xdot': r'\dot{x}', 'xddot': r'\ddot{x}',
+    'ydot': r'\dot{y}', 'yddot': r'\ddot{y}', 'tau': r'\tau', 'sigma': r'\sigma', 'Rsq': 'R^2',
+    'Mz': 'M',
+}  # fmt: skip
+"""Stems that LaTeX writes otherwise."""
+
+_INDEXED = {
+    'lambda': r'\lambda', 'Q': 'Q', 'Qdot': r'\dot{Q}', 'F': 'F', 'e': 'e', 'n': 'n',
+    'theta': r'\theta', 'l': 'l', 'v': 'v',
+}  # fmt: skip
+"""Stems whose last letter is an index."""
+
+_LARGE = 100
+"""Operations from which on an expression is left as the engine has it."""
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """A symbol of the equations and what it stands for."""
+
+    symbol: Expression
+    latex: str
+    name: str  #: as the engine has it
+    meaning: str
+    unit: str
+    value: float | None = None  #: SI; none for what changes during a run
+
+
+class Symbols:
+    """From heyoka to sympy for the equations of one machine.
+
+    Attributes
+    ----------
+    known : every symbol made so far, by its text
+    q, v, a : symbols by coordinate
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self.known: dict[str, Symbol] = {}
+        self._equations = equations
+        self._displacements = equations.mechanism.displacements
+        self._variables: dict[Expression, Expression] = {}
+        self.q: dict[str, Expression] = {}
+        self.v: dict[str, Expression] = {}
+        self.a: dict[str, Expression] = {}
+        frames = equations.frames
+        for c in equations.coordinates:
+            stem, subject, what, unit = self._kind(c)
+            for own, engine, dots, words, per in (
+                (self.q, frames.q, '', what, unit),
+                (self.v, frames.v, 'dot', f'rate of {c}', f'{unit}/s'),
+                (self.a, frames.a, 'ddot', f'acceleration of {c}', f'{unit}/s^2'),
+            ):
+                own[c] = self.make(stem + dots, (subject,), str(engine[c]), words, per)
+                self._variables[_sympy_symbol(str(engine[c]))] = own[c]
+        self.time = self.make('t', (), 'time', 'time', 's')
+        for name, variable in frames.outside.items():
+            known = self.time
+            if name != 'time':
+                c = name.removesuffix('.turns')
+                known = self.make('n', (c,), name, f'whole turns that theta_{c} leaves out', '')
+            self._variables[_sympy_symbol(str(variable))] = known
+        for name, switch in frames.switches.items():
+            meaning = f'1 where {name} acts, otherwise 0'
+            known = self.make('sigma', (name,), f'{name}.on', meaning, '')
+            self._variables[_sympy_symbol(str(switch.flag))] = known
+
+    def _kind(self, c: str) -> tuple[str, str, str, str]:
+        """Stem, subject, meaning and unit of a coordinate."""
+        if c not in self._displacements:
+            return 'theta', c, f'angle of the link {c} from the x axis', 'rad'
+        link, _, axis = c.partition('.')
+        if axis:
+            return axis, link, f'{axis} of the centre of gravity of the link {link}', 'm'
+        return 's', c, f'displacement of the link {c} along its guide', 'm'
+
+    def unit_of_force(self, c: str) -> str:
+        """Of the generalised force on a coordinate."""
+        return 'N' if c in self._displacements else 'N m'
+
+    def make(
+        self,
+        stem: str,
+        subjects: tuple[str, ...],
+        name: str,
+        meaning: str,
+        unit: str,
+        value: float | None = None,
+    ) -> Expression:
+        """A new symbol ``stem_subject``, or the one that stands for the same already.
+
+        The same is what has stem, subjects and value in common; of several values the later ones
+        are numbered.
+        """
+        subjects = tuple(re.sub(r'^(springs|loads)\.', '', s) for s in subjects)
+        base = text = '_'.join([stem, *(re.sub(r'\W', '_', s) for s in subjects)])
+        number = 1
+        while text in self.known:
+            if value is not None and self.known[text].value == value:
+                return self.known[text].symbol
+            number += 1
+            text = f'{base}_{number}'
+        labels = [*subjects, *([str(number)] if number > 1 else [])]
+        symbol = _sympy_symbol(text)
+        self.known[text] = Symbol(symbol, _latex(stem, labels), name, meaning, unit, value)
+        return symbol
+
+    def translate(self, term: Term) -> Expression:
+        """A term of the engine in these symbols, lightly simplified."""
+        found = hy.to_sympy(dense(term))
+        exchange = {x: self._variables[x] for x in found.free_symbols if x in self._variables}
+        parameters = [x for x in found.free_symbols if str(x).startswith('par[')]
+        exchange |= {x: self._parameter(x) for x in sorted(parameters, key=_index)}
+        exchange |= {x: r for x in found.atoms(sympy.Float) if _plain(r := sympy.Rational(x))}
+        return tidy(found.xreplace(exchange))
+
+    def _parameter(self, par: Expression) -> Expression:
+        if par not in self._variables:
+            index, parameters = _index(par), self._equations.parameters
+            name = next(n for n, i in parameters.names.items() if i == index)
+            self._variables[par] = self._named(name, parameters.values[index])
+        return self._variables[par]
+
+    def _named(self, name: str, value: float) -> Expression:
+        """The parameter `name` by a symbol of positive value."""
+        if name.endswith('.half_clearance'):
+            return self._clearance(name, 2.0 * value) / 2
+        if name.endswith('.minus_curvature'):
+            return -1 / self._clearance(name, -1.0 / value)
+        found, size = describe(name, self._equations), abs(value)
+        sign = sympy.Integer(-1 if value < 0.0 else 1)
+        if found.direction and size == 1.0:
+            return sign
+        constant = None if found.changes else size
+        return sign * self.make(
+            found.stem, found.subjects, name, found.meaning, found.unit, constant
+        )
+
+    def _clearance(self, name: str, value: float) -> Expression:
+        joint = name.rpartition('.')[0]
+        text = f'c_{joint}'
+        if text in self.known:  # the two parameters are its half and its reciprocal
+            return self.known[text].symbol
+        return self.make('c', (joint,), f'{joint}.clearance', f'clearance of {joint}', 'm', value)
+
+    def terms(self, expression: Expression) -> tuple[Expression, ...]:
+        """What an expression is the sum of, in the order of the coordinates in it."""
+        rank = {s: i for own in (self.q, self.v, self.a) for i, s in enumerate(own.values())}
+
+        def key(term: Expression) -> tuple[list[int], Any]:
+            found = sorted({rank[s] for s in term.free_symbols if s in rank})
+            return found or [len(rank)], sympy.default_sort_key(term)
+
+        return tuple(sorted(sympy.Add.make_args(expression), key=key))
+
+    def used(self, expressions: list[Expression]) -> Iterator[Symbol]:
+        """The symbols that occur in expressions, in the order in which they were made."""
+        found = set().union(*(x.free_symbols for x in expressions))
+        for known in self.known.values():
+            if known.symbol in found:
+                yield known
+
+
+def tidy(expression: Expression) -> Expression:
+    """The same with fewer operations: products of directions become directions of differences."""
+    roots = any(not x.exp.is_Integer for x in expression.atoms(sympy.Pow))
+    if roots or sympy.count_ops(expression) > _LARGE:
+        return expression  # a law of force is best known by the form that it has
+    expanded = sympy.expand(expression)
+    turned = sympy.expand(TR8(expanded))
+    forms = [expression, expanded, turned, *map(sympy.factor_terms, (expanded, turned))]
+    forms.append(sympy.Add(*map(sympy.factor_terms, sympy.Add.make_args(expression))))
+    return min(forms, key=_clumsiness)
+
+
+def _plain(number: Expression) -> bool:
+    """Whether a number belongs to the form of an equation, as 1/2 does."""
+    return bool(number.q <= 8 and abs(number.p) <= 16)
+
+
+def _clumsiness(expression: Expression) -> int:
+    """Operations, and some for a fraction in front of a sum."""
+    operations = int(sympy.count_ops(expression))
+    return operations + 3 if expression.is_Mul and expression.args[0].is_Rational else operations
+
+
+def _index(par: Expression) -> int:
+    """Which of the runtime parameters it is."""
+    return int(str(par)[4:-1])
+
+
+def _sympy_symbol(text: str) -> Expression:
+    return sympy.Symbol(text, real=True)
+
+
+def _latex(stem: str, subjects: list[str]) -> str:
+    index = ''
+    for indexed, written in _INDEXED.items():
+        if re.fullmatch(f'{indexed}[xy012]', stem):
+            stem, index = written, stem[-1]
+    escaped = ', '.join(s.replace('_', r'\_') for s in subjects)
+    labels = [index] * bool(index) + [rf'\mathrm{{{escaped}}}'] * bool(subjects)
+    base = _LATEX.get(stem, stem)
+    return f'{base}_{{{",".join(labels)}}}' if labels else base

@@ -1,0 +1,239 @@
+"""Equations as text, LaTeX, Markdown and JSON; needs sympy."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import sympy
+from sympy.printing.latex import LatexPrinter
+from sympy.printing.str import StrPrinter
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.report.equations import Equation, MachineEquations
+from mechanism_sim.report.symbols import Symbol
+
+_LINE = 150
+"""Characters of text that fit beside each other in a LaTeX line."""
+
+
+class _Text(StrPrinter):  # type: ignore[misc]
+    """Text that Python and sympy read, to the last digit."""
+
+    def _print_Float(self, expr: Any) -> str:
+        return repr(float(expr))
+
+
+class _Latex(LatexPrinter):  # type: ignore[misc]
+    def _print_Float(self, expr: Any) -> str:
+        mantissa, _, exponent = repr(float(expr)).partition('e')
+        return rf'{mantissa} \cdot 10^{{{int(exponent)}}}' if exponent else mantissa
+
+
+class Typesetter:
+    """The equations of a machine in every form.
+
+    ``text`` is what Python and sympy can read.
+    """
+
+    def __init__(self, equations: MachineEquations) -> None:
+        self.equations = equations
+        moving = [s for triple in equations.coordinates for s in triple]
+        listed = (*moving, *equations.parameters, *equations.variables)
+        self._text = _Text().doprint
+        self._latex = _Latex({'symbol_names': {s.symbol: s.latex for s in listed}}).doprint
+
+    def equation_text(self, equation: Equation) -> str:
+        """``left = right``."""
+        return ' = '.join(
+            ' '.join(_signed([self._text(x) for x in side]))
+            for side in (equation.left, equation.right)
+        )
+
+    def equation_latex(self, equation: Equation) -> str:
+        """``left = right``, broken into lines for ``split``."""
+        lines, length = ['& '], 0
+        for side, between in ((equation.left, ''), (equation.right, '= ')):
+            terms = _signed([self._latex(x) for x in side])
+            terms[0] = between + terms[0]
+            for term, expression in zip(terms, side, strict=True):
+                size = len(self._text(expression))
+                if length and length + size > _LINE:
+                    lines.append(r'&\quad ')
+                    length = 0
+                lines[-1] += f'{term} '
+                length += size
+        return ' \\\\\n'.join(line.strip() for line in lines)
+
+    def plain(self, width: int = 99) -> str:
+        """For a terminal; every equation as Python and sympy read it, but for its line breaks."""
+        eq = self.equations
+        lines = [f'{eq.scene}: {eq.title}', f'level: {eq.level}']
+        for heading, symbols in self._tables():
+            lines += ['', heading]
+            rows = [(s.symbol.name, ' '.join(_value(s)).strip(), s.meaning) for s in symbols]
+            wide = [max(len(row[i]) for row in rows) for i in (0, 1)]
+            lines += [f'  {a:{wide[0]}}  {b:{wide[1]}}  {c}' for a, b, c in rows]
+        for part in eq.parts:
+            lines += ['', part.heading]
+            for e in part.equations:
+                note = f'  ({e.note})' if e.note else ''
+                lines += _wrapped(self.equation_text(e) + note, width)
+            for text in part.notes:
+                lines += _wrapped(text, width)
+        return '\n'.join(lines)
+
+    def latex(self) -> str:
+        """A fragment that needs the packages amsmath and longtable."""
+        eq = self.equations
+        out = ['% needs the packages amsmath and longtable', rf'\section*{{{_escaped(eq.title)}}}']
+        for heading, symbols in self._tables():
+            out += [rf'\subsection*{{{heading}}}', r'\begin{longtable}{lll}']
+            for s in symbols:
+                value, unit = _value(s)
+                number = self._latex(sympy.Float(s.value)) if value else ''
+                spaced = unit.replace(' ', r'\,')
+                quantity = rf'${number}\;\mathrm{{{spaced}}}$'
+                out.append(rf'${s.latex}$ & {quantity} & {_escaped(s.meaning)} \\')
+            out.append(r'\end{longtable}')
+        for part in eq.parts:
+            out.append(rf'\subsection*{{{_escaped(part.heading)}}}')
+            for e in part.equations:
+                note = rf'\qquad \text{{{_escaped(e.note)}}}' if e.note else ''
+                body = self.equation_latex(e)
+                out.append(f'\\begin{{equation}}\n\\begin{{split}}\n{body}{note}')
+                out.append('\\end{split}\n\\end{equation}')
+            out += [rf'\noindent {_escaped(text)}\par' for text in part.notes]
+        return '\n'.join(out) + '\n'
+
+    def document(self) -> str:
+        """A whole LaTeX document."""
+        return (
+            '\\documentclass[a4paper]{article}\n'
+            '\\usepackage{amsmath,longtable}\n\\usepackage[margin=2cm]{geometry}\n'
+            f'\\begin{{document}}\n{self.latex()}\\end{{document}}\n'
+        )
+
+    def markdown(self) -> str:
+        """With formulas between dollar signs."""
+        eq = self.equations
+        out = [f'# {eq.title}', '', f'Scene `{eq.scene}`, level {eq.level}.']
+        for heading, symbols in self._tables():
+            out += ['', f'## {heading}', '', '| symbol | value | meaning |', '|---|---|---|']
+            out += [f'| ${s.latex}$ | {" ".join(_value(s))} | {s.meaning} |' for s in symbols]
+        for part in eq.parts:
+            out += ['', f'## {part.heading}']
+            for e in part.equations:
+                body = self.equation_latex(e)
+                out += ['', '$$', f'\\begin{{split}}\n{body}\n\\end{{split}}', '$$']
+                out += ['', e.note] if e.note else []
+            out += [line for text in part.notes for line in ('', text)]
+        return '\n'.join(out) + '\n'
+
+    def to_json(self) -> dict[str, object]:
+        """Symbols, and every part as a list of equations."""
+        eq = self.equations
+        coordinates = [
+            {**_symbol(q), 'rate': v.symbol.name, 'acceleration': a.symbol.name}
+            for q, v, a in eq.coordinates
+        ]
+        parts = {
+            part.name: [
+                {
+                    'name': e.name,
+                    'latex': self.equation_latex(e),
+                    'text': self.equation_text(e),
+                    **({'note': e.note} if e.note else {}),
+                }
+                for e in part.equations
+            ]
+            for part in eq.parts
+        }
+        notes = {part.name: list(part.notes) for part in eq.parts if part.notes}
+        return {
+            'scene': eq.scene,
+            'title': eq.title,
+            'level': eq.level,
+            'coordinates': coordinates,
+            'parameters': [_symbol(s) for s in eq.parameters],
+            'variables': [_symbol(s) for s in eq.variables],
+            **parts,
+            'notes': notes,
+        }
+
+    def _tables(self) -> Iterator[tuple[str, tuple[Symbol, ...]]]:
+        eq = self.equations
+        for heading, symbols in (
+            ('Coordinates', tuple(q for q, _, _ in eq.coordinates)),
+            ('Parameters', eq.parameters),
+            ('Forces and other quantities', eq.variables),
+        ):
+            if symbols:
+                yield heading, symbols
+
+
+def _symbol(s: Symbol) -> dict[str, object]:
+    """A symbol as JSON; only parameters have a value."""
+    value = {} if s.value is None else {'value': s.value}
+    return {
+        'name': s.name, 'latex': s.latex, 'text': s.symbol.name, 'meaning': s.meaning,
+        'unit': s.unit, **value,
+    }  # fmt: skip
+
+
+def _signed(terms: list[str]) -> list[str]:
+    """Terms of a sum with the signs between them."""
+    rest = [f'- {t[1:].lstrip()}' if t.startswith('-') else f'+ {t}' for t in terms[1:]]
+    return [*terms[:1], *rest]
+
+
+def _value(s: Symbol) -> tuple[str, str]:
+    """Value and unit as text."""
+    return '' if s.value is None else repr(s.value), s.unit
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    return textwrap.wrap(
+        text, width, initial_indent='  ', subsequent_indent='      ', break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
+
+
+_SPECIAL = {'>=': r'$\ge$', '<=': r'$\le$', '<': '$<$', '>': '$>$', '|': '$|$', '^': r'\^{}',
+            '\\': r'\textbackslash{}', '~': r'\~{}'}  # fmt: skip
+
+
+def _escaped(text: str) -> str:
+    """Words for LaTeX."""
+    return re.sub(
+        r'>=|<=|[<>|^\\~_&%#{}$]', lambda m: _SPECIAL.get(m.group(), rf'\{m.group()}'), text
+    )
+
+
+_FORMS: dict[str, Callable[[Typesetter], str]] = {
+    '.txt': lambda t: t.plain() + '\n',
+    '.tex': Typesetter.document,
+    '.md': Typesetter.markdown,
+}
+
+
+def write(setter: Typesetter, file: str) -> None:
+    """Write a file whose ending says the form: .tex a LaTeX document, .md Markdown, .txt text.
+
+    Raises
+    ------
+    InputError
+        If the ending is another, or nothing can be written there.
+    """
+    path = Path(file)
+    if path.suffix not in _FORMS:
+        raise InputError(f'--output {file}: the ending must be one of {", ".join(_FORMS)}')
+    if path.exists():
+        raise InputError(f'--output {file}: exists already, not overwriting')
+    try:
+        path.write_text(_FORMS[path.suffix](setter), encoding='utf-8')
+    except OSError as error:
+        raise InputError(f'--output {file}: cannot be written: {error.strerror}') from error

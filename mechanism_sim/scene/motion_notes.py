@@ -1,0 +1,125 @@
+"""What can be said of a mechanism's motion without moving it: freedoms, full turns, limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import (
+    change_points,
+    classify,
+    crank_limits,
+    crank_turns,
+    excess,
+    rocker_limits,
+    swing,
+    time_ratio,
+    transmission_range,
+)
+from mechanism_sim.linkages.loops import four_bars, slider_cranks
+from mechanism_sim.linkages.mobility import mobility
+from mechanism_sim.linkages.slider_crank import SliderCrank
+from mechanism_sim.planar.configuration import Constraints, poses
+from mechanism_sim.planar.mechanism import Mechanism
+
+#: transmission angles [deg] below this are usually avoided
+LEAST_TRANSMISSION = 30.0
+
+
+def motion_notes(
+    mechanism: Mechanism, q: Mapping[str, float], driven: Collection[str]
+) -> list[str]:
+    """Mobility at the coordinates `q`, and what its four-bars and slider-cranks can do."""
+    notes = [mobility_note(mechanism, q)]
+    found: list[tuple[tuple[str, str, str], FourBar | SliderCrank]] = [
+        *four_bars(mechanism, driven).items(),
+        *slider_cranks(mechanism, driven).items(),
+    ]
+    for links, linkage in found:
+        crank, _, last = links
+        lines = (
+            four_bar_notes(linkage, crank, last)
+            if isinstance(linkage, FourBar)
+            else slider_crank_notes(linkage, crank)
+        )
+        whose = f'{", ".join(links)}: ' if len(found) > 1 else ''
+        notes += [whose + line for line in lines]
+    return notes
+
+
+def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
+    """Degrees of freedom at coordinates, and why they are not as many as Kutzbach counts."""
+    seen = mobility(Constraints.of(mechanism), poses(mechanism, q))
+    alike = seen.finite == seen.kutzbach
+    text = f'mobility: {seen.finite}, {"as" if alike else "where"} Kutzbach counts'
+    if not alike:
+        text += f' {seen.kutzbach}'
+    if seen.instantaneous > seen.finite:
+        text += f'; {seen.instantaneous} at the start, which is a singular position'
+    if seen.redundant:
+        text += f'; {seen.redundancy} redundant among {", ".join(seen.redundant)}'
+    return text
+
+
+def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
+    """How the links of a four-bar move, and how well the coupler moves the rocker."""
+    spare = float(excess(linkage.lengths))
+    compared = f'{abs(spare):.6g} m {"less" if spare > 0 else "more"} than'
+    lines = change_points(linkage)
+    if lines:
+        compared = 'equal to'
+    notes = [
+        f'Grashof: {classify(linkage.lengths)}, the sum of shortest and longest link is '
+        f'{compared} that of the others'
+    ]
+    if lines:
+        angles = ' and '.join(f'{math.degrees(x):g}' for x in lines)
+        notes.append(
+            f'change point: all links lie in one line at {angles} deg between {crank} and ground'
+        )
+    elif not crank_turns(linkage):
+        low, high = (math.degrees(x) for x in crank_limits(linkage))
+        notes.append(
+            f'the {crank} cannot turn fully: it stays between {_between(low, high)} deg from the '
+            'line of the ground joints'
+        )
+    if (through := swing(rocker_limits(linkage))) < 2.0 * math.pi:
+        note = f'the {rocker} swings through {math.degrees(through):.6g} deg'
+        ratio = time_ratio(linkage)
+        notes.append(note + ('' if math.isnan(ratio) else f', time ratio {ratio:.6g}'))
+    return [*notes, _transmission(*transmission_range(linkage))]
+
+
+def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
+    """How the links of a slider-crank move, and how well the rod moves the slider."""
+    if linkage.turns == 'crank':
+        first = f'slider-crank: the {crank} turns fully, stroke {linkage.stroke:.6g} m'
+        if linkage.offset:
+            first += f', time ratio {linkage.time_ratio:.6g}'
+    else:
+        low, high = (math.degrees(math.asin(x)) for x in linkage.crank_limits())
+        first = (
+            f'slider-crank: the {crank} cannot turn fully: the sine of its angle to the guide '
+            f'stays between those of {low:.6g} and {high:.6g} deg'
+        )
+        if linkage.turns in ('rod', 'both'):
+            first += '; the rod can'
+    return [first, _transmission(*linkage.transmission_range())]
+
+
+def _transmission(least: float, greatest: float) -> str:
+    low, high = math.degrees(least), math.degrees(greatest)
+    note = f'transmission angle: {low:.4g} to {high:.4g} deg'
+    if min(low, 180.0 - high) < LEAST_TRANSMISSION:
+        note += f'; within {LEAST_TRANSMISSION:g} deg of 0 or 180 the driven end is hard to move'
+    return note
+
+
+def _between(low: float, high: float) -> str:
+    """Limits [deg] of an angle whose absolute value is limited."""
+    if high == 180.0:
+        return f'{low:.6g} and {360.0 - low:.6g}'
+    if low == 0.0:
+        return f'{-high:.6g} and {high:.6g}'
+    return f'{low:.6g} and {high:.6g}, or {-high:.6g} and {-low:.6g}'

@@ -1,0 +1,171 @@
+"""Pictures of mechanisms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from running import run, run_json
+
+import mechanism_sim as ms
+from mechanism_sim.cli import main
+from mechanism_sim.cycles.cycle import instant
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Body,
+    Mechanism,
+    PinInSlot,
+    Prismatic,
+    Revolute,
+)
+from mechanism_sim.report import drawing, figures
+from mechanism_sim.report.skeleton import Skeleton
+
+ORIGIN = (0.0, 0.0)
+
+
+def shapes(skeleton, kind):
+    return [shape for shape in skeleton.shapes if shape.kind == kind]
+
+
+@pytest.mark.parametrize('scene', ms.scene_names())
+def test_every_scene_is_drawn(scene, tmp_path):
+    machine = ms.load_scene(scene)
+    found, t = instant(machine, still=True)
+    with figures.style():
+        figure = drawing.draw(found, t)
+        figures.save(figure, tmp_path / 'picture.svg', cropped=True)
+    text = {x.get_text() for x in figure.axes[0].texts}
+    assert machine.scene.title in text
+    assert {b.name.replace('_', ' ') for b in machine.mechanism.bodies} <= text
+    assert (tmp_path / 'picture.svg').stat().st_size > 5000
+
+
+def test_bars_reach_from_joint_to_joint():
+    machine = ms.load_scene('four_bar_nominal')
+    found, t = instant(machine, angle=math.radians(50.0))
+    position = found.solution.samples(t).observed.position
+    skeleton = Skeleton(machine.mechanism, found.solution.samples(found.t).observed.position)
+    placed = dict(zip(skeleton.shapes, skeleton.placed(position), strict=True))
+    links = {s.label: x[:, :, 0] for s, x in placed.items() if s.kind == 'link'}
+    A = 0.064 * np.array([np.cos(np.radians(50.0)), np.sin(np.radians(50.0))])
+    np.testing.assert_allclose(
+        sorted(links['crank'].tolist()), sorted([[0, 0], A.tolist()]), atol=1e-12
+    )
+    B, O4 = links['rocker'][np.argsort(-links['rocker'][:, 1])]
+    np.testing.assert_allclose(O4, [0.387, 0.0], atol=1e-12)
+    assert np.hypot(*(B - A)) == pytest.approx(0.309, abs=1e-12)
+    assert {s.label for s in shapes(skeleton, 'pin')} == {j.name for j in machine.mechanism.joints}
+    assert len(shapes(skeleton, 'support')) == 2
+
+
+def test_a_slider_has_a_rail_as_long_as_its_stroke():
+    """An offset slider-crank, its guide inclined: crank 50 mm, rod 200 mm."""
+    tilt = math.radians(30.0)
+    mechanism = Mechanism(
+        tuple(Body(name, 1.0, 1.0, ORIGIN) for name in ('crank', 'rod', 'piston')),
+        (
+            Revolute('ground_crank', GROUND, 'crank', ORIGIN, ORIGIN),
+            Revolute('crank_rod', 'crank', 'rod', (0.05, 0.0), ORIGIN),
+            Revolute('rod_piston', 'rod', 'piston', (0.2, 0.0), ORIGIN),
+            Prismatic('piston_ground', GROUND, 'piston', ORIGIN, ORIGIN, tilt, tilt),
+        ),
+        ('rod_piston',),
+    )
+    crank = np.linspace(0.0, 2.0 * np.pi, 61)
+    rod = -np.arcsin(0.25 * np.sin(crank))
+    piston = 0.05 * np.cos(crank) + 0.2 * np.cos(rod)
+    q = np.array([crank + tilt, rod + tilt, piston])
+    skeleton = Skeleton(mechanism, q)
+    (rail,), (box,) = shapes(skeleton, 'rail'), shapes(skeleton, 'slider')
+    ends = np.array([x * math.cos(tilt) + y * math.sin(tilt) for _, (x, y) in rail.outline])
+    spare = 2.5 * skeleton.symbol
+    np.testing.assert_allclose(ends, [0.15 - spare, 0.25 + spare], atol=1e-12)
+    at = dict(zip(skeleton.shapes, skeleton.placed(q[:, :1]), strict=True))[box][:, :, 0]
+    np.testing.assert_allclose(at.mean(axis=0), 0.25 * np.array([math.cos(tilt), math.sin(tilt)]))
+    side = at[1] - at[0]
+    assert math.atan2(side[1], side[0]) == pytest.approx(tilt)
+    assert [len(s.outline) for s in shapes(skeleton, 'link') if s.label == 'piston'] == [1]
+
+
+def test_a_slot_is_as_long_as_its_pin_needs_and_plates_have_all_their_corners():
+    """A Scotch yoke: the pin of the crank in an upright slot of the yoke."""
+    mechanism = Mechanism(
+        tuple(Body(name, 1.0, 1.0, ORIGIN) for name in ('crank', 'yoke')),
+        (
+            Revolute('ground_crank', GROUND, 'crank', ORIGIN, ORIGIN),
+            Prismatic('ground_yoke', GROUND, 'yoke', ORIGIN, (0.2, 0.0)),
+            PinInSlot('crank_yoke', 'crank', 'yoke', (0.05, 0.0), ORIGIN, 0.5 * math.pi),
+        ),
+        ('crank_yoke',),
+    )
+    crank = np.linspace(0.0, 2.0 * np.pi, 61)
+    q = np.array([crank, 0.2 + 0.05 * np.cos(crank)])
+    skeleton = Skeleton(mechanism, q, [('yoke', (0.1, 0.1))])
+    (slot,) = shapes(skeleton, 'slot')
+    spare = 2.5 * skeleton.symbol
+    np.testing.assert_allclose(
+        [at for _, at in slot.outline], [[0, -0.05 - spare], [0, 0.05 + spare]], atol=1e-12
+    )
+    assert slot.link == 'yoke'
+    yoke = next(s for s in shapes(skeleton, 'link') if s.label == 'yoke')
+    assert len(yoke.outline) == 3  # where it slides, its mark, and the slot where it is nearest
+
+
+@pytest.mark.parametrize('scene', ['geneva', 'linear_intermittent'])
+def test_a_pin_that_indexes_is_in_a_slot_while_something_moves(scene):
+    found = ms.cycle(ms.load_scene(scene), samples=120)
+    driven = next(c for c in found.machine.mechanism.coordinates if c != found.drive)
+    moving = np.abs(found[f'velocity.{driven}']) > 1e-6
+    assert 10 < moving.sum() < 100
+    position = found.solution.samples(found.t).observed.position
+    skeleton = Skeleton(found.machine.mechanism, position)
+    placed = list(zip(skeleton.shapes, skeleton.placed(position), strict=True))
+    pin = next(x[0] for s, x in placed if s.kind == 'pin' and s.link == 'crank')
+    away = []
+    for start, end in (x for s, x in placed if s.kind == 'slot'):
+        along = (end - start) / np.hypot(*(end - start))
+        share = np.clip(((pin - start) * along).sum(axis=0), 0.0, np.hypot(*(end - start)))
+        away.append(np.hypot(*(pin - start - share * along)))
+    assert np.min(away, axis=0)[moving].max() < 1e-9
+
+
+def test_an_angle_and_the_time_of_it_give_the_same_picture(tmp_path):
+    machine = ms.load_scene('four_bar_nominal')
+    t = math.radians(50.0) / machine.law.coefficients[1]
+    files = [tmp_path / 'angle.svg', tmp_path / 'time.svg']
+    for file, at in zip(files, ('50 deg', f'{t!r} s'), strict=True):
+        found = run_json('draw', 'four_bar_nominal', '-o', str(file), '--at', at)
+        assert found['t'] == pytest.approx(t, rel=1e-14)
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_ghosts_and_paths_are_drawn(tmp_path):
+    file = tmp_path / 'picture.png'
+    done = run(
+        'draw', 'four_bar_nominal', '--output', str(file), '--positions', '6',
+        '--path', 'coupler.cog', '--no-labels',
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == str(file)
+    assert file.read_bytes().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (('--path', 'cupler.cog'), "did you mean 'coupler.cog'"),
+        (('--at', '50'), "write for example '30 deg' or '20 ms'"),
+        (('--at', '-1 s'), 'a run begins at 0 s'),
+        (('--positions', '0'), '--positions must be at least 1'),
+        (('-o', 'picture.jpg'), 'the ending must be .png, .svg or .pdf'),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, words, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(['draw', 'four_bar_nominal', *arguments])
+    assert stopped.value.code == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count('\n') == 1
