@@ -97,7 +97,7 @@ def applied(machine, seen, t):
         x, v, _ = moved(machine, seen, link, at)
         known = {'t': t, 'x': x.real, 'y': x.imag, 'vx': v.real, 'vy': v.imag, **coordinates}
         fx, fy, torque = (
-            eval(part, {}, known) if isinstance(part, str) else part
+            eval(part, vars(np), known) if isinstance(part, str) else part
             for part in (*load.force, load.torque)
         )
         on = 1.0
@@ -127,25 +127,18 @@ def applied(machine, seen, t):
     return found
 
 
-def free_along(machine, joint):
-    """Whether a joint slides and no prescribed drive holds it."""
-    if isinstance(joint, Prismatic):
-        return joint.second not in machine.plan.prescribed
-    return isinstance(joint, PinInSlot)
-
-
 def free_bodies(machine, seen, t):
-    """Forces of all joints (N, j) as complex numbers, and efforts of prescribed angles (N, d).
+    """Forces of joints (N, j) as complex numbers, moments of guides (N, g), efforts of drives.
 
-    Three equations a body; forces of all joints, moments of guides and efforts are unknown. Where
-    a motion is free there are more equations than unknowns, and all must hold.
+    Three equations a body; forces, moments and the efforts (N, d) of prescribed drives are
+    unknown. Where a motion is free there are more equations than unknowns, and all must hold.
     """
     mechanism, n = machine.mechanism, len(t)
     links, joints = [body.name for body in mechanism.bodies], mechanism.joints
     guides = [j for j in joints if isinstance(j, Prismatic)]
-    efforts = [c for c in machine.plan.prescribed if c not in mechanism.displacements]
+    efforts = list(machine.plan.prescribed)
     first_guide, first_effort = 2 * len(joints), 2 * len(joints) + len(guides)
-    rows = 3 * len(links) + sum(free_along(machine, j) for j in joints)
+    rows = 3 * len(links) + sum(not isinstance(j, Revolute) for j in joints)
     A, b = np.zeros((n, rows, first_effort + len(efforts))), np.zeros((n, rows))
     cogs = {}
     for i, body in enumerate(mechanism.bodies):
@@ -153,40 +146,48 @@ def free_bodies(machine, seen, t):
         force = body.mass * (a - complex(*mechanism.gravity))
         b[:, 3 * i], b[:, 3 * i + 1] = force.real, force.imag
         b[:, 3 * i + 2] = body.inertia * turning(machine, seen, body.name, 'acceleration')
-    powers = {}
-    for c in machine.plan.powered:
-        constant, per_position, per_speed = machine.plan.laws[c][0].coefficients
-        powers[c] = (
-            constant + per_position * seen[f'position.{c}'] + per_speed * seen[f'velocity.{c}']
-        )
-    torques = [(c, cogs[c], 0j, p) for c, p in powers.items() if c not in mechanism.displacements]
-    for link, x, force, torque in [*applied(machine, seen, t), *torques]:
+
+    def load(target, link, x, force, torque):
+        """Add a force and a torque on a link to three rows."""
         if link in links:
             i, arm = links.index(link), x - cogs[link]
-            b[:, 3 * i] -= np.real(force)
-            b[:, 3 * i + 1] -= np.imag(force)
-            b[:, 3 * i + 2] -= (arm.conj() * force).imag + torque
+            target[:, 3 * i] += np.real(force)
+            target[:, 3 * i + 1] += np.imag(force)
+            target[:, 3 * i + 2] += (np.conj(arm) * force).imag + torque
+
+    def drive(target, c, effort):
+        """Add what a drive does on its coordinate."""
+        if c not in mechanism.displacements:
+            load(target, c, cogs[c], 0j, effort)
+            return
+        j = mechanism.tree_joints[c]
+        x, push = place(machine, seen, c, j.on_second), np.exp(1j * way(machine, seen, j)) * effort
+        load(target, j.second, x, push, 0.0)
+        load(target, j.first, x, -push, 0.0)
+
+    for given in applied(machine, seen, t):
+        load(b, *given[:2], *(-x for x in given[2:]))
+    for c in machine.plan.powered:
+        constant, per_position, per_speed = machine.plan.laws[c][0].coefficients
+        position, speed = seen[f'position.{c}'], seen[f'velocity.{c}']
+        drive(b, c, -(constant + per_position * position + per_speed * speed))
     row = 3 * len(links)
     for k, j in enumerate(joints):
-        pin = isinstance(j, PinInSlot)
-        x = moved(machine, seen, *((j.first, j.on_first) if pin else (j.second, j.on_second)))[0]
+        end = (j.first, j.on_first) if isinstance(j, PinInSlot) else (j.second, j.on_second)
+        x = place(machine, seen, *end)
         for link, sign in ((j.first, -1.0), (j.second, 1.0)):
-            if link in links:
-                i, arm = links.index(link), sign * (x - cogs[link])
-                A[:, 3 * i, 2 * k] = A[:, 3 * i + 1, 2 * k + 1] = sign
-                A[:, 3 * i + 2, 2 * k], A[:, 3 * i + 2, 2 * k + 1] = -arm.imag, arm.real
-                if j in guides:
-                    A[:, 3 * i + 2, first_guide + guides.index(j)] = sign
-        if not free_along(machine, j):
-            continue
-        along = way(machine, seen, j)  # nothing holds it there but what drives it
-        A[:, row, 2 * k], A[:, row, 2 * k + 1] = np.cos(along), np.sin(along)
-        b[:, row] = powers.get(j.second, 0.0) if j in guides else 0.0
-        row += 1
+            load(A[:, :, 2 * k], link, x, sign, 0.0)
+            load(A[:, :, 2 * k + 1], link, x, sign * 1j, 0.0)
+            if j in guides:
+                load(A[:, :, first_guide + guides.index(j)], link, x, 0j, sign)
+        if not isinstance(j, Revolute):
+            along = way(machine, seen, j)
+            A[:, row, 2 * k], A[:, row, 2 * k + 1] = np.cos(along), np.sin(along)
+            row += 1
     for k, c in enumerate(efforts):
-        A[:, 3 * links.index(c) + 2, first_effort + k] = 1.0
+        drive(A[:, :, first_effort + k], c, 1.0)
     found = (np.linalg.pinv(A) @ b[:, :, None])[:, :, 0]
-    left = (A @ found[:, :, None])[:, :, 0] - b  # more equations than unknowns: it moves freely
+    left = (A @ found[:, :, None])[:, :, 0] - b
     assert np.abs(left).max() <= 1e-9 * np.abs(b).max()
     forces = found[:, 0:first_guide:2] + 1j * found[:, 1:first_guide:2]
-    return forces, found[:, first_effort:]
+    return forces, found[:, first_guide:first_effort], found[:, first_effort:]
