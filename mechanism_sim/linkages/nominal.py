@@ -124,13 +124,13 @@ class NominalRun:
             self._add(end)
 
     def _width(self) -> float:
-        widths = [0.1]
+        """Time [s] in which the fastest drive goes through one usual piece."""
+        widths = []
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
             _, local = law.about(Fraction(self.time))
-            rate = abs(local[1]) / self._scale[i] if len(local) > 1 else 0.0
-            if rate:
-                widths.append(2.0 * np.pi / rate / _PIECES_PER_TURN)
-        return min(widths)
+            way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
+            widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
+        return float(min(widths, default=0.1))
 
     def _add(self, end: float) -> None:
         """A piece up to `end`, or less if that would not be exact."""
