@@ -39,6 +39,8 @@ _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
+_LONGEST = 0.1
+"""[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
 
 Guards = Callable[[Array], Array]
@@ -124,13 +126,13 @@ class NominalRun:
             self._add(end)
 
     def _width(self) -> float:
-        """Time [s] in which the fastest drive goes through one usual piece."""
-        widths = []
+        """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
+        widths = [_LONGEST]
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
             _, local = law.about(Fraction(self.time))
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
-        return float(min(widths, default=0.1))
+        return float(min(widths))
 
     def _add(self, end: float) -> None:
         """A piece up to `end`, or less if that would not be exact."""
