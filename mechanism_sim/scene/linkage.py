@@ -14,7 +14,6 @@ from mechanism_sim.scene.schema import (
     Clearance,
     Duration,
     Gravity,
-    Inertia,
     Length,
     Mass,
     Motor,
@@ -73,7 +72,7 @@ class LinkageLink(Part):
     length: Length | None = None  #: from `start` to `end`
     points: dict[str, Vector] = {}
     mass: Mass | None = None
-    inertia: Inertia | None = None  #: about the centre of gravity
+    inertia: AddedInertia | None = None  #: about the centre of gravity; 0 for a point mass
     cog: Position | Vector = 0.0
 
 
