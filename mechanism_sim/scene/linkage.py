@@ -46,19 +46,16 @@ def _or_formula(unit: str) -> BeforeValidator:
     def read(value: Any) -> float | str:
         try:
             return to_si(value, unit)
-        except ValueError:
-            if not isinstance(value, str) or not _is_formula(value):
+        except ValueError as error:
+            if not isinstance(value, str):
                 raise
+            try:
+                formula.names(value)
+            except ValueError as other:
+                raise (other if '(' in value else error) from error
             return value
 
     return BeforeValidator(read)
-
-
-def _is_formula(text: str) -> bool:
-    try:
-        return bool(formula.names(text))
-    except ValueError:
-        return False
 
 
 Force = Annotated[float | str, _or_formula('N')]

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
+import heyoka as hy
+
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.forces import AppliedForce, CycleRange, Spring, TorsionSpring
 from mechanism_sim.numerics import formula
@@ -408,6 +410,7 @@ class _Reader:
         where = f'loads.{name}'
         self._find(f'{where}.at', load.at)
         known = {'t', 'x', 'y', 'vx', 'vy', *self._links, *(f'{x}_rate' for x in self._links)}
+        symbols = {x: hy.expression(x) for x in known}
         for part in (*load.force, load.torque):
             if isinstance(part, str):
                 for used in formula.names(part) - known:
@@ -416,6 +419,10 @@ class _Reader:
                         f'{nearest(used, known)}; it may name t, x, y, vx, vy, a link, or '
                         'LINK_rate'
                     )
+                try:
+                    formula.expression(part, symbols)
+                except ValueError as error:
+                    raise InputError(f'{self._name}: {where}: {error}') from error
         if load.during:
             c = self._coordinate(f'{where}.during.coordinate', load.during.coordinate)
             if tree.frame(c) != (c, 0.0):
