@@ -17,6 +17,7 @@ def chain(dyads: int, **overrides: Any) -> Machine:
 
     With the ground it has ``2 dyads + 2`` links. Keyword arguments are further keys of the scene.
     """
+
     def bar(length: float) -> dict[str, Any]:
         mass = 2.0 * length
         return {'length': length, 'mass': mass, 'inertia': mass * length**2 / 12.0,

@@ -190,6 +190,8 @@ class Contacts:
             self.set_switches((*on[:k], not on[k], *on[k + 1 :]))
             if self._system.relations:  # another closure may hold from now on
                 self._project()
+            if any(self.closed(i) for i in range(len(before))):  # or a gap close faster
+                self.settle()
         elif self._system.compliant:
             self._touch(gap)
         elif not guard.friction:

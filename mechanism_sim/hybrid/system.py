@@ -22,7 +22,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
-from mechanism_sim.planar.loads import Wrench
+from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
@@ -379,15 +379,10 @@ class System:
         a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
         a |= {c: eq.frames.a[c] if self.degree > 1 else None for c in self.prescribed}
         cut: dict[str, Wrench] = {}
-        for i, gap in enumerate(self.gaps):
-            x, y = gap.normal(eq.frames)
-            N, T = solved.N[i], solved.T[i]
-            # the friction force acts on the first-named link, this is what the second feels
-            cut[gap.name] = Wrench(
-                add(mul(N, x.value), mul(T, y.value)),
-                add(mul(N, y.value), neg(mul(T, x.value))),
-                neg(mul(eq.parameters(f'{gap.name}.arm', gap.arm), T)),
-            )
+        for gap, N, T in zip(self.gaps, solved.N, solved.T, strict=True):
+            pressed = gap.wrench(eq.frames, N, T)
+            before = cut.get(gap.joint)
+            cut[gap.joint] = together(before, pressed) if before else pressed
         loads = []
         for element in self.elements:
             if element.name in self.mechanism.cut:
@@ -561,8 +556,10 @@ class System:
 
     @cached_property
     def _gap_values(self) -> Evaluation:
-        values = [dense(jet.value) for jet in self.dynamics.normal]
-        function = compiled.function(values, list(self.equations.frames.q.values()))
+        values, frames = [dense(jet.value) for jet in self.dynamics.normal], self.equations.frames
+        if frames.switches:
+            values = list(hy.subs(values, frames.evaluated()))
+        function = compiled.function(values, list(frames.q.values()))
         return Evaluation(function, self.equations.parameters.values, [len(values)])
 
     def gap_values(self, q: Array) -> Array:

@@ -12,7 +12,7 @@ from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load
+from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 from mechanism_sim.planar.protocols import ForceLaw
 
@@ -44,6 +44,11 @@ class BearingClearance:
         half = dense(frames.parameters(f'{self.name}.half_clearance', 0.5 * self.clearance))
         gap: Jet = (x.half_square() + y.half_square()) * self._minus_curvature(frames) + half
         return gap
+
+    @property
+    def joint(self) -> str:
+        """The gap is the joint's only one."""
+        return self.name
 
     @property
     def arm(self) -> float:
@@ -80,6 +85,11 @@ class BearingClearance:
         x, y = _pin_in_bushing(self.mechanism, self.name, frames)
         minus = self._minus_curvature(frames)
         return -(x * minus), -(y * minus)
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the bushing's link, about the bushing's centre."""
+        arm = frames.parameters(f'{self.name}.arm', self.arm)
+        return contact_wrench(self.normal(frames), N, T, arm)
 
     def _minus_curvature(self, frames: Frames) -> hy.expression:
         """-1/c: a product costs less than a quotient and a change of sign."""

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mechanism_sim.linkages.indexing import GenevaClosure, RackClosure
+from mechanism_sim.linkages.play import Slotted
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import (
+    HIGHER,
     Geneva,
     Mechanism,
     PinInSlot,
@@ -83,7 +85,8 @@ class SlotClosure:
     name: str
     mechanism: Mechanism
 
-    def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Across the slot, 90 degrees counterclockwise from its axis."""
         joint = self.mechanism.joint(self.name)
         if not isinstance(joint, PinInSlot):
             raise TypeError(f'{self.name} is not a pin in a slot')
@@ -93,13 +96,13 @@ class SlotClosure:
     def values(self, frames: Frames) -> list[Jet]:
         """Distance of the pin from the centre line [m]."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
-        nx, ny = self._normal(frames)
+        nx, ny = self.normal(frames)
         return [nx * x + ny * y]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """The slot's wall feels the pin where the pin is."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
-        nx, ny = self._normal(frames)
+        nx, ny = self.normal(frames)
         force = neg(mul(forces[0], nx.value)), neg(mul(forces[0], ny.value))
         return Wrench(*force, moment_of((x.value, y.value), force))
 
@@ -109,17 +112,23 @@ def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
     found: list[Relation] = []
     for name in joints:
         joint = mechanism.joint(name)
-        if isinstance(joint, Prismatic):
+        if isinstance(joint, HIGHER):
+            found.append(slotted(mechanism, name))
+        elif isinstance(joint, Prismatic):
             found.append(PrismaticClosure(name, mechanism))
-        elif isinstance(joint, Geneva):
-            found.append(GenevaClosure(name, mechanism))
-        elif isinstance(joint, SlottedRack):
-            found.append(RackClosure(name, mechanism))
-        elif isinstance(joint, PinInSlot):
-            found.append(SlotClosure(name, mechanism))
         else:
             found.append(Closure(name, mechanism))
     return found
+
+
+def slotted(mechanism: Mechanism, name: str) -> Slotted:
+    """The closure of a joint with a pin in a slot, such as that of a Geneva wheel."""
+    joint = mechanism.joint(name)
+    if isinstance(joint, Geneva):
+        return GenevaClosure(name, mechanism)
+    if isinstance(joint, SlottedRack):
+        return RackClosure(name, mechanism)
+    return SlotClosure(name, mechanism)
 
 
 def _fixed(

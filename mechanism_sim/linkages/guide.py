@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.loads import Wrench, contact_wrench
 from mechanism_sim.planar.mechanism import Mechanism, Vector2
 from mechanism_sim.planar.protocols import ForceLaw
 
@@ -41,7 +42,6 @@ class GuideClearance:
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
     creep_speed: float = 1e-3  #: [m/s]
-    arm: float = 0.0  #: [m] the wall belongs to the ground
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""
@@ -69,6 +69,15 @@ class GuideClearance:
         x = self._place(frames)[0]
         along = -x if self.wall == 'upper' else x
         return Jet(None, along.gradient, along.rate, along.curvature)
+
+    @property
+    def joint(self) -> str:
+        """There is no joint: the gap stands for itself."""
+        return self.name
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the ground."""
+        return contact_wrench(self.normal(frames), N, T)
 
     def normal(self, _: Frames) -> tuple[Jet, Jet]:
         """Towards the wall."""

@@ -64,6 +64,13 @@ class GenevaClosure:
         locked = _sine(wheel - towards, joint.slots) * entry
         return _either(self.engaged(frames), slot, locked)
 
+    def normal(self, frames: Frames) -> Pair:
+        """Across the direction from the wheel's centre to the pin."""
+        x, y = self._pin(frames)
+        half = x.half_square() + y.half_square()
+        r = hy.sqrt(2.0 * half.value)
+        return -y / r, x / r
+
     def values(self, frames: Frames) -> list[Jet]:
         """The offset [m]."""
         return [self.offset(frames)]
@@ -123,6 +130,12 @@ class RackClosure:
         joint = self._joint
         _, across = self._from_centre(frames, joint.first, joint.on_first)
         return frames.switch(self.name, -dense(across.value) * (2.0 / joint.pitch))
+
+    def normal(self, frames: Frames) -> Pair:
+        """Along the rack."""
+        p, a = frames.parameters, self._joint.axis
+        x, y = p(f'{self.name}.axis.x', math.cos(a)), p(f'{self.name}.axis.y', math.sin(a))
+        return lift(dense(x)), lift(dense(y))
 
     def values(self, frames: Frames) -> list[Jet]:
         """How far the pin, or the locked rack, is off its place along the rack [m]."""

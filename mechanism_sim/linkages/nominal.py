@@ -14,6 +14,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.hybrid.snapshot import Snapshot
@@ -136,13 +137,18 @@ class NominalRun:
         h = end - self.time
         if h <= 0.0:
             return
-        if self._guards is not None:
-            h = self._before_switch(h)
         while True:
-            values = self._values(h * _NODES)
-            terms = np.abs(chebyshev_coefficients(values)).T / self._scale
-            if terms[-2:].max() <= _TAIL or self._share < _SHORTEST:
-                break
+            shortest = self._share < _SHORTEST
+            try:
+                h = self._before_switch(h)
+                values = self._values(h * _NODES)
+            except RunError:  # too far for Newton's method, or for the mechanism
+                if shortest:
+                    raise
+            else:
+                terms = np.abs(chebyshev_coefficients(values)).T / self._scale
+                if shortest or terms[-2:].max() <= _TAIL:
+                    break
             self._share *= 0.5
             h *= 0.5
         coefficients = fit_powers(values, h)
@@ -163,6 +169,8 @@ class NominalRun:
 
     def _before_switch(self, h: float) -> float:
         """The next h [s], or as much of it as ends where a guard changes its sign."""
+        if self._guards is None:
+            return h
         places = np.array([*_NODES, 1.0])
         positive = self._guarded(h * places)
         changed = np.flatnonzero((positive[:, 1:] != positive[:, :-1]).any(axis=0))
@@ -180,8 +188,8 @@ class NominalRun:
 
     def _guarded(self, times: Array) -> NDArray[np.bool_]:
         """Which guards are positive (g, N) at times [s] from now."""
-        assert self._guards is not None  # noqa: S101 - asked for only then
-        return self._guards(self._values(times)) > 0.0
+        q = self._values(times)
+        return (self._guards(q) if self._guards else np.zeros((0, len(times)))) > 0.0
 
     def _values(self, times: Array) -> Array:
         """The coordinates at times [s] from now: (n, N)."""

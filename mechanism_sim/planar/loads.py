@@ -38,6 +38,29 @@ class Wrench(NamedTuple):
     moment: Term = None  #: [N m]
 
 
+def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) -> Wrench:
+    """What a contact does to the second-named link.
+
+    Parameters
+    ----------
+    normal : unit vector along which the first-named link presses
+    N, T : normal force, and friction on the first-named link along the normal turned by +90
+        degrees [N]
+    arm : from the joint's point on the second-named link to the contact, along the normal [m]
+    """
+    x, y = normal
+    return Wrench(
+        add(mul(N, x.value), mul(T, y.value)),
+        add(mul(N, y.value), neg(mul(T, x.value))),
+        neg(mul(arm, T)),
+    )
+
+
+def together(a: Wrench, b: Wrench) -> Wrench:
+    """The sum of two wrenches about the same point."""
+    return Wrench(add(a.x, b.x), add(a.y, b.y), add(a.moment, b.moment))
+
+
 def generalised(loads: Iterable[Load], frames: Frames, mechanism: Mechanism) -> dict[str, Term]:
     """Generalised forces by coordinate, [N m] for angles and [N] for displacements.
 

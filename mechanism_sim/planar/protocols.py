@@ -70,6 +70,10 @@ class Gap(Protocol):
 
     @property
     def name(self) -> str:
+        """Its name, which is that of the joint if this has no other gap."""
+
+    @property
+    def joint(self) -> str:
         """Name of the joint."""
 
     @property
@@ -91,10 +95,6 @@ class Gap(Protocol):
     @property
     def creep_speed(self) -> float:
         """Speed [m/s] of sliding at which friction of a compliant contact is nearly Coulomb's."""
-
-    @property
-    def arm(self) -> float:
-        """From the joint's point on the second-named link to the contact, along the normal [m]."""
 
     def stretch(self, value: Term) -> Term:
         """Derivative of the value by the distance, at a value that may be negative."""
@@ -118,6 +118,12 @@ class Gap(Protocol):
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Unit vector along which the first-named link presses on the second, when closed."""
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """What the first-named does to the second-named link, by normal force and friction [N].
+
+        The friction force acts on the first-named link, along the normal turned by +90 degrees.
+        """
 
     def distance(self, value: Array) -> Array:
         """The distance in metres that belongs to values of `value`."""

@@ -165,7 +165,9 @@ def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
             f'  {m["name"]}' + (f' (left out: {m["missing"]})' if m['missing'] else '')
             for m in p['methods']
         ]
-    lines.append('scaling: cost against links, loose joints, sample rate, sensors and length of the run')
+    lines.append(
+        'scaling: cost against links, loose joints, sample rate, sensors and length of the run'
+    )
     lines.append("hard: the hard cases, see 'mechanism-sim bench hard'")
     return '\n'.join(lines)
 

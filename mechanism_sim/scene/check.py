@@ -64,6 +64,12 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in machine.plan.laws}
     relations, gaps, warnings = [], [], []
     for joint, c in machine.clearances.items():
+        if not isinstance(machine.mechanism.joint(joint), Revolute):
+            gaps.append(
+                f'{joint}: pin between the walls of a slot, play {c.radial:g} m to either side, '
+                f'Newton restitution {c.restitution:g}'
+            )
+            continue
         friction = f', friction {c.friction:g}' if c.friction else ''
         gaps.append(
             f'{joint}: pin in bushing, radial clearance {c.radial:g} m, '

@@ -10,10 +10,11 @@ import numpy as np
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
+from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.linkages.closures import closures
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.scene.assembly import closed_near, nearest_rates
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def initial_state(machine: Machine) -> State:
         (0,) * len(system.free),
         tuple(q[c] for c in system.free),
         tuple(v[c] for c in system.free),
-        (seated,) * len(system.gaps),
+        tuple(seated and isinstance(gap, BearingClearance) for gap in system.gaps),
     )
 
 
@@ -156,6 +157,8 @@ def _seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
     )
     seats = {}
     for name, clearance in machine.clearances.items():
+        if not isinstance(machine.mechanism.joint(name), Revolute):
+            continue  # pins start in the middle of their slots
         force = forces[name]
         if not force.any():
             raise InputError(
@@ -209,7 +212,7 @@ def _coordinates(
 
 def _check_inside(machine: Machine, q: Array, seated: bool) -> None:
     for gap, value in zip(machine.system.gaps, machine.system.gap_values(q), strict=True):
-        clearance = machine.clearances[gap.name].radial
+        clearance = machine.clearances[gap.joint].radial
         distance = float(gap.distance(value)[0])
         if distance < -1e-6 * clearance and not (seated and gap.law):
             raise InputError(

@@ -108,8 +108,13 @@ class LinkageJoint(Part):
                 f'must be of one kind, {", ".join(KINDS)}, with two points such as '
                 '[crank.end, rod.start]'
             )
-        if self.clearance and kinds != ['revolute']:
-            raise ValueError('cannot have a clearance: only revolute joints can be loose')
+        c = self.clearance
+        if c and kinds == ['prismatic']:
+            raise ValueError('cannot have a clearance: guides have none here')
+        if c and kinds != ['revolute'] and (c.friction or c.pin_radius or c.contact):
+            raise ValueError(
+                f'has a clearance of a {kinds[0]}, which has radial and restitution only'
+            )
         return self
 
     @property

@@ -25,14 +25,15 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
-from mechanism_sim.linkages.closures import closures
+from mechanism_sim.linkages.closures import closures, slotted
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
 from mechanism_sim.linkages.nominal import Guards, NominalPhysics, NominalRun
+from mechanism_sim.linkages.play import walls
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import GROUND, HIGHER, Mechanism
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap, Relation
 from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.initial import initial_state
@@ -247,13 +248,15 @@ class Machine:
             for name, c in self.clearances.items()
             if (film := oil_film(c))
         ]
-        gaps = [] if films else [
-            BearingClearance(
-                name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
-                c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
-            )
-            for name, c in self.clearances.items()
-        ]  # fmt: skip
+        gaps: list[Gap] = []
+        for name, c in self.clearances.items():
+            if isinstance(mechanism.joint(name), HIGHER):
+                gaps += walls(slotted(mechanism, name), c.radial, c.restitution)
+            elif not films:
+                gaps.append(BearingClearance(
+                    name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
+                    c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
+                ))  # fmt: skip
         closing = closures(mechanism, [j for j in mechanism.cut if j not in self.clearances])
         return self._compiled(mechanism, gaps, closing, films)
 

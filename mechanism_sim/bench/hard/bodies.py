@@ -20,6 +20,7 @@ from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.loads import Wrench, contact_wrench
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Point
 from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.scene import Machine, load_scene
@@ -57,7 +58,6 @@ class Floor:
     name: str = 'floor'
     law: ForceLaw | None = None
     creep_speed: float = 1e-3  #: [m/s]
-    arm: float = 0.0  #: [m] the floor is the ground
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""
@@ -92,6 +92,15 @@ class Floor:
             r = hy.expression(self.radius)
             rate += Jet(None, {self.body: r}, r * frames.v[self.body], None)
         return rate
+
+    @property
+    def joint(self) -> str:
+        """There is no joint: the gap stands for itself."""
+        return self.name
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the ground."""
+        return contact_wrench(self.normal(frames), N, T)
 
     def normal(self, _: Frames) -> tuple[Jet, Jet]:
         """The body presses downwards."""
