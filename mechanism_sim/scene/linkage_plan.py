@@ -244,6 +244,11 @@ class _Reader:
 
     def _bodies(self, tree: Mechanism, drives: Mapping[str, LinkageDrive]) -> tuple[Body, ...]:
         found = []
+        for name, mass in self._scene.masses.items():
+            if self._find(f'masses.{name}.at', mass.at)[0] == GROUND:
+                raise InputError(
+                    f'{self._name}: masses.{name}.at: a mass on the ground moves nothing'
+                )
         for link in self._links:
             given = self._scene.links[link]
             cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
@@ -314,6 +319,11 @@ class _Reader:
         ]
         if len(ways) > 1:
             raise InputError(f'{where}: {ways[0]} and {ways[1]} exclude each other: keep one')
+        if drive.profile and drive.speed is not None:
+            raise InputError(
+                f'{where}: speed and profile exclude each other: a profile gives every speed, the '
+                'first at its first point'
+            )
         wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
         for key in sorted(wrong):
             if getattr(drive, key) is not None:
