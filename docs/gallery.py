@@ -31,7 +31,7 @@ COG = ('coupler.cog',)
 VIEWS = {
     'adjustable_stroke_drive': View(0.06, 6),
     'catapult': View(0.0, 5, ('arm.cup',)),
-    'constant_velocity_slider': View(0.0, 6),
+    'constant_velocity_slider': View(0.7, 4),
     'double_rocker_tracing': View(0.0, 6, ('connecting_link.tracer',)),
     'double_toggle_punch': View(0.0, 4),
     'dump_truck': View(6.0, 3),
@@ -41,7 +41,7 @@ VIEWS = {
     'four_bar_coupler_curve': View(0.0, 3, ('coupler.near', 'coupler.middle', 'coupler.far')),
     'four_bar_crank_rocker': View(0.0, 8, COG),
     'four_bar_crossed': View(0.0, 6),
-    'four_bar_double_crank': View(0.0, 8, COG),
+    'four_bar_double_crank': View(0.1, 8, COG),
     'four_bar_double_rocker': View(0.0, 8, COG),
     'four_bar_nominal': View(0.0, 8, COG),
     'four_bar_triple_rocker': View(0.0, 6, COG),
@@ -64,9 +64,9 @@ VIEWS = {
     'slider_crank_offset': View(0.06, 6),
     'slider_crank_piston_driven': View(0.5, 4),
     'straight_line_drive': View(0.0, 4, ('link.end',)),
-    'ten_links': View(0.0, 1, ('foot.toe',)),
+    'ten_links': View(0.7, 1, ('foot.toe',)),
     'variable_stroke_drive': View(0.0, 4),
-    'windshield_wiper': View(0.0, 4, ('left_rocker.end', 'right_rocker.end')),
+    'windshield_wiper': View(0.3, 4, ('left_rocker.end', 'right_rocker.end')),
 }
 
 

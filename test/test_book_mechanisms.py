@@ -21,9 +21,12 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 
 GALLERY = Path(__file__).parents[1] / 'docs' / 'mechanisms.md'
-ROWS = re.findall(
-    r'^\| `(\w+)` \| ([^|]+) \| [^|]+ \| (\d) \|$', GALLERY.read_text(), re.MULTILINE
-)
+SIMPLE = GALLERY.read_text(encoding='utf-8').partition('## Compound')[0]
+ROWS = [
+    row
+    for row in re.findall(r'\| \[`(\w+)`\].*?<br>(.+?) \| .+ \| (\d) \|$', SIMPLE, re.MULTILINE)
+    if row[0] not in ('four_bar_clearance', 'four_bar_crossed')  # impacts; no masses
+]
 TURNING = {
     'slider_crank': 'crank',
     'slider_crank_offset': 'crank',
