@@ -130,6 +130,7 @@ def _parser() -> argparse.ArgumentParser:
         '--points', nargs='+', default=[], metavar='LINK.POINT', help='whose paths are wanted'
     )
     sub.add_argument('--local', action='store_true', help='forces along and across each link')
+    sub.add_argument('--static', action='store_true', help='forces without those of inertia')
     sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
     sub.add_argument('--plots', metavar='DIR|FILE', help='folder, .pdf, .png or .svg')
     sub = command('draw', _draw, 'a picture of a mechanism')
@@ -384,7 +385,7 @@ def _cycle(options: argparse.Namespace) -> int:
     machine = load_scene(options.scene, _overrides(options))
     found = cycle(
         machine, options.samples, start, options.periods, options.duration, options.points,
-        options.local,
+        options.local, options.static,
     )  # fmt: skip
     if options.output:
         tables.write(options.output, found.table())

@@ -451,3 +451,33 @@ def test_the_stroke_of_a_slider_crank_is_known(tmp_path):
     turn = np.pi + back - there
     ratio = max(turn, 2.0 * np.pi - turn) / min(turn, 2.0 * np.pi - turn)
     assert swing.time_ratio == pytest.approx(ratio, rel=1e-8)
+
+
+def test_static_forces_are_those_of_a_machine_that_hardly_moves():
+    fast = ms.cycle(ms.load_scene('slider_crank'), 24, static=True)
+    slow = ms.cycle(ms.load_scene('slider_crank', {'drive.speed': '0.001 rpm'}), 24)
+    for name in ('drive_torque', 'reaction.crank_rod.x', 'reaction.crank_rod.y',
+                 'reaction.ground_piston.y', 'reaction.ground_piston.moment'):  # fmt: skip
+        assert fast[name] == pytest.approx(slow[name], rel=1e-7, abs=1e-9)
+    assert fast.mean_power == pytest.approx(0.0, abs=1e-9)  # gravity gives back what it takes
+    assert 'energy.kinetic' not in fast.table()
+
+
+def test_static_forces_of_the_book_follow_from_the_moment_alone():
+    """[V] 3.25, 3.30, 3.31: without weights, F32 = M2/(r2 sin(th3 - th2)), and what P4 then is."""
+    links = {f'links.{x}.mass': '1e-30 kg' for x in ('crank', 'rod', 'piston')}
+    load = {'loads.work': {'at': 'piston', 'force': ['-400 N', '0 N']}}
+    cycle = ms.cycle(ms.load_scene('slider_crank', links | load | {'gravity': [0, 0]}), 36,
+                     static=True)  # fmt: skip
+    th2, th3 = cycle['position.crank'], cycle['position.rod']
+    F32 = 400.0 / np.cos(th3)
+    r2 = ms.load_scene('slider_crank').scene.links['crank'].length
+    assert cycle['drive_torque'] == pytest.approx(F32 * r2 * np.sin(th3 - th2), abs=1e-9)
+    assert cycle['reaction.rod_piston.x'] == pytest.approx(np.full(37, 400.0), rel=1e-9)
+    guide = cycle['reaction.ground_piston.y']
+    assert guide == pytest.approx(-F32 * np.sin(th3), abs=1e-9)
+
+
+def test_static_forces_need_an_ideal_machine():
+    with pytest.raises(InputError, match='static forces need masses'):
+        ms.cycle(ms.load_scene('four_bar_clearance'), static=True)

@@ -392,34 +392,6 @@ def test_v_2_52_cosine_of_zeta():
     assert close(printed + rj / b, cos(alpha - thi + gamma))
 
 
-def test_v_2_107_and_2_108_rates_of_loop_2_of_the_loader():
-    """2.84 and 2.85 with i = 8, j = 9; positions from the law of cosines, rates by differences."""
-    r9, r10, r11 = 0.8, 1.6, 0.14
-
-    def angle(k):
-        """theta 2, 8 or 9 of time, while the arm turns and the rod of the cylinder moves out."""
-
-        def of(t):
-            th2, r8 = -0.5 + 1.3 * t, 0.8 + t
-            x, y = r10 * mp.cos(th2) - r11, r10 * mp.sin(th2)
-            b = mp.hypot(x, y)
-            th8 = mp.atan2(y, x) + mp.acos((r8**2 + b**2 - r9**2) / (2 * r8 * b))
-            th9 = mp.atan2(y - r8 * mp.sin(th8), x - r8 * mp.cos(th8))
-            return {2: th2, 8: th8, 9: th9}[k]
-
-        return of
-
-    t2, t8, t9 = (float(angle(k)(mp.mpf('0.3'))) for k in (2, 8, 9))
-    w_2, w8, w9 = rates(angle(2), angle(8), angle(9))
-    r8 = 1.1
-    top = -(cos(t9 - t8) + r10 * w_2 * sin(t2 - t9))  # the rod's speed is 1
-    assert not close(top / (r8 * sin(t8 - t9)), w8, rel=0.1)
-    assert close(top / (r8 * sin(t9 - t8)), w8)
-    printed = -(1.0 + r10 * w_2 * sin(t2 - t9)) / (r9 * sin(t8 - t9))
-    assert not close(printed, w9, rel=0.1)
-    assert close(-(1.0 + r10 * w_2 * sin(t2 - t8)) / (r9 * sin(t8 - t9)), w9)
-
-
 def test_v_2_134_denominator_of_the_fifth_case():
     """T_j multiplies the unknown rate of r_j once the unknown rate of theta_i has dropped out."""
     dx = -ri * sin(thi) - rj * sin(thi - gamma) - rk * sin(thi - beta)

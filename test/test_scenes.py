@@ -245,7 +245,7 @@ def test_check_says_what_the_model_contains_and_what_it_leaves_out():
     assert any('rtol 1e-12' in x for x in loose.notes)
     ideal = check(ms.load_scene('four_bar_nominal', {'gravity': [0, 0]}))
     assert ideal.gaps == []
-    assert 'closes the loop' in ideal.relations[0]
+    assert 'closes a loop' in ideal.relations[0]
     assert any('gravity: it is zero' in x for x in ideal.left_out)
     assert any('0.17 m less' in x for x in ideal.notes)  # 309 + 312 - 64 - 387 mm
 

@@ -21,10 +21,12 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.sampling import table
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.scene import Machine, simulate, span
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.scene import Level, Machine, simulate, span
 
 Array = NDArray[np.float64]
 
+_OF_MOTION = ('energy.kinetic', 'energy.drive_work', 'energy.dissipated')
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
 
@@ -48,6 +50,7 @@ class Cycle:
     machine, solution : what was run
     t : (N + 1,) [s] evenly spaced
     repeats : whether it is a whole number of turns of a drive at constant speed
+    static : whether forces are those at rest in each position, without those of inertia
     """
 
     machine: Machine
@@ -56,6 +59,7 @@ class Cycle:
     repeats: bool
     points: Mapping[str, Place]
     local: bool
+    static: bool = False
 
     @cached_property
     def drive(self) -> str:
@@ -95,8 +99,12 @@ class Cycle:
     def at(self, t: Array) -> dict[str, Array]:
         """The columns at any instants (K,) of the cycle."""
         samples = self.solution.samples(t)
+        if self.static:
+            samples = samples._replace(observed=self._at_rest(samples.observed, samples.t))
         o = samples.observed
         columns = table(self.machine.physics, samples)
+        if self.static:  # of the motion as it is
+            columns = {n: x for n, x in columns.items() if n not in _OF_MOTION}
         if self.points:
             paths = self._paths(o.position, o.velocity, o.acceleration)
             for name, track in zip(self.points, paths, strict=True):
@@ -104,6 +112,15 @@ class Cycle:
         if self.machine.physics.has_forces:
             columns |= self._forces.columns(samples.t, o)
         return columns
+
+    def _at_rest(self, o: Observation, t: Array) -> Observation:
+        """The same motion, with the forces that act if it is so slow as to be at rest."""
+        forces, still = self.machine.inverse_dynamics, np.zeros_like(o.position)
+        outside = np.array([t if x == 'time' else still[0] for x in forces.outside])
+        seen = forces(o.position, still, still, outside.reshape(-1, len(t)))
+        driven = [self.machine.physics.coordinates.index(c) for c in self.machine.physics.driven]
+        power = (seen.drive_torque * o.velocity[driven]).sum(axis=0)
+        return seen._replace(velocity=o.velocity, acceleration=o.acceleration, drive_power=power)
 
     def extremes(self) -> dict[str, Extremes]:
         """Least and greatest value of each column, and when, finer than the samples."""
@@ -138,6 +155,8 @@ class Cycle:
     @property
     def mean_power(self) -> float:
         """Work of the drives over time [W], that of impacts included."""
+        if self.static:
+            return self.mean('drive_power')
         work = self['energy.drive_work']
         return float(work[-1] - work[0]) / self.duration
 
@@ -150,6 +169,7 @@ def cycle(
     duration: float | None = None,
     points: Sequence[str] = (),
     local: bool = False,
+    static: bool = False,
 ) -> Cycle:
     """Run a machine over a cycle.
 
@@ -161,11 +181,13 @@ def cycle(
     duration : [s] instead, where the drive has no constant speed; that of the scene if not
     points : whose paths are wanted, ``LINK.POINT``
     local : forces on each link along and across it too
+    static : forces without those of inertia ([V] 3.5.1), as if it moved ever so slowly
 
     Raises
     ------
     InputError
-        If nothing says how long the cycle is, or there is no such point.
+        If static forces are wanted of a machine that is not ideal and driven, nothing says how
+        long the cycle is, or there is no such point.
     RunError
         If the run fails.
     """
@@ -173,6 +195,11 @@ def cycle(
         raise InputError('a cycle needs at least 2 samples and 1 period')
     if duration is not None and periods != 1:
         raise InputError('a cycle has a number of periods or a duration, not both')
+    if static and machine.level is not Level.INVERSE_DYNAMICS:
+        raise InputError(
+            f'{machine.name}: static forces need masses, prescribed drives and no clearance; this '
+            f'scene is one of {machine.level.value}'
+        )
     chosen = choose(machine, points)
     steady = is_steady(machine)
     begin = 0.0
@@ -188,7 +215,7 @@ def cycle(
         end = begin + span(machine, periods if periods != 1 else None, duration)
     solution = simulate(machine, duration=end)
     t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
-    return Cycle(machine, solution, t, steady and duration is None, chosen, local)
+    return Cycle(machine, solution, t, steady and duration is None, chosen, local, static)
 
 
 def instant(

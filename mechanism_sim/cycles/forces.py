@@ -79,16 +79,23 @@ class Forces:
     def _shaking(self, t: Array, o: Observation, held: Array) -> dict[str, Array]:
         """Force and moment about the origin that all links and springs put on the frame.
 
-        The torque of a drive acts between frame and link; the force of one that slides is part of
-        the force in its joint.
+        The torque of a drive acts between frame and link; the force of one that slides between the
+        links of its guide, along it.
         """
         fx, fy, moment = self._springs(t, o)
+        thrust: dict[str, Array] = {}
         for name, torque in zip(self._driven, o.drive_torque, strict=True):
-            if name not in self._mechanism.displacements:
+            if name in self._mechanism.displacements:
+                thrust[self._mechanism.tree_joints[name].name] = torque
+            else:
                 moment = moment - torque
         for (i, joint), (x, y) in zip(self._on_frame, held, strict=True):
             sign = 1.0 if joint.second == GROUND else -1.0
             px, py = sign * o.reaction[i]
+            if isinstance(joint, Prismatic) and joint.name in thrust:
+                angle = self._mechanism.frame(joint.first)[1] + joint.axis
+                px = px + sign * thrust[joint.name] * np.cos(angle)
+                py = py + sign * thrust[joint.name] * np.sin(angle)
             fx, fy = fx + px, fy + py
             moment = moment + x * py - y * px + sign * o.reaction_moment[i]
         return {

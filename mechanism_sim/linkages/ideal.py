@@ -105,7 +105,11 @@ class LinkageMotion:
         q, left = self.kinematics.positions(near)
         if left.any():
             k = int(np.argmax(left))
-            driven = ', '.join(f'{self.coordinates[i]} = {near[i, k]:.6g}' for i in self.driven)
+            driven = ', '.join(
+                f'{self.coordinates[i]} = {near[i, k]:.6g} m' if i in self.sliding
+                else f'{self.coordinates[i]} = {np.degrees(near[i, k]):.6g} deg'
+                for i in self.driven
+            )  # fmt: skip
             off = np.abs(self.kinematics.closure(q[:, k : k + 1])[0][0])
             joint = self.kinematics.rows[int(np.argmax(off))]
             raise RunError(

@@ -1,7 +1,7 @@
 """The motion of an ideal linkage under prescribed drives, as polynomials like any other motion.
 
-Positions are exact at every instant; for topics and sensors they are interpolated on pieces of an
-eighth of a turn or less, where the motion is sharp.
+Positions are exact at every instant; for topics and sensors they are interpolated on pieces of a
+sixteenth of a turn or less, where the motion is sharp.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Obse
 from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
-_PIECES_PER_TURN = 8
+_PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
@@ -84,7 +84,7 @@ class NominalRun:
         self._pieces: list[tuple[float, float, NDArray[np.int64], Array]] = []
         self._turns = np.zeros(len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
-        self._share = 0.25  # of the greatest length of a piece
+        self._share = 0.5  # of the greatest length of a piece
 
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one from ``law.valid_from`` on.
@@ -124,13 +124,13 @@ class NominalRun:
             self._add(end)
 
     def _width(self) -> float:
-        widths = [0.1]
+        """Time [s] in which the fastest drive goes through one usual piece."""
+        widths = []
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
             _, local = law.about(Fraction(self.time))
-            rate = abs(local[1]) / self._scale[i] if len(local) > 1 else 0.0
-            if rate:
-                widths.append(2.0 * np.pi / rate / _PIECES_PER_TURN)
-        return min(widths)
+            way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
+            widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
+        return float(min(widths, default=0.1))
 
     def _add(self, end: float) -> None:
         """A piece up to `end`, or less if that would not be exact."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from itertools import combinations, pairwise
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.grashof import crank_turns
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.schema import Clearance, FourBarScene
@@ -86,6 +87,8 @@ def _check_linkage(machine: Machine) -> None:
             "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
             'kinematics, or make a redundant joint a slot'
         )
+    if not machine.torque_driven:
+        _check_way(machine)
     given = [n for n, link in machine.links.items() if link.mass is not None]
     if machine.dynamic or (given and machine.scene.outputs.forces):
         _check_masses(
@@ -202,6 +205,27 @@ def _check_initial(name: str, scene: FourBarScene) -> None:
                     f'{name}: initial.{kind}.{coordinate} cannot be chosen: without clearance it '
                     'follows from the crank (drive.start_angle, drive.speed)'
                 )
+
+
+def _check_way(machine: Machine) -> None:
+    """Whether the drives can go their way: a turn, or for as long as the scene says."""
+    law = machine.law
+    turning = isinstance(law, DriveLaw) and not law.straight and machine.period < math.inf
+    steady = turning and len(machine.laws) == 1
+    duration = machine.scene.duration or (machine.period if steady else None)
+    if duration is None:
+        return
+    laws = [laws[0] for laws in machine.plan.laws.values()]
+    run = machine.nominal(laws)
+    for later in (law for laws in machine.plan.laws.values() for law in laws[1:]):
+        run.change_law(later)
+    try:
+        run.advance(duration, final=True)
+    except RunError as error:
+        raise InputError(
+            f'{machine.name}: {error}; change the lengths, or keep the drive within limits by a '
+            "'profile' and 'duration'"
+        ) from error
 
 
 def _shortest(machine: Machine) -> float:

@@ -382,16 +382,26 @@ class Machine:
                 fastest=self._fastest,
             )
         else:
-            prescribed = [x for x in first if isinstance(x, DriveLaw)]
-            if len(prescribed) < len(first):
-                raise TypeError('a mechanism that a torque moves has equations of motion')
-            q = np.zeros(3) if self.plan.four_bar else self.assembly.q
-            run = NominalRun(self.ideal, prescribed, q, self.mechanism.size, self._guards())
+            run = self.nominal(first)
         for later in sorted(
             (x for c in system_order for x in laws[c][1:]), key=lambda x: x.valid_from
         ):
             run.change_law(later)
         return run
+
+    def nominal(self, laws: Sequence[Law]) -> NominalRun:
+        """A run of the mechanism without clearance under prescribed drives.
+
+        Raises
+        ------
+        TypeError
+            If a torque moves it: then it has equations of motion.
+        """
+        prescribed = [law for law in laws if isinstance(law, DriveLaw)]
+        if len(prescribed) < len(laws):
+            raise TypeError('a mechanism that a torque moves has equations of motion')
+        q = np.zeros(3) if self.plan.four_bar else self.assembly.q
+        return NominalRun(self.ideal, prescribed, q, self.plan.ideal.size, self._guards())
 
     def _guards(self) -> Guards | None:
         """Where something begins or ceases to act in the course of an ideal motion."""

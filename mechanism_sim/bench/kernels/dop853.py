@@ -19,6 +19,14 @@ _C = np.concatenate([DOP853.C, [1.0], DOP853.C_EXTRA])
 _E3, _E5, _D = DOP853.E3, DOP853.E5, DOP853.D
 
 
+@njit(error_model='numpy')
+def resize(h, error):
+    """Next step size, as SciPy's."""
+    if error == 0.0:
+        return 10.0 * h
+    return h * min(10.0, max(0.2, 0.9 * error**-0.125))
+
+
 def stepper(rate, size):
     """Compiled functions ``(step, densify, dense)`` for ``rate(t, y, p, out)``.
 

@@ -15,7 +15,7 @@ from math import atan2
 import numpy as np
 from numba import njit
 
-from mechanism_sim.bench.kernels.dop853 import ROWS, stepper
+from mechanism_sim.bench.kernels.dop853 import ROWS, resize, stepper
 from mechanism_sim.bench.kernels.loose_equations import (
     bearing,
     close_loop,
@@ -106,14 +106,6 @@ def _finder(guard):
 
 
 _first_gap, _first_force = _finder(_gap_at), _finder(_force_at)
-
-
-@njit(error_model='numpy')
-def resize(h, error):
-    """Next step size, as SciPy's."""
-    if error == 0.0:
-        return 10.0 * h
-    return h * min(10.0, max(0.2, 0.9 * error**-0.125))
 
 
 @njit(error_model='numpy')
