@@ -264,8 +264,6 @@ class _Brush:
         """The frame: a line with strokes on one side."""
         self._axes.plot(*zip(start, end, strict=True), color=_INK, lw=1.0, zorder=1.9)
         length = float(np.hypot(*(end - start)))
-        if not length:
-            return
         along = (end - start) / length
         far = np.arange(0.75 * self._s, length, 0.8 * self._s)
         feet = start[:, None] + along[:, None] * far
