@@ -142,7 +142,9 @@ def _parser() -> argparse.ArgumentParser:
         '--path', action='append', default=[], metavar='LINK.POINT', help='draw the path of'
     )
     sub.add_argument('--duration', type=float, metavar='S', help='of a drive without a period')
-    sub.add_argument('--no-labels', action='store_true', help='no names of links and joints')
+    sub.add_argument(
+        '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
+    )
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
     sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
@@ -418,7 +420,7 @@ def _draw(options: argparse.Namespace) -> int:
         still=options.positions == 1 and not options.path,
     )
     with figures.style():
-        picture = drawing.draw(found, t, options.positions, not options.no_labels)
+        picture = drawing.draw(found, t, options.positions, options.labels)
         figures.save(picture, file, cropped=True)
     if options.json:
         _print_json({'scene': machine.name, 'file': str(file), 't': t})

@@ -145,7 +145,7 @@ def test_ghosts_and_paths_are_drawn(tmp_path):
     file = tmp_path / 'picture.png'
     done = run(
         'draw', 'four_bar_nominal', '--output', str(file), '--positions', '6',
-        '--path', 'coupler.cog', '--no-labels',
+        '--path', 'coupler.cog', '--labels', 'none',
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == str(file)

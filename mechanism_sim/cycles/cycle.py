@@ -178,7 +178,7 @@ def cycle(
     samples : intervals between samples in a cycle
     start : position of the drive where the cycle begins [rad]; where the scene begins if not
     periods : turns of the drive
-    duration : [s] instead, where the drive has no constant speed
+    duration : [s] instead, where the drive has no constant speed; that of the scene if not
     points : whose paths are wanted, ``LINK.POINT``
     local : forces on each link along and across it too
     static : forces without those of inertia ([V] 3.5.1), as if it moved ever so slowly
@@ -212,7 +212,7 @@ def cycle(
     if steady and duration is None:
         end = begin + periods * machine.period
     else:
-        end = begin + span(machine, periods if duration is None else None, duration)
+        end = begin + span(machine, periods if periods != 1 else None, duration)
     solution = simulate(machine, duration=end)
     t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
     return Cycle(machine, solution, t, steady and duration is None, chosen, local, static)
@@ -248,7 +248,7 @@ def instant(
             duration = max(t, duration or machine.period)
     elif still and duration is None:
         duration = max(t or 0.0, _MOMENT)
-    elif duration is not None:
+    elif duration := duration or machine.scene.duration:
         duration = max(t or 0.0, duration)
     found = cycle(machine, start=angle, duration=duration, points=points)
     return found, float(found.t[0]) if t is None else t

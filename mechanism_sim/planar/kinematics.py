@@ -47,6 +47,10 @@ class Kinematics:
         self._relations = tuple(relations)
         self._size = mechanism.size
 
+    def released(self) -> Kinematics:
+        """The same closures with no coordinate held."""
+        return Kinematics(self.mechanism, self._relations, ())
+
     @cached_property
     def _equations(self) -> Equations:
         return Equations(self.mechanism, relations=self._relations)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import cycle as endless
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,16 @@ _INK, _FILL, _GHOST = '0.15', '0.93', '0.72'
 _PATHS = ('-', '--', '-.', ':')
 
 
-def draw(cycle: Cycle, t: float, positions: int = 1, labels: bool = True) -> Figure:
+def draw(
+    cycle: Cycle, t: float, positions: int = 1, labels: Literal['all', 'links', 'none'] = 'all'
+) -> Figure:
     """A machine at one instant, with the paths of the cycle's points.
 
     Parameters
     ----------
     t : [s] within the cycle
     positions : this one, and as many others as ghosts, evenly over the cycle
-    labels : of links and joints
+    labels : of links and joints, of links only, or none
     """
     from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
 
@@ -67,9 +69,9 @@ def draw(cycle: Cycle, t: float, positions: int = 1, labels: bool = True) -> Fig
     )
     for shape, outline in zip(skeleton.shapes, outlines, strict=True):
         brush.paint(shape, outline)
-        if labels and shape.kind == 'link':
+        if labels != 'none' and shape.kind == 'link':
             brush.name_link(shape.label, outline)
-        elif labels and shape.label:
+        elif labels == 'all' and shape.label:
             brush.name_joint(shape, outline.mean(axis=0), links, boxes)
     title = brush.thick(14.0)
     axes.text(
@@ -183,11 +185,9 @@ class _Brush:
         return np.asarray(-across if across @ (at - self._centre) < 0.0 else across)
 
     def _text(self, x: float, y: float, text: str, **more: Any) -> None:
-        from matplotlib.patheffects import withStroke  # noqa: PLC0415
-
-        halo = [withStroke(linewidth=2.0, foreground='white')]
+        ground = {'boxstyle': 'square,pad=0.05', 'fc': 'white', 'ec': 'none', 'alpha': 0.7}
         text = text.replace('_', ' ')
-        self._axes.text(x, y, text, fontsize=7.5, zorder=9, path_effects=halo, **more)
+        self._axes.text(x, y, text, fontsize=7.5, zorder=9, bbox=ground, **more)
 
     def _link(self, shape: Shape, outline: Array) -> None:
         """A bar, or a plate; nothing where a slider is all there is."""
@@ -264,11 +264,9 @@ class _Brush:
         """The frame: a line with strokes on one side."""
         self._axes.plot(*zip(start, end, strict=True), color=_INK, lw=1.0, zorder=1.9)
         length = float(np.hypot(*(end - start)))
-        if not length:
-            return
         along = (end - start) / length
-        slant = 0.7 * self._s * (below - along)
-        for far in np.arange(0.75 * self._s, length, 0.8 * self._s):
-            foot = start + far * along
-            stroke = zip(foot, foot + slant, strict=True)
-            self._axes.plot(*stroke, color=_INK, lw=0.6, zorder=1.9)
+        far = np.arange(0.75 * self._s, length, 0.8 * self._s)
+        feet = start[:, None] + along[:, None] * far
+        tips = feet + 0.7 * self._s * (below - along)[:, None]
+        strokes = np.stack([feet, tips, np.full_like(feet, np.nan)], axis=2).reshape(2, -1)
+        self._axes.plot(*strokes, color=_INK, lw=0.6, zorder=1.9)

@@ -12,6 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from mechanism_sim.cycles.points import Place, Poses
 from mechanism_sim.planar.mechanism import (
@@ -68,7 +69,7 @@ class Skeleton:
 
     Attributes
     ----------
-    symbol : size of a joint [m], a sixtieth of what the joints cover
+    symbol : size of a joint [m], a sixtieth of what joints and the longest link cover
     shapes : in the order in which they are painted
     """
 
@@ -84,7 +85,7 @@ class Skeleton:
         joints = mechanism.joints
         places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
         covered = np.ptp([self._poses.at(place) for place in places], axis=(0, 2))
-        self.symbol = float(covered.max()) / 60.0
+        self.symbol = max(float(covered.max()), mechanism.size) / 60.0
         self._corners: dict[str, list[Vector2]] = {b.name: [] for b in mechanism.bodies}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
@@ -242,7 +243,7 @@ def _nearest(start: Vector2, end: Vector2, others: Sequence[Vector2]) -> Vector2
 
 
 def _around(corners: Sequence[Vector2], thin: float) -> tuple[Vector2, ...]:
-    """Corners in their order around the middle, so that their outline does not cross itself.
+    """The corners of a plate that all of them lie on.
 
     Of corners on one line, or nearly so, both ends.
     """
@@ -254,5 +255,4 @@ def _around(corners: Sequence[Vector2], thin: float) -> tuple[Vector2, ...]:
     if np.ptp(at @ across) < thin:
         place = at @ along
         return corners[int(place.argmin())], corners[int(place.argmax())]
-    order = np.argsort(np.arctan2(at[:, 1], at[:, 0]))
-    return tuple(corners[i] for i in order)
+    return tuple(corners[i] for i in ConvexHull(at).vertices)

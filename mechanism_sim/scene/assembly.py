@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,6 +15,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute, Vector2
 
 if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
@@ -126,14 +129,72 @@ def _refuse(
     name: str, kinematics: Kinematics, q: Array, miss: float, targets: Array | None
 ) -> None:
     off = kinematics.closure(q[:, None])[0][0] - (0.0 if targets is None else targets)
-    joint = kinematics.rows[int(np.argmax(np.abs(off)))]
-    placed = ', '.join(
-        f'{c} = {x:.4g} m' if c in kinematics.mechanism.displacements
-        else f'{c} = {np.degrees(x):.4g} deg'
-        for c, x in zip(kinematics.coordinates, q, strict=True)
-    )  # fmt: skip
+    loops = {joint: _sides(kinematics.mechanism, joint) for joint in kinematics.rows}
+    torn = {
+        j: sides for j, sides in loops.items() if 2.0 * max(sides.values()) > sum(sides.values())
+    }
+    joint = next(iter(torn), kinematics.rows[int(np.argmax(np.abs(off)))])
+    placed = _said(kinematics, q, range(len(q)))
+    if torn:
+        sides = torn[joint]
+        longest = max(sides, key=lambda link: sides[link])
+        advice = (
+            f'{longest} is {sides[longest]:.4g} m long between its joints, more than the others '
+            f'of the loop together ({sum(sides.values()) - sides[longest]:.4g} m)'
+        )
+    else:
+        advice = _advice(kinematics, q, targets)
     raise InputError(
-        f'{name}: the mechanism cannot be assembled: the loop closed by the joint {joint} stays '
-        f'open by {miss:.4g} m, nearest with {placed}; check the lengths of that loop, or give a '
-        "better 'guess'"
+        f'{name}: the mechanism cannot be assembled: the loop closed by the joint {joint} '
+        f'({", ".join(loops[joint])}) stays open by {miss:.4g} m, nearest with {placed}; {advice}'
     )
+
+
+def _advice(kinematics: Kinematics, q: Array, targets: Array | None) -> str:
+    """What to look at where no link is too long."""
+    freedom = len(q) - len(kinematics.rows)
+    held = [kinematics.coordinates[i] for i in kinematics.held]
+    if len(held) > freedom:
+        return (
+            f'Kutzbach counts a freedom of {freedom}, given are {", ".join(held) or "none"}: is '
+            'there a drive or a joint too many?'
+        )
+    free, left = kinematics.released().positions(q[:, None], targets)
+    if held and not left[0]:
+        near = _said(kinematics, free[:, 0], kinematics.held)
+        return (
+            f'the nearest that can be assembled has {near}: start the drive there, or check the '
+            'lengths'
+        )
+    return "check the lengths of that loop, or give a better 'guess'"
+
+
+def _said(kinematics: Kinematics, q: Array, which: Iterable[int]) -> str:
+    straight = kinematics.mechanism.displacements
+    return ', '.join(
+        f'{c} = {q[i]:.4g} m' if c in straight else f'{c} = {np.degrees(q[i]):.4g} deg'
+        for i, c in ((i, kinematics.coordinates[i]) for i in which)
+    )
+
+
+def _sides(mechanism: Mechanism, closing: str) -> dict[str, float]:
+    """The links of a loop, with the distances of their joints [m]; no numbers if any slides."""
+    last, carried = mechanism.joint(closing), mechanism.tree_joints
+
+    def way(link: str) -> list[str]:
+        return [link, *way(mechanism.parent(link))] if link in carried else [link]
+
+    up, down = way(last.first), way(last.second)
+    top = next(i for i, link in enumerate(up) if link in down)
+    down = down[: down.index(up[top])][::-1]
+    joints = [last, *(carried[link] for link in (*up[:top], *down)), last]
+    turning = all(isinstance(j, Revolute) for j in joints)
+    return {
+        link: math.dist(_end(a, link), _end(b, link)) if turning else math.nan
+        for link, (a, b) in zip((*up[: top + 1], *down), pairwise(joints), strict=True)
+    }
+
+
+def _end(joint: Joint, link: str) -> Vector2:
+    """Where a joint is on a link [m]."""
+    return joint.on_first if joint.first == link else joint.on_second

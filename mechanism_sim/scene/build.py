@@ -94,6 +94,25 @@ def _check_linkage(machine: Machine) -> None:
         _check_masses(
             machine, [] if plan.weighed else [n for n in machine.links if n not in given]
         )
+    if machine.dynamic:
+        _check_inertia(machine)
+
+
+def _check_inertia(machine: Machine) -> None:
+    """Whether every free coordinate moves something that resists."""
+    mechanism = machine.mechanism
+    for c in mechanism.coordinates:
+        moved = c in machine.plan.prescribed or any(
+            (b.inertia and mechanism.frame(b.name)[0] == c)
+            or (b.mass and any(c in arm for arm in mechanism.point(b.name, b.cog)))
+            for b in mechanism.bodies
+        )
+        if not moved:
+            raise InputError(
+                f'{machine.name}: nothing that turns with the link {c} has inertia, so that its '
+                f"motion is not determined: give 'links.{c}.inertia' more than 0, or its mass "
+                'away from its joint'
+            )
 
 
 def _check_drive(name: str, scene: FourBarScene) -> None:

@@ -14,7 +14,6 @@ from mechanism_sim.scene.schema import (
     Clearance,
     Duration,
     Gravity,
-    Inertia,
     Length,
     Mass,
     Motor,
@@ -47,19 +46,16 @@ def _or_formula(unit: str) -> BeforeValidator:
     def read(value: Any) -> float | str:
         try:
             return to_si(value, unit)
-        except ValueError:
-            if not isinstance(value, str) or not _is_formula(value):
+        except ValueError as error:
+            if not isinstance(value, str):
                 raise
+            try:
+                formula.names(value)
+            except ValueError as other:
+                raise (other if '(' in value else error) from error
             return value
 
     return BeforeValidator(read)
-
-
-def _is_formula(text: str) -> bool:
-    try:
-        return bool(formula.names(text))
-    except ValueError:
-        return False
 
 
 Force = Annotated[float | str, _or_formula('N')]
@@ -73,7 +69,7 @@ class LinkageLink(Part):
     length: Length | None = None  #: from `start` to `end`
     points: dict[str, Vector] = {}
     mass: Mass | None = None
-    inertia: Inertia | None = None  #: about the centre of gravity
+    inertia: AddedInertia | None = None  #: about the centre of gravity; 0 for a point mass
     cog: Position | Vector = 0.0
 
 

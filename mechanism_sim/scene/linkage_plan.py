@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
+import heyoka as hy
+
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.forces import AppliedForce, CycleRange, Spring, TorsionSpring
 from mechanism_sim.numerics import formula
@@ -242,6 +244,11 @@ class _Reader:
 
     def _bodies(self, tree: Mechanism, drives: Mapping[str, LinkageDrive]) -> tuple[Body, ...]:
         found = []
+        for name, mass in self._scene.masses.items():
+            if self._find(f'masses.{name}.at', mass.at)[0] == GROUND:
+                raise InputError(
+                    f'{self._name}: masses.{name}.at: a mass on the ground moves nothing'
+                )
         for link in self._links:
             given = self._scene.links[link]
             cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
@@ -312,6 +319,11 @@ class _Reader:
         ]
         if len(ways) > 1:
             raise InputError(f'{where}: {ways[0]} and {ways[1]} exclude each other: keep one')
+        if drive.profile and drive.speed is not None:
+            raise InputError(
+                f'{where}: speed and profile exclude each other: a profile gives every speed, the '
+                'first at its first point'
+            )
         wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
         for key in sorted(wrong):
             if getattr(drive, key) is not None:
@@ -408,6 +420,7 @@ class _Reader:
         where = f'loads.{name}'
         self._find(f'{where}.at', load.at)
         known = {'t', 'x', 'y', 'vx', 'vy', *self._links, *(f'{x}_rate' for x in self._links)}
+        symbols = {x: hy.expression(x) for x in known}
         for part in (*load.force, load.torque):
             if isinstance(part, str):
                 for used in formula.names(part) - known:
@@ -416,6 +429,10 @@ class _Reader:
                         f'{nearest(used, known)}; it may name t, x, y, vx, vy, a link, or '
                         'LINK_rate'
                     )
+                try:
+                    formula.expression(part, symbols)
+                except ValueError as error:
+                    raise InputError(f'{self._name}: {where}: {error}') from error
         if load.during:
             c = self._coordinate(f'{where}.during.coordinate', load.during.coordinate)
             if tree.frame(c) != (c, 0.0):
