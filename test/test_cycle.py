@@ -458,7 +458,7 @@ def test_static_forces_are_those_of_a_machine_that_hardly_moves():
     slow = ms.cycle(ms.load_scene('slider_crank', {'drive.speed': '0.1 rpm'}), 24)
     for name in ('drive_torque', 'reaction.crank_rod.x', 'reaction.crank_rod.y',
                  'reaction.ground_piston.y', 'reaction.ground_piston.moment'):  # fmt: skip
-        assert fast[name] == pytest.approx(slow[name], rel=1e-6, abs=1e-6)
+        assert fast[name] == pytest.approx(slow[name], rel=1e-5, abs=1e-4)
     assert fast.mean_power == pytest.approx(0.0, abs=1e-9)  # gravity gives back what it takes
     assert 'energy.kinetic' not in fast.table()
 

@@ -189,3 +189,22 @@ def test_power_of_the_drives_is_the_rate_of_energy(runs, name):
     assert np.abs(here.drive_power - here.friction_power - rate).max() < 1e-7 * scale
     energy = solution.energy
     assert abs(energy.residual) < 1e-9 * max(abs(energy.initial), abs(energy.drive_work), 1e-9)
+
+
+def test_angles_in_formulas_count_all_their_turns_at_every_level():
+    """A spring written as a formula of the crank's angle is a drive's spring, after many turns."""
+    spring = {'loads.spring': {'at': 'crank', 'torque': '-0.002*crank'}, 'gravity': [0.0, 0.0]}
+    free = {'drive': {'speed': 30.0, 'torque': {}}}
+    own = {'drive': {'speed': 30.0, 'torque': {'per_angle': -0.002}}, 'gravity': [0.0, 0.0]}
+    written = ms.simulate(ms.load_scene('slider_crank', spring | free), duration=2.0)
+    given = ms.simulate(ms.load_scene('slider_crank', own), duration=2.0)
+    t = np.linspace(0.1, 1.9, 7)
+    a, b = (s.samples(t).observed.position for s in (written, given))
+    assert np.abs(b).max() > 4.0 * np.pi
+    assert np.abs(a - b).max() < 1e-9
+    steady = ms.simulate(ms.load_scene('slider_crank', spring), revolutions=3)
+    bare = ms.simulate(ms.load_scene('slider_crank', {'gravity': [0.0, 0.0]}), revolutions=3)
+    t = np.array([2.7]) / 3.0 * steady.duration
+    seen, without = (s.samples(t).observed for s in (steady, bare))
+    more = 0.002 * seen.position[0, 0]
+    assert seen.drive_torque[0, 0] - without.drive_torque[0, 0] == pytest.approx(more, rel=1e-9)

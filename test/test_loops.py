@@ -113,6 +113,7 @@ joints:
   piston_ground: {{prismatic: [ground.guide, piston]}}
 drive: {{coordinate: crank, speed: 1 rad/s, start_angle: 30 deg}}
 guess: {{rod: -10 deg, piston: 240 mm}}
+duration: 10 ms
 """
 
 

@@ -151,7 +151,7 @@ class AppliedForce:
     """A force or a torque on a link, constant or by a formula, always or in a part of the cycle.
 
     Formulas know the time ``t``, place ``x, y`` and velocity ``vx, vy`` of the point, and every
-    coordinate and its rate (``LINK``, ``LINK_rate``); angles without their whole turns.
+    coordinate and its rate (``LINK``, ``LINK_rate``), angles with all their turns.
     """
 
     name: str
@@ -194,11 +194,14 @@ class AppliedForce:
             'y': dense(y.value),
             'vx': dense(x.rate),
             'vy': dense(y.rate),
-            **frames.q,
             **{f'{c}_rate': v for c, v in frames.v.items()},
         }
-        if 't' in formula.names(given):
-            known['t'] = frames.time
+        straight = self.mechanism.displacements
+        for name in formula.names(given):
+            if name == 't':
+                known[name] = frames.time
+            elif name in frames.q:
+                known[name] = frames.q[name] if name in straight else frames.unwound(name)
         return formula.expression(given, known)
 
     def power_lost(self, frames: Frames) -> Term:
