@@ -6,9 +6,12 @@ knows of trees, of absolute link angles as coordinates, or of symbols; derivativ
 are complex steps.
 """
 
+import math
+
 import numpy as np
 
 from mechanism_sim.planar.mechanism import GROUND, Geneva, PinInSlot, Prismatic, SlottedRack
+from mechanism_sim.scene.linkage import LinkageScene
 
 STEP = 1e-30
 
@@ -140,6 +143,7 @@ class Absolute:
         A = np.zeros((n + r, n + r))
         A[:n, :n], A[:n, n:], A[n:, :n] = np.diag(masses), -J.T, J
         scale = np.abs(A).max(axis=1)
+        self.condition = np.linalg.cond(A / scale[:, None])
         right = np.concatenate([self.applied(x, rates, t, loads), gamma])
         found = np.linalg.solve(A / scale[:, None], right / scale)
         reactions, k = {}, n
@@ -150,3 +154,108 @@ class Absolute:
                 k += 1
             reactions[j.name] = total
         return found[:n], reactions, found[k:]
+
+
+def loads_of(scene):
+    """The loads of a scene at an instant, from its text: link, point, force, torque."""
+
+    def at(absolute, x, v, t):
+        if not isinstance(scene, LinkageScene):
+            return
+        plan = absolute.plan
+
+        def find(reference):
+            link, _, point = reference.partition('.')
+            return link, plan.points[link][point or 'start']
+
+        def moving(link, point):
+            place, J = absolute.point(x, link, point)
+            return place, J @ v
+
+        angles = {n: x[3 * i + 2] for i, n in enumerate(absolute.names)}
+        rates = {n: v[3 * i + 2] for i, n in enumerate(absolute.names)}
+        for s in scene.springs.values():
+            (a, pa), (b, pb) = (find(p) for p in s.between)
+            if (s.stiffness.unit or s.damping.unit).endswith('rad'):
+                twist = angles.get(b, 0.0) - angles.get(a, 0.0) - (s.free_angle or 0.0)
+                rate = rates.get(b, 0.0) - rates.get(a, 0.0)
+                moment = s.stiffness.value * twist + s.damping.value * rate
+                yield a, (0.0, 0.0), np.zeros(2), moment
+                yield b, (0.0, 0.0), np.zeros(2), -moment
+                continue
+            (xa, va), (xb, vb) = moving(a, pa), moving(b, pb)
+            line = xb - xa
+            length = math.hypot(*line)
+            unit = line / length
+            stretch = length - (s.free_length or 0.0)
+            pull = s.stiffness.value * stretch + s.damping.value * (unit @ (vb - va))
+            yield a, pa, pull * unit, 0.0
+            yield b, pb, -pull * unit, 0.0
+        for load in scene.loads.values():
+            link, point = find(load.at)
+            if load.during:
+                angle = angles[load.during.coordinate] - load.during.begin
+                width = (load.during.end - load.during.begin) % (2.0 * math.pi)
+                if angle % (2.0 * math.pi) > width:
+                    continue
+            place, rate = moving(link, point)
+            known = {'t': t, 'x': place[0], 'y': place[1], 'vx': rate[0], 'vy': rate[1]}
+            known |= {'sin': math.sin, 'cos': math.cos, 'exp': math.exp, 'pi': math.pi}
+            known |= {'sqrt': math.sqrt, 'tanh': math.tanh, 'abs': abs, 'tan': math.tan}
+            for i, c in enumerate(absolute.mechanism.coordinates):
+                known[c] = absolute.q[i]
+                known[f'{c}_rate'] = absolute.v[i]
+
+            def value(part, known=known):
+                return eval(part, {}, known) if isinstance(part, str) else part
+
+            force = np.array([value(part) for part in load.force], dtype=float)
+            if load.frame == 'link' and link != GROUND:
+                force = turned(angles[link], force)
+            yield link, point, force, float(value(load.torque))
+
+    return at
+
+
+def differences(machine, solution, t):
+    """How far reactions and drive forces of a run are from those of the second route, at times t.
+
+    Returns
+    -------
+    relative to the largest force (N,), and the condition (N,) of the equations of the second route
+    """
+    plan, mechanism = machine.plan, machine.physics.system.mechanism if machine.dynamic else (
+        machine.plan.ideal
+    )
+    absolute = Absolute(plan, mechanism, plan.prescribed)
+    seen = solution.samples(t).observed
+    driven = [mechanism.coordinates.index(c) for c in plan.prescribed]
+    powered = [mechanism.coordinates.index(c) for c in plan.powered]
+    largest = max(np.abs(seen.reaction).max(), 1e-3)
+    text = loads_of(machine.scene)
+    off, conditions = np.zeros(len(t)), np.zeros(len(t))
+    for k, time in enumerate(t):
+        absolute.q, absolute.v = seen.position[:, k], seen.velocity[:, k]
+        torques = dict(zip(powered, seen.drive_torque[len(driven) :, k], strict=True))
+
+        def loads(a, x, v, t, torques=torques):
+            yield from text(a, x, v, t)
+            for i, torque in torques.items():
+                row = a.drive_row(x, a.mechanism.coordinates[i])
+                # a drive's force as a generalised one: through unit loads on every body
+                for n, body in enumerate(a.plan.bodies):
+                    part = torque * row[3 * n : 3 * n + 3]
+                    yield body.name, body.cog, part[:2], part[2]
+
+        _, reactions, drives = absolute.solve(
+            absolute.q, absolute.v, seen.acceleration[driven, k], time, loads
+        )
+        size = [1.0, 1.0, mechanism.size]
+        for j, joint in enumerate(plan.joints):
+            found = np.array([*seen.reaction[j, :, k], seen.reaction_moment[j, k]])
+            off[k] = max(off[k], np.abs((found - reactions[joint.name]) / size).max())
+        scale = max(mechanism.size, 1.0)
+        apart = np.abs(drives - seen.drive_torque[: len(driven), k]) / scale
+        off[k] = max(off[k], apart.max(initial=0.0))
+        conditions[k] = absolute.condition
+    return off / largest, conditions

@@ -172,7 +172,7 @@ class AppliedForce:
         )
         torque = self._term(frames, 'torque', self.torque, x, y)
         frame, offset = self.mechanism.frame(self.point[0])
-        if self.turns and frame != GROUND:
+        if self.turns:
             c, s = math.cos(offset), math.sin(offset)
             p = frames.parameters
             cx, sx = p(f'{self.name}.offset.x', c), p(f'{self.name}.offset.y', s)
