@@ -30,10 +30,14 @@ def cross(a, b):
 
 
 class Absolute:
-    """The bodies of a plan; `driven` are coordinates with a prescribed motion."""
+    """The bodies of a plan; `driven` are coordinates with a prescribed motion.
 
-    def __init__(self, plan, mechanism, driven):
+    `joints` are those of the plan that are kept closed, by default all.
+    """
+
+    def __init__(self, plan, mechanism, driven, joints=None):
         self.plan, self.mechanism, self.driven = plan, mechanism, driven
+        self.joints = plan.joints if joints is None else joints
         self.names = [b.name for b in plan.bodies]
         self.bodies = {b.name: b for b in plan.bodies}
 
@@ -112,14 +116,17 @@ class Absolute:
         """How a driven coordinate changes with the poses."""
         if coordinate not in self.mechanism.displacements:
             return self.spin(x, coordinate)
-        j = self.mechanism.tree_joints[coordinate]
+        return self.slide(x, self.mechanism.tree_joints[coordinate])[1]
+
+    def slide(self, x, j):
+        """The displacement along a prismatic joint, and how it changes with the poses."""
         a, Ja = self.point(x, j.first, j.on_first)
         b, Jb = self.point(x, j.second, j.on_second)
         u = turned(self.link(x, j.first)[1], (np.cos(j.axis), np.sin(j.axis)))
-        return u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.first)
+        return u @ (b - a), u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.first)
 
     def jacobian(self, x):
-        rows = [row for j in self.plan.joints for row in self.joint_rows(x, j)[0]]
+        rows = [row for j in self.joints for row in self.joint_rows(x, j)[0]]
         return np.array([*rows, *(self.drive_row(x, c) for c in self.driven)])
 
     def applied(self, x, v, t, loads):
@@ -128,7 +135,7 @@ class Absolute:
         for i, body in enumerate(self.plan.bodies):
             Q[3 * i : 3 * i + 2] += body.mass * np.array(self.plan.gravity)
         for link, at, force, torque in loads(self, x, v, t):
-            Q += force @ self.point(x, link, at)[1] + torque * self.spin(x, link)
+            Q = Q + force @ self.point(x, link, at)[1] + torque * self.spin(x, link)
         return Q
 
     def solve(self, q, v, drive_accelerations, t, loads):
@@ -147,7 +154,7 @@ class Absolute:
         right = np.concatenate([self.applied(x, rates, t, loads), gamma])
         found = np.linalg.solve(A / scale[:, None], right / scale)
         reactions, k = {}, n
-        for j in self.plan.joints:
+        for j in self.joints:
             total = np.zeros(3)
             for force, moment in self.joint_rows(x, j)[1]:
                 total += found[k] * np.array([*force, moment])
@@ -202,9 +209,11 @@ def loads_of(scene):
             known = {'t': t, 'x': place[0], 'y': place[1], 'vx': rate[0], 'vy': rate[1]}
             known |= {'sin': math.sin, 'cos': math.cos, 'exp': math.exp, 'pi': math.pi}
             known |= {'sqrt': math.sqrt, 'tanh': math.tanh, 'abs': abs, 'tan': math.tan}
-            for i, c in enumerate(absolute.mechanism.coordinates):
-                known[c] = absolute.q[i]
-                known[f'{c}_rate'] = absolute.v[i]
+            for c in plan.ideal.coordinates:
+                known[c], known[f'{c}_rate'] = angles[c], rates[c]
+            for c in plan.ideal.sliding:
+                slid, row = absolute.slide(x, plan.ideal.tree_joints[c])
+                known[c], known[f'{c}_rate'] = slid, row @ v
 
             def value(part, known=known):
                 return eval(part, {}, known) if isinstance(part, str) else part
@@ -220,42 +229,50 @@ def loads_of(scene):
 def differences(machine, solution, t):
     """How far reactions and drive forces of a run are from those of the second route, at times t.
 
+    What a loose joint transmits is taken from the run, as a load on both links.
+
     Returns
     -------
     relative to the largest force (N,), and the condition (N,) of the equations of the second route
     """
-    plan, mechanism = machine.plan, machine.physics.system.mechanism if machine.dynamic else (
-        machine.plan.ideal
-    )
-    absolute = Absolute(plan, mechanism, plan.prescribed)
+    plan, mechanism = machine.plan, machine.mechanism
+    kept = [j for j in plan.joints if j.name not in machine.clearances]
+    absolute = Absolute(plan, mechanism, plan.prescribed, kept)
     seen = solution.samples(t).observed
     driven = [mechanism.coordinates.index(c) for c in plan.prescribed]
-    powered = [mechanism.coordinates.index(c) for c in plan.powered]
     largest = max(np.abs(seen.reaction).max(), 1e-3)
     text = loads_of(machine.scene)
     off, conditions = np.zeros(len(t)), np.zeros(len(t))
     for k, time in enumerate(t):
-        absolute.q, absolute.v = seen.position[:, k], seen.velocity[:, k]
-        torques = dict(zip(powered, seen.drive_torque[len(driven) :, k], strict=True))
+        wrenches = {
+            j.name: np.array([*seen.reaction[i, :, k], seen.reaction_moment[i, k]])
+            for i, j in enumerate(plan.joints)
+        }
+        torques = dict(zip(plan.powered, seen.drive_torque[len(driven) :, k], strict=True))
 
-        def loads(a, x, v, t, torques=torques):
+        def loads(a, x, v, t, torques=torques, wrenches=wrenches):
             yield from text(a, x, v, t)
-            for i, torque in torques.items():
-                row = a.drive_row(x, a.mechanism.coordinates[i])
+            for c, torque in torques.items():
+                row = a.drive_row(x, c)
                 # a drive's force as a generalised one: through unit loads on every body
                 for n, body in enumerate(a.plan.bodies):
                     part = torque * row[3 * n : 3 * n + 3]
                     yield body.name, body.cog, part[:2], part[2]
+            for j in plan.joints:
+                if j.name in machine.clearances:
+                    *force, moment = wrenches[j.name]
+                    force = np.array(force)
+                    pin, bushing = a.point(x, j.first, j.on_first), a.point(x, j.second, j.on_second)
+                    yield j.second, j.on_second, force, moment
+                    yield j.first, j.on_first, -force, cross(pin[0] - bushing[0], force) - moment
 
-        _, reactions, drives = absolute.solve(
-            absolute.q, absolute.v, seen.acceleration[driven, k], time, loads
-        )
+        state = seen.position[:, k], seen.velocity[:, k], seen.acceleration[driven, k]
+        _, reactions, drives = absolute.solve(*state, time, loads)
         size = [1.0, 1.0, mechanism.size]
-        for j, joint in enumerate(plan.joints):
-            found = np.array([*seen.reaction[j, :, k], seen.reaction_moment[j, k]])
-            off[k] = max(off[k], np.abs((found - reactions[joint.name]) / size).max())
-        scale = max(mechanism.size, 1.0)
-        apart = np.abs(drives - seen.drive_torque[: len(driven), k]) / scale
+        for j in kept:
+            apart = np.abs((wrenches[j.name] - reactions[j.name]) / size)
+            off[k] = max(off[k], apart.max())
+        apart = np.abs(drives - seen.drive_torque[: len(driven), k]) / max(mechanism.size, 1.0)
         off[k] = max(off[k], apart.max(initial=0.0))
         conditions[k] = absolute.condition
     return off / largest, conditions
