@@ -262,7 +262,10 @@ def differences(machine, solution, t):
                 if j.name in machine.clearances:
                     *force, moment = wrenches[j.name]
                     force = np.array(force)
-                    pin, bushing = a.point(x, j.first, j.on_first), a.point(x, j.second, j.on_second)
+                    pin, bushing = (
+                        a.point(x, j.first, j.on_first),
+                        a.point(x, j.second, j.on_second),
+                    )
                     yield j.second, j.on_second, force, moment
                     yield j.first, j.on_first, -force, cross(pin[0] - bushing[0], force) - moment
 

@@ -41,7 +41,7 @@ def machine(**changes):
         ({'torque': '-5*sin(block) - block_rate'}, lambda q, v: -5.0 * np.sin(q) - v),
         (
             {'torque': 5.0, 'during': {'coordinate': 'block', 'from': '165 deg', 'to': '180 deg'}},
-            lambda q, v: 5.0 * (np.radians(165.0) < q % (2.0 * np.pi)) * (q % (2.0 * np.pi) < np.pi),
+            lambda q, _: 5.0 * ((q - np.radians(165.0)) % (2.0 * np.pi) < np.radians(15.0)),
         ),
     ],
 )

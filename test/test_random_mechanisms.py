@@ -29,7 +29,8 @@ def made(seed, loose=False):
     try:
         return build(f'seed {seed}', LinkageScene.model_validate(scene))
     except InputError as error:
-        assert any(x in str(error) for x in REFUSED)
+        if not any(x in str(error) for x in REFUSED):
+            raise
         pytest.skip(str(error))
 
 

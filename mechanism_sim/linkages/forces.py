@@ -13,7 +13,14 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Vector2, rotate
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Mechanism,
+    Point,
+    Prismatic,
+    Vector2,
+    rotate,
+)
 
 LinkPoint = tuple[str, Vector2]
 """A link, and a point in its frame [m]."""
@@ -215,7 +222,7 @@ class AppliedForce:
             return frames.q[link], frames.v[link]
         assert isinstance(joint, Prismatic)  # noqa: S101 - it guides
         frame, offset = m.frame(joint.first)
-        way = {(frame, None): rotate((1.0, 0.0), joint.axis + offset)}
+        way: Point = {(frame, None): rotate((1.0, 0.0), joint.axis + offset)}
         x, y = frames.position(m.separation(joint.name), joint.name)
         ux, uy = frames.position(way, f'{joint.name}.way')
         slid: Jet = -(x * ux + y * uy)
