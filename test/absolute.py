@@ -6,9 +6,12 @@ knows of trees, of absolute link angles as coordinates, or of symbols; derivativ
 are complex steps.
 """
 
+import math
+
 import numpy as np
 
 from mechanism_sim.planar.mechanism import GROUND, Geneva, PinInSlot, Prismatic, SlottedRack
+from mechanism_sim.scene.linkage import LinkageScene
 
 STEP = 1e-30
 
@@ -27,10 +30,14 @@ def cross(a, b):
 
 
 class Absolute:
-    """The bodies of a plan; `driven` are coordinates with a prescribed motion."""
+    """The bodies of a plan; `driven` are coordinates with a prescribed motion.
 
-    def __init__(self, plan, mechanism, driven):
+    `joints` are those of the plan that are kept closed, by default all.
+    """
+
+    def __init__(self, plan, mechanism, driven, joints=None):
         self.plan, self.mechanism, self.driven = plan, mechanism, driven
+        self.joints = plan.joints if joints is None else joints
         self.names = [b.name for b in plan.bodies]
         self.bodies = {b.name: b for b in plan.bodies}
 
@@ -109,14 +116,17 @@ class Absolute:
         """How a driven coordinate changes with the poses."""
         if coordinate not in self.mechanism.displacements:
             return self.spin(x, coordinate)
-        j = self.mechanism.tree_joints[coordinate]
+        return self.slide(x, self.mechanism.tree_joints[coordinate])[1]
+
+    def slide(self, x, j):
+        """The displacement along a prismatic joint, and how it changes with the poses."""
         a, Ja = self.point(x, j.first, j.on_first)
         b, Jb = self.point(x, j.second, j.on_second)
         u = turned(self.link(x, j.first)[1], (np.cos(j.axis), np.sin(j.axis)))
-        return u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.first)
+        return u @ (b - a), u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.first)
 
     def jacobian(self, x):
-        rows = [row for j in self.plan.joints for row in self.joint_rows(x, j)[0]]
+        rows = [row for j in self.joints for row in self.joint_rows(x, j)[0]]
         return np.array([*rows, *(self.drive_row(x, c) for c in self.driven)])
 
     def applied(self, x, v, t, loads):
@@ -125,7 +135,7 @@ class Absolute:
         for i, body in enumerate(self.plan.bodies):
             Q[3 * i : 3 * i + 2] += body.mass * np.array(self.plan.gravity)
         for link, at, force, torque in loads(self, x, v, t):
-            Q += force @ self.point(x, link, at)[1] + torque * self.spin(x, link)
+            Q = Q + force @ self.point(x, link, at)[1] + torque * self.spin(x, link)
         return Q
 
     def solve(self, q, v, drive_accelerations, t, loads):
@@ -140,13 +150,132 @@ class Absolute:
         A = np.zeros((n + r, n + r))
         A[:n, :n], A[:n, n:], A[n:, :n] = np.diag(masses), -J.T, J
         scale = np.abs(A).max(axis=1)
+        self.condition = np.linalg.cond(A / scale[:, None])
         right = np.concatenate([self.applied(x, rates, t, loads), gamma])
         found = np.linalg.solve(A / scale[:, None], right / scale)
         reactions, k = {}, n
-        for j in self.plan.joints:
+        for j in self.joints:
             total = np.zeros(3)
             for force, moment in self.joint_rows(x, j)[1]:
                 total += found[k] * np.array([*force, moment])
                 k += 1
             reactions[j.name] = total
         return found[:n], reactions, found[k:]
+
+
+def loads_of(scene):
+    """The loads of a scene at an instant, from its text: link, point, force, torque."""
+
+    def at(absolute, x, v, t):
+        if not isinstance(scene, LinkageScene):
+            return
+        plan = absolute.plan
+
+        def find(reference):
+            link, _, point = reference.partition('.')
+            return link, plan.points[link][point or 'start']
+
+        def moving(link, point):
+            place, J = absolute.point(x, link, point)
+            return place, J @ v
+
+        angles = {n: x[3 * i + 2] for i, n in enumerate(absolute.names)}
+        rates = {n: v[3 * i + 2] for i, n in enumerate(absolute.names)}
+        for s in scene.springs.values():
+            (a, pa), (b, pb) = (find(p) for p in s.between)
+            if (s.stiffness.unit or s.damping.unit).endswith('rad'):
+                twist = angles.get(b, 0.0) - angles.get(a, 0.0) - (s.free_angle or 0.0)
+                rate = rates.get(b, 0.0) - rates.get(a, 0.0)
+                moment = s.stiffness.value * twist + s.damping.value * rate
+                yield a, (0.0, 0.0), np.zeros(2), moment
+                yield b, (0.0, 0.0), np.zeros(2), -moment
+                continue
+            (xa, va), (xb, vb) = moving(a, pa), moving(b, pb)
+            line = xb - xa
+            length = math.hypot(*line)
+            unit = line / length
+            stretch = length - (s.free_length or 0.0)
+            pull = s.stiffness.value * stretch + s.damping.value * (unit @ (vb - va))
+            yield a, pa, pull * unit, 0.0
+            yield b, pb, -pull * unit, 0.0
+        for load in scene.loads.values():
+            link, point = find(load.at)
+            if load.during:
+                angle = angles[load.during.coordinate] - load.during.begin
+                width = (load.during.end - load.during.begin) % (2.0 * math.pi)
+                if angle % (2.0 * math.pi) > width:
+                    continue
+            place, rate = moving(link, point)
+            known = {'t': t, 'x': place[0], 'y': place[1], 'vx': rate[0], 'vy': rate[1]}
+            known |= {'sin': math.sin, 'cos': math.cos, 'exp': math.exp, 'pi': math.pi}
+            known |= {'sqrt': math.sqrt, 'tanh': math.tanh, 'abs': abs, 'tan': math.tan}
+            for c in plan.ideal.coordinates:
+                known[c], known[f'{c}_rate'] = angles[c], rates[c]
+            for c in plan.ideal.sliding:
+                slid, row = absolute.slide(x, plan.ideal.tree_joints[c])
+                known[c], known[f'{c}_rate'] = slid, row @ v
+
+            def value(part, known=known):
+                return eval(part, {}, known) if isinstance(part, str) else part
+
+            force = np.array([value(part) for part in load.force], dtype=float)
+            if load.frame == 'link' and link != GROUND:
+                force = turned(angles[link], force)
+            yield link, point, force, float(value(load.torque))
+
+    return at
+
+
+def differences(machine, solution, t):
+    """How far reactions and drive forces of a run are from those of the second route, at times t.
+
+    What a loose joint transmits is taken from the run, as a load on both links.
+
+    Returns
+    -------
+    relative to the largest force (N,), and the condition (N,) of the equations of the second route
+    """
+    plan, mechanism = machine.plan, machine.mechanism
+    kept = [j for j in plan.joints if j.name not in machine.clearances]
+    absolute = Absolute(plan, mechanism, plan.prescribed, kept)
+    seen = solution.samples(t).observed
+    driven = [mechanism.coordinates.index(c) for c in plan.prescribed]
+    largest = max(np.abs(seen.reaction).max(), 1e-3)
+    text = loads_of(machine.scene)
+    off, conditions = np.zeros(len(t)), np.zeros(len(t))
+    for k, time in enumerate(t):
+        wrenches = {
+            j.name: np.array([*seen.reaction[i, :, k], seen.reaction_moment[i, k]])
+            for i, j in enumerate(plan.joints)
+        }
+        torques = dict(zip(plan.powered, seen.drive_torque[len(driven) :, k], strict=True))
+
+        def loads(a, x, v, t, torques=torques, wrenches=wrenches):
+            yield from text(a, x, v, t)
+            for c, torque in torques.items():
+                row = a.drive_row(x, c)
+                # a drive's force as a generalised one: through unit loads on every body
+                for n, body in enumerate(a.plan.bodies):
+                    part = torque * row[3 * n : 3 * n + 3]
+                    yield body.name, body.cog, part[:2], part[2]
+            for j in plan.joints:
+                if j.name in machine.clearances:
+                    *force, moment = wrenches[j.name]
+                    force = np.array(force)
+                    pin, bushing = (
+                        a.point(x, j.first, j.on_first),
+                        a.point(x, j.second, j.on_second),
+                    )
+                    yield j.second, j.on_second, force, moment
+                    yield j.first, j.on_first, -force, cross(pin[0] - bushing[0], force) - moment
+
+        state = seen.position[:, k], seen.velocity[:, k], seen.acceleration[driven, k]
+        _, reactions, drives = absolute.solve(*state, time, loads)
+        size = [1.0, 1.0, mechanism.size]
+        for j in kept:
+            apart = np.abs((wrenches[j.name] - reactions[j.name]) / size)
+            off[k] = max(off[k], apart.max())
+        apart = np.abs(drives - seen.drive_torque[: len(driven), k]) / max(mechanism.size, 1.0)
+        off[k] = max(off[k], apart.max(initial=0.0))
+        conditions[k] = absolute.condition
+    return off / largest, conditions

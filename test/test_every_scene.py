@@ -1,15 +1,12 @@
 """Every mechanism of the package: closures, derivatives, forces, power, by a second route each."""
 
-import math
-
 import numpy as np
 import pytest
-from absolute import Absolute, turned
+from absolute import differences
 
 import mechanism_sim as ms
-from mechanism_sim.planar.mechanism import GROUND, Geneva, SlottedRack
+from mechanism_sim.planar.mechanism import Geneva, SlottedRack
 from mechanism_sim.scene import Level
-from mechanism_sim.scene.linkage import LinkageScene
 
 SCENES = [n for n in ms.scene_names() if not ms.load_scene(n).clearances]
 # 6th-order central differences
@@ -50,67 +47,6 @@ def instants(machine, solution, count, margin):
     return t
 
 
-def loads_of(scene):
-    """The loads of a scene at an instant, from its text: link, point, force, torque."""
-
-    def at(absolute, x, v, t):
-        if not isinstance(scene, LinkageScene):
-            return
-        plan = absolute.plan
-
-        def find(reference):
-            link, _, point = reference.partition('.')
-            return link, plan.points[link][point or 'start']
-
-        def moving(link, point):
-            place, J = absolute.point(x, link, point)
-            return place, J @ v
-
-        angles = {n: x[3 * i + 2] for i, n in enumerate(absolute.names)}
-        rates = {n: v[3 * i + 2] for i, n in enumerate(absolute.names)}
-        for s in scene.springs.values():
-            (a, pa), (b, pb) = (find(p) for p in s.between)
-            if (s.stiffness.unit or s.damping.unit).endswith('rad'):
-                twist = angles.get(b, 0.0) - angles.get(a, 0.0) - (s.free_angle or 0.0)
-                rate = rates.get(b, 0.0) - rates.get(a, 0.0)
-                moment = s.stiffness.value * twist + s.damping.value * rate
-                yield a, (0.0, 0.0), np.zeros(2), moment
-                yield b, (0.0, 0.0), np.zeros(2), -moment
-                continue
-            (xa, va), (xb, vb) = moving(a, pa), moving(b, pb)
-            line = xb - xa
-            length = math.hypot(*line)
-            unit = line / length
-            stretch = length - (s.free_length or 0.0)
-            pull = s.stiffness.value * stretch + s.damping.value * (unit @ (vb - va))
-            yield a, pa, pull * unit, 0.0
-            yield b, pb, -pull * unit, 0.0
-        for load in scene.loads.values():
-            link, point = find(load.at)
-            if load.during:
-                angle = angles[load.during.coordinate] - load.during.begin
-                width = (load.during.end - load.during.begin) % (2.0 * math.pi)
-                if angle % (2.0 * math.pi) > width:
-                    continue
-            place, rate = moving(link, point)
-            known = {'t': t, 'x': place[0], 'y': place[1], 'vx': rate[0], 'vy': rate[1]}
-            known |= {'sin': math.sin, 'cos': math.cos, 'exp': math.exp, 'pi': math.pi}
-            known |= {'sqrt': math.sqrt, 'tanh': math.tanh, 'abs': abs, 'tan': math.tan}
-            for i, c in enumerate(absolute.mechanism.coordinates):
-                known[c] = absolute.q[i]
-                known[f'{c}_rate'] = absolute.v[i]
-
-            def value(part, known=known):
-                return eval(part, {}, known) if isinstance(part, str) else part
-
-            force = np.array([value(part) for part in load.force], dtype=float)
-            if load.frame == 'link' and link != GROUND:
-                force = turned(angles[link], force)
-            yield link, point, force, float(value(load.torque))
-
-    return at
-
-
 @pytest.mark.parametrize('name', SCENES)
 def test_loops_stay_closed(runs, name):
     _, solution = run(runs, name)
@@ -140,38 +76,8 @@ def test_forces_agree_with_newton_and_euler_for_every_body(runs, name):
     machine, solution = run(runs, name)
     if machine.level is Level.KINEMATIC:
         pytest.skip('without masses there are no forces')
-    plan = machine.plan
-    absolute = Absolute(plan, plan.ideal, plan.prescribed)
     t = instants(machine, solution, 12, 1e-6 * solution.duration)
-    seen = solution.samples(t).observed
-    driven = [plan.ideal.coordinates.index(c) for c in plan.prescribed]
-    powered = [plan.ideal.coordinates.index(c) for c in plan.powered]
-    largest = max(np.abs(seen.reaction).max(), 1e-3)
-    text = loads_of(machine.scene)
-    for k, time in enumerate(t):
-        absolute.q, absolute.v = seen.position[:, k], seen.velocity[:, k]
-        torques = dict(zip(powered, seen.drive_torque[len(driven) :, k], strict=True))
-
-        def loads(a, x, v, t, torques=torques):
-            yield from text(a, x, v, t)
-            for i, torque in torques.items():
-                c = a.mechanism.coordinates[i]
-                row = a.drive_row(x, c)
-                # a drive's force as a generalised one: through unit loads on every body
-                for n, body in enumerate(a.plan.bodies):
-                    part = torque * row[3 * n : 3 * n + 3]
-                    yield body.name, body.cog, part[:2], part[2]
-
-        _, reactions, drives = absolute.solve(
-            absolute.q, absolute.v, seen.acceleration[driven, k], time, loads
-        )
-        for j, joint in enumerate(plan.joints):
-            found = [*seen.reaction[j, :, k], seen.reaction_moment[j, k]]
-            size = [1.0, 1.0, plan.ideal.size]
-            off = (np.array(found) - reactions[joint.name]) / size
-            assert np.abs(off).max() < 1e-9 * largest, joint.name
-        scale = largest * max(plan.ideal.size, 1.0)
-        assert np.abs(drives - seen.drive_torque[: len(driven), k]).max(initial=0.0) < 1e-9 * scale
+    assert differences(machine, solution, t)[0].max() < 1e-9
 
 
 @pytest.mark.parametrize('name', SCENES)

@@ -66,8 +66,8 @@ class PrismaticClosure:
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         nx, ny = self._normal(frames)
         away: Jet = -(nx * x + ny * y)
-        ux, uy = _fixed(frames, self.mechanism, joint.first, joint.angle, f'{self.name}.first')
-        vx, vy = _fixed(frames, self.mechanism, joint.second, 0.0, f'{self.name}.second')
+        ux, uy = _fixed(frames, self.mechanism, joint.first, joint.angle, f'{self.name}.first.x')
+        vx, vy = _fixed(frames, self.mechanism, joint.second, 0.0, f'{self.name}.second.x')
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 

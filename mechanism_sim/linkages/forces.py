@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import heyoka as hy
 
@@ -12,7 +13,14 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Mechanism,
+    Point,
+    Prismatic,
+    Vector2,
+    rotate,
+)
 
 LinkPoint = tuple[str, Vector2]
 """A link, and a point in its frame [m]."""
@@ -136,11 +144,12 @@ class CycleRange:
     begin: float  #: [rad]
     end: float  #: [rad]
 
-    def guard(self, frames: Frames, name: str) -> hy.expression:
+    def guard(self, frames: Frames, mechanism: Mechanism, name: str) -> hy.expression:
         """Positive within: ``cos(angle - middle) - cos(half the width)``."""
+        frame, offset = mechanism.frame(self.coordinate)
         width = (self.end - self.begin) % (2.0 * math.pi)
-        middle = self.begin + 0.5 * width
-        p, q = frames.parameters, frames.q[self.coordinate]
+        middle = self.begin + 0.5 * width - offset
+        p, q = frames.parameters, frames.q[frame]
         c, s = p(f'{name}.middle.x', math.cos(middle)), p(f'{name}.middle.y', math.sin(middle))
         along = add(mul(c, hy.cos(q)), mul(s, hy.sin(q)))
         return dense(add(along, neg(p(f'{name}.half', math.cos(0.5 * width)))))
@@ -150,8 +159,9 @@ class CycleRange:
 class AppliedForce:
     """A force or a torque on a link, constant or by a formula, always or in a part of the cycle.
 
-    Formulas know the time ``t``, place ``x, y`` and velocity ``vx, vy`` of the point, and every
-    coordinate and its rate (``LINK``, ``LINK_rate``), angles with all their turns.
+    Formulas know the time ``t``, place ``x, y`` and velocity ``vx, vy`` of the point, and of every
+    link its angle, all turns counted, and its rate (``LINK``, ``LINK_rate``); of those in `guided`
+    the displacement.
     """
 
     name: str
@@ -161,6 +171,8 @@ class AppliedForce:
     torque: float | str = 0.0  #: [N m]
     turns: bool = False  #: whether the force is given in the link's frame
     during: CycleRange | None = None
+    guided: Mapping[str, str] = field(default_factory=dict)
+    """The prismatic joints along which displacements count, by link: also if they are cut here."""
 
     def loads(self, frames: Frames) -> list[Load]:
         """The force at its point, and the torque."""
@@ -172,7 +184,7 @@ class AppliedForce:
         )
         torque = self._term(frames, 'torque', self.torque, x, y)
         frame, offset = self.mechanism.frame(self.point[0])
-        if self.turns and frame != GROUND:
+        if self.turns:
             c, s = math.cos(offset), math.sin(offset)
             p = frames.parameters
             cx, sx = p(f'{self.name}.offset.x', c), p(f'{self.name}.offset.y', s)
@@ -182,27 +194,39 @@ class AppliedForce:
             )
             force = frames.world(frame, *force)
         if self.during:
-            flag = frames.switch(self.name, self.during.guard(frames, self.name))
+            flag = frames.switch(self.name, self.during.guard(frames, self.mechanism, self.name))
             force, torque = (mul(flag, force[0]), mul(flag, force[1])), mul(flag, torque)
         return [Load(self.name, *self.point, force, torque)]
 
     def _term(self, frames: Frames, part: str, given: float | str, x: Jet, y: Jet) -> Term:
         if not isinstance(given, str):
             return frames.parameters(f'{self.name}.{part}', given)
-        known = {
-            'x': dense(x.value),
-            'y': dense(y.value),
-            'vx': dense(x.rate),
-            'vy': dense(y.rate),
-            **{f'{c}_rate': v for c, v in frames.v.items()},
-        }
-        straight = self.mechanism.displacements
-        for name in formula.names(given):
-            if name == 't':
-                known[name] = frames.time
-            elif name in frames.q:
-                known[name] = frames.q[name] if name in straight else frames.unwound(name)
-        return formula.expression(given, known)
+        known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
+        for name in formula.names(given) - known.keys() - {'t'}:
+            link = name.removesuffix('_rate')
+            value, rate = self._motion(frames, link)
+            known[name] = value if name == link else rate
+        if 't' in formula.names(given):
+            known['t'] = frames.time
+        return formula.expression(given, {k: dense(term) for k, term in known.items()})
+
+    def _motion(self, frames: Frames, link: str) -> tuple[Term, Term]:
+        """Angle [rad] or displacement [m] of a link, and its rate."""
+        m = self.mechanism
+        frame, offset = m.frame(link)
+        if link not in self.guided:
+            turned = add(frames.unwound(frame), frames.parameters(f'{link}.offset', offset))
+            return turned, frames.angle(frame).rate
+        joint = m.joint(self.guided[link])
+        if m.tree_joints.get(link) is joint:
+            return frames.q[link], frames.v[link]
+        assert isinstance(joint, Prismatic)  # noqa: S101 - it guides
+        frame, offset = m.frame(joint.first)
+        way: Point = {(frame, None): rotate((1.0, 0.0), joint.axis + offset)}
+        x, y = frames.position(m.separation(joint.name), joint.name)
+        ux, uy = frames.position(way, f'{joint.name}.way')
+        slid: Jet = -(x * ux + y * uy)
+        return slid.value, slid.rate
 
     def power_lost(self, frames: Frames) -> Term:
         """Less what it feeds in: ``-(F.v + torque rate)``."""

@@ -24,13 +24,19 @@ class Parameters:
     values: list[float] = field(default_factory=list)
 
     def __call__(self, name: str, value: float) -> Term:
-        """Expression of the parameter `name`; ``None`` for zero."""
+        """Expression of the parameter `name`; ``None`` for zero.
+
+        Raises
+        ------
+        ValueError
+            If the name stands for another value already.
+        """
         if value == 0.0:
             return None
-        if name not in self.names:
-            self.names[name] = len(self.values)
-            self.values.append(float(value))
-        return hy.par[self.names[name]]
+        symbol = self.reserve(name, value)
+        if self.values[self.names[name]] != value:
+            raise ValueError(f'{name} is {self.values[self.names[name]]} and {value}')
+        return symbol
 
     def reserve(self, name: str, value: float = 0.0) -> hy.expression:
         """Expression of a parameter that changes during a run and may be zero."""

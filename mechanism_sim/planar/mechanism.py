@@ -148,18 +148,19 @@ class Mechanism:
     def size(self) -> float:
         """Longest distance between two points of one link [m]: the scale of rounding errors.
 
-        The points are its joints, its origin and its centre of gravity.
+        The points are its joints, its origin and its centre of gravity; 1 m if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
             ends.setdefault(j.first, []).append(j.on_first)
             ends.setdefault(j.second, []).append(j.on_second)
-        return max(
+        longest = max(
             math.hypot(a[0] - b[0], a[1] - b[1])
             for points in ends.values()
             for a in points
             for b in points
         )
+        return longest or 1.0
 
     @cached_property
     def _tree(self) -> tuple[dict[str, Joint], tuple[str, ...]]:

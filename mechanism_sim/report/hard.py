@@ -42,7 +42,7 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
     lines = [
         '# Hard cases',
         '',
-        'Where simulators of contact break. Made by',
+        'Where simulators of machines and of contact break. Made by',
         '`mechanism-sim bench hard --markdown docs/hard_cases.md`; `test/hard` runs the same.',
         '',
     ]

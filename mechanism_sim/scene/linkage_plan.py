@@ -79,6 +79,7 @@ class _Reader:
         closing = closing_joints(self._links, joints, (), straight)
         massless = Mechanism(tuple(Body(x, 0.0, 0.0, (0.0, 0.0)) for x in self._links),
                              joints, closing)  # fmt: skip
+        self._guided = {c: massless.tree_joints[c].name for c in massless.sliding}
         bodies = self._bodies(massless, drives)
         laws: dict[str, tuple[Law, ...]] = {}
         begins: dict[str, tuple[float, float]] = {}
@@ -440,6 +441,11 @@ class _Reader:
                     f'{self._name}: {where}.during.coordinate: {c} is a displacement; a range is '
                     'one of angles'
                 )
+            if abs(math.remainder(load.during.end - load.during.begin, 2.0 * math.pi)) < 1e-9:
+                raise InputError(
+                    f"{self._name}: {where}.during: 'from' and 'to' are the same direction; for a "
+                    "load that acts in the whole cycle leave out 'during'"
+                )
 
     def _elements(self, mechanism: Mechanism) -> list[ForceElement]:
         found: list[ForceElement] = []
@@ -463,7 +469,7 @@ class _Reader:
             found.append(
                 AppliedForce(
                     f'loads.{name}', mechanism, self._find(f'loads.{name}.at', load.at),
-                    load.force, load.torque, load.frame == 'link', during,
+                    load.force, load.torque, load.frame == 'link', during, self._guided,
                 )
             )  # fmt: skip
         return found

@@ -499,5 +499,5 @@ def joint_forces(machine: Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) 
         constant, per_angle, per_speed = law.coefficients
         rows.append(constant + per_angle * q[i] + per_speed * v[i])
     none, modes = np.zeros((len(machine.plan.prescribed), 1)), np.zeros((0, 1), np.uint8)
-    seen = system.observe(q, v, none, modes, np.array(rows))
+    seen = system.observe(q, v, none, modes, np.reshape(rows, (-1, 1)))
     return seen.reaction[:, :, 0]

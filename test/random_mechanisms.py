@@ -1,0 +1,173 @@
+"""Mechanisms made by chance: links anywhere, joints where the links happen to be.
+
+Every link gets a pose; joints are put between them there, so that whatever is tied together can be
+assembled, and the poses are the guess. No dimension is special.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from absolute import turned
+
+from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.linkage_plan import linkage_plan
+
+FORMULAS = (
+    '2*sin(7*t)', '-0.5*vx', '-0.5*vy - 0.1*vy**3', '1 - 3*x', '0.3/(1 + y*y)', 'exp(-x)',
+    '-0.2*{c}_rate', 'cos({c})', 'tanh(3*{d}_rate)', '0.5*{d}',
+)  # fmt: skip
+
+
+def linkage(random, size=1.0):
+    """A scene as a dictionary without drives, and the poses (x, y, angle) of its links.
+
+    Parameters
+    ----------
+    random : generator
+    size : [m] of the links
+    """
+    count = int(random.integers(2, 7))
+    poses = {GROUND: np.zeros(3)}
+    links = {GROUND: {'points': {}}}
+    for i in range(count):
+        poses[f'l{i}'] = np.array([*random.uniform(-size, size, 2), random.uniform(-3.0, 3.0)])
+        inertia = float(random.uniform(0.02, 0.3)) * size**2
+        links[f'l{i}'] = {
+            'points': {},
+            'mass': float(random.uniform(0.5, 3.0)),
+            'inertia': inertia,
+            'cog': random.uniform(-0.5 * size, 0.5 * size, 2).tolist(),
+        }
+    joints = {}
+
+    def point(link, world):
+        x, y, angle = poses[link]
+        points = links[link]['points']
+        points[f'p{len(points)}'] = turned(-angle, world - np.array([x, y])).tolist()
+        return f'{link}.p{len(points) - 1}'
+
+    def tie(a, b, kind):
+        at = 0.5 * (poses[a][:2] + poses[b][:2]) + random.uniform(-0.7 * size, 0.7 * size, 2)
+        along = float(random.uniform(-3.0, 3.0))
+        shift = size * random.uniform(-1.0, 1.0) * np.array([np.cos(along), np.sin(along)])
+        if kind == 'revolute':
+            joints[f'j{len(joints)}'] = {kind: [point(a, at), point(b, at)]}
+        elif kind == 'prismatic':
+            joints[f'j{len(joints)}'] = {
+                kind: [point(a, at), point(b, at + shift)],
+                'axis': along - poses[a][2],
+                'angle': poses[b][2] - poses[a][2],
+            }
+        else:
+            joints[f'j{len(joints)}'] = {
+                kind: [point(a, at), point(b, at + shift)],
+                'axis': along - poses[b][2],
+            }
+
+    kinds, shares = ['revolute', 'prismatic'], [0.7, 0.3]
+    names = list(links)
+    for i in range(1, len(names)):
+        # sooner to a link than to the ground: longer loops
+        ends = [names[int(random.integers(0, i))], names[i]]
+        random.shuffle(ends)
+        tie(*ends, random.choice(kinds, p=shares))
+    freedom = count
+    while freedom > 1 and random.random() < 0.8:
+        kind = random.choice(['slot', *kinds], p=[0.3, 0.5, 0.2])
+        if kind != 'slot' and freedom == 2:
+            kind = 'slot'
+        pair = [str(x) for x in random.choice(names, 2, replace=False)]
+        if any({p.split('.')[0] for p in j[next(iter(j))]} == {*pair} for j in joints.values()):
+            if random.random() < 0.3:
+                break
+            continue
+        tie(*pair, kind)
+        freedom -= 1 if kind == 'slot' else 2
+    scene = {
+        'title': 'by chance',
+        'mechanism': 'linkage',
+        'links': links,
+        'joints': joints,
+        'gravity': random.uniform(-10.0, 10.0, 2).tolist(),
+        'springs': {},
+        'loads': {},
+    }
+    if random.random() < 0.5:
+        a, b = (str(x) for x in random.choice(names, 2, replace=False))
+        ends = [point(x, random.uniform(-size, size, 2)) for x in (a, b)]
+        scene['springs']['straight'] = {
+            'between': ends,
+            'stiffness': f'{random.uniform(1.0, 50.0) / size} N/m',
+            'damping': f'{random.uniform(0.0, 2.0)} N s/m',
+            'free_length': float(random.uniform(0.0, size)),
+        }
+    if random.random() < 0.5:
+        a, b = (str(x) for x in random.choice(names, 2, replace=False))
+        scene['springs']['torsional'] = {
+            'between': [a, b],
+            'stiffness': f'{random.uniform(0.1, 5.0) * size} N m/rad',
+            'damping': f'{random.uniform(0.0, 0.5) * size} N m s/rad',
+            'free_angle': float(random.uniform(-3.0, 3.0)),
+        }
+    for k in range(int(random.integers(0, 3))):
+        link = str(random.choice(names[1:]))
+
+        def formula():
+            c, d = random.choice(names[1:], 2)
+            return str(random.choice(FORMULAS)).format(c=c, d=d)
+
+        scene['loads'][f'load{k}'] = {
+            'at': point(link, poses[link][:2] + random.uniform(-0.5 * size, 0.5 * size, 2)),
+            'force': [formula(), float(random.uniform(-2.0, 2.0))],
+            'torque': formula(),
+            'frame': str(random.choice(['world', 'link'])),
+        }
+    return scene, poses, freedom
+
+
+def driven(random, scene, poses, freedom):
+    """The same with drives: as many prescribed ones as there are freedoms, or fewer.
+
+    Others are moved by a torque or a force, or by nothing.
+    """
+    names = [link for link in scene['links'] if link != GROUND]
+    values = _coordinates(scene, poses)
+    prescribed = freedom if random.random() < 0.5 else int(random.integers(0, freedom))
+    chosen = [str(x) for x in random.permutation(names)[: max(prescribed, 1)]]
+    drives = {}
+    for k, c in enumerate(chosen):
+        straight = values[c][1]
+        rate = float(random.uniform(-2.0, 2.0))
+        drive = drives[c] = {'speed': f'{rate} m/s' if straight else f'{rate} rad/s'}
+        if k >= prescribed:
+            drive['force' if straight else 'torque'] = {
+                'constant': float(random.uniform(-1.0, 1.0)),
+                'per_position' if straight else 'per_angle': float(random.uniform(-1.0, 0.0)),
+                'per_speed': float(random.uniform(-1.0, 0.0)),
+            }
+    scene = {**scene, 'drives': drives}
+    guess = {}
+    for c, (value, straight) in _coordinates(scene, poses).items():
+        guess[c] = f'{value} m' if straight else f'{value} rad'
+        if c in drives:
+            drives[c]['start_position' if straight else 'start_angle'] = value
+    return {**scene, 'guess': guess}
+
+
+def _coordinates(scene, poses):
+    """The coordinates of the tree that the program finds, at the poses; which are straight."""
+    tree = linkage_plan('by chance', LinkageScene.model_validate(scene)).ideal
+    found = {}
+    for c in tree.coordinates:
+        j = tree.tree_joints[c]
+        if not isinstance(j, Prismatic):
+            found[c] = float(poses[c][2]), False
+            continue
+        places = [
+            poses[link][:2] + turned(poses[link][2], at)
+            for link, at in ((j.first, j.on_first), (j.second, j.on_second))
+        ]
+        way = turned(poses[j.first][2] + j.axis, (1.0, 0.0))
+        found[c] = float((places[1] - places[0]) @ way), True
+    return found

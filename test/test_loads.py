@@ -1,0 +1,87 @@
+"""Loads keep their meaning when a joint gets loose, when links turn often, and on sliders."""
+
+import numpy as np
+import pytest
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.linkage import LinkageScene
+
+
+def machine(**changes):
+    """A crank whose pin carries a block on a rocker."""
+    scene = {
+        'title': 'quick return',
+        'mechanism': 'linkage',
+        'links': {
+            'ground': {'points': {'O': [0, 0], 'C': [0.3, 0]}},
+            'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01, 'cog': 0.05},
+            'block': {'mass': 0.5, 'inertia': 0.001},
+            'rocker': {'length': 0.5, 'mass': 1.0, 'inertia': 0.02, 'cog': 0.2},
+        },
+        'joints': {
+            'O': {'revolute': ['ground.O', 'crank.start']},
+            'A': {'revolute': ['crank.end', 'block']},
+            'C': {'revolute': ['ground.C', 'rocker.start']},
+            'S': {'prismatic': ['rocker', 'block']},
+        },
+        'gravity': [0, -9.81],
+        'drive': {'coordinate': 'crank', 'speed': '5 rad/s', 'start_angle': 1.0},
+        'guess': {'rocker': '160 deg', 'block': '160 deg'},
+        **changes,
+    }
+    return build('test', LinkageScene.model_validate(scene))
+
+
+@pytest.mark.parametrize('loose', [False, True])
+@pytest.mark.parametrize(
+    ('load', 'moment'),
+    [
+        ({'torque': '-5*sin(block) - block_rate'}, lambda q, v: -5.0 * np.sin(q) - v),
+        (
+            {'torque': 5.0, 'during': {'coordinate': 'block', 'from': '165 deg', 'to': '180 deg'}},
+            lambda q, _: 5.0 * ((q - np.radians(165.0)) % (2.0 * np.pi) < np.radians(15.0)),
+        ),
+    ],
+)
+def test_a_coordinate_in_a_load_is_what_it_is_without_clearance(load, moment, loose):
+    """The loose joint lets a guide carry the block, whose coordinate is a displacement then."""
+    joints = machine().scene.model_dump(exclude_none=True)['joints']
+    if loose:
+        joints['A']['clearance'] = {'radial': 1e-4, 'restitution': 0.5}
+    made = machine(loads={'f': {'at': 'rocker', **load}}, joints=joints)
+    assert ('block' in made.mechanism.displacements) is loose
+    seen = ms.simulate(made, duration=1.25).samples(np.linspace(0.1, 1.2, 30)).observed
+    i = made.mechanism.coordinates.index('rocker')
+    angle, rate = seen.position[i], seen.velocity[i]  # the block turns with the rocker
+    expected = moment(angle, rate) * rate
+    assert np.ptp(expected) > 0.5
+    assert -seen.friction_power == pytest.approx(expected, abs=1e-9)
+
+
+def wheel(drive, **loads):
+    scene = {
+        'title': 'wheel',
+        'mechanism': 'linkage',
+        'links': {'ground': {}, 'wheel': {'mass': 1.0, 'inertia': 0.01}},
+        'joints': {'O': {'revolute': ['ground', 'wheel']}},
+        'loads': {'f': {'at': 'wheel', **loads}},
+        'drive': {'coordinate': 'wheel', 'speed': '60 rad/s', **drive},
+    }
+    return build('test', LinkageScene.model_validate(scene))
+
+
+def test_angles_in_formulas_count_all_turns():
+    """A formula as a spring: three turns out and back, as a sine."""
+    swing = ms.simulate(wheel({'torque': {}}, torque='-0.1*wheel'), duration=3.0)
+    t = np.linspace(0.0, 3.0, 31)
+    w = np.sqrt(0.1 / 0.01)
+    assert swing.sample(t)['position.wheel'] == pytest.approx(60.0 / w * np.sin(w * t), abs=1e-10)
+    driven = ms.simulate(wheel({}, torque='-0.1*wheel'), duration=3.0)
+    assert driven.sample(t)['drive_torque'] == pytest.approx(6.0 * t, abs=1e-12)
+
+
+def test_a_range_must_not_be_empty():
+    with pytest.raises(InputError, match="leave out 'during'"):
+        wheel({}, torque=1.0, during={'coordinate': 'wheel', 'from': '10 deg', 'to': '370 deg'})
