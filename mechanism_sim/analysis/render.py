@@ -43,9 +43,12 @@ def _head(s: Summary) -> str:
     ]
     if s.motion is not None:
         m = s.motion
-        rpm = m.mean_speed * 30 / math.pi
+        how = f'slides, {m.mean_speed:.6g} m/s on average'
+        if m.revolutions is not None:
+            rpm = m.mean_speed * 30 / math.pi
+            how = f'{m.revolutions:.9g} revolutions, {rpm:.6g} rpm on average'
         lines += [
-            (m.crank, f'{m.revolutions:.9g} revolutions, {rpm:.6g} rpm on average'),
+            (m.crank, how),
             ('motion', f'{m.segments} segments of {", ".join(m.coordinates)}'),
         ]
         lines += [('MISSING', f'motion from {a:.9g} s to {b:.9g} s') for a, b in m.gaps]

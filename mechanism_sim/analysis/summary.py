@@ -25,7 +25,7 @@ from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.segments import unpack
-from mechanism_sim.recording import Bag, read_bag, scene_name
+from mechanism_sim.recording import Bag, displacements, read_bag, scene_name
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         start, end = motion.start, motion.end
     elif run.ledger.end is not None:
         end = max(end, run.ledger.end)
-    crank = Crank(motion)
+    crank = Crank(motion, motion is not None and motion.coordinates[0] in displacements(bag))
     moved = crank.summary(run.coordinates)
     present = {kind: bool(topics[kind]) for kind in KINDS}
     impacts = None

@@ -15,8 +15,10 @@ from mechanism_sim.scene.machine import Machine
 
 
 def describe(machine: Machine) -> str:
-    """The scene as JSON, in SI units."""
-    return json.dumps({'name': machine.name, 'scene': machine.scene.model_dump()})
+    """The scene as JSON, in SI units, and which of its coordinates are displacements."""
+    displacements = machine.mechanism.displacements
+    content = {'name': machine.name, 'scene': machine.scene.model_dump()}
+    return json.dumps(content | {'displacements': displacements})
 
 
 def drive_law(law: Law, law_id: int, until: float, final: bool, announced: float) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -67,10 +68,26 @@ def scene_name(bag: Bag) -> str | None:
 
     The topic holds the name itself, or the scene as YAML or JSON with its `name`.
     """
+    text = _scene_text(bag)
+    return None if text is None else _name_in(text)
+
+
+def displacements(bag: Bag) -> frozenset[str]:
+    """Return the coordinates that are displacements, as the latched topic `scene` says."""
+    try:
+        content = json.loads(_scene_text(bag) or '{}')
+    except ValueError:
+        return frozenset()  # a name, or YAML
+    return (
+        frozenset(content.get('displacements', ())) if isinstance(content, dict) else frozenset()
+    )
+
+
+def _scene_text(bag: Bag) -> str | None:
     for topic in bag.topics.values():
         if topic.name.rpartition('/')[2] == 'scene' and topic.type == 'std_msgs/msg/String':
             for _, message, _ in bag.messages(topic.name):
-                return _name_in(message.data)
+                return str(message.data)
     return None
 
 
