@@ -362,6 +362,23 @@ def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
     assert analyze(bag).digest == solved['digest']
 
 
+@pytest.mark.parametrize('scene', ['loader', 'slider_crank_piston_driven', 'geneva', 'pendulum'])
+def test_linkages_run_as_nodes_bit_by_bit_as_without(tmp_path, scene):
+    """Two drives that slide, one, a drive with switches, and none."""
+    bag = tmp_path / 'run.mcap'
+    outcome = run_json('run', scene, '--record', str(bag))
+    solved = run_json('solve', scene)
+    found = analyze(bag)
+    assert outcome['duration'] == solved['duration']
+    assert found.digest == solved['digest']
+    slides = scene in ('loader', 'slider_crank_piston_driven')
+    assert (found.motion.revolutions is None) == slides
+    states = [m for _, m, _ in read_bag(bag).messages('/joint_states')]
+    assert list(states[0].name) == solved['coordinates']
+    frames = {t.child_frame_id for _, m, _ in read_bag(bag).messages('/tf') for t in m.transforms}
+    assert frames == set(ms.load_scene(scene).links)
+
+
 def test_a_paced_run_is_not_faster_than_its_clock():
     outcome = run_json('run', SCENE, '--duration', '1', '--realtime-factor', '1')
     assert outcome['duration'] == pytest.approx(1.0, abs=1e-12)
