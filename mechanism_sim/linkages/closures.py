@@ -17,7 +17,6 @@ from mechanism_sim.planar.mechanism import (
     PinInSlot,
     Prismatic,
     SlottedRack,
-    rotate,
 )
 from mechanism_sim.planar.protocols import Relation
 
@@ -48,8 +47,8 @@ class PrismaticClosure:
     def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Of the line, 90 degrees counterclockwise from its axis."""
         joint = self._joint
-        return _fixed(frames, self.mechanism, joint.first, joint.axis + 0.5 * math.pi,
-                      f'{self.name}.normal')  # fmt: skip
+        normal = self.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
+        return frames.position(normal, f'{self.name}.normal')
 
     @property
     def _joint(self) -> Prismatic:
@@ -64,8 +63,10 @@ class PrismaticClosure:
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         nx, ny = self._normal(frames)
         away: Jet = -(nx * x + ny * y)
-        ux, uy = _fixed(frames, self.mechanism, joint.first, joint.angle, f'{self.name}.first.x')
-        vx, vy = _fixed(frames, self.mechanism, joint.second, 0.0, f'{self.name}.second.x')
+        first = self.mechanism.direction(joint.first, joint.angle)
+        second = self.mechanism.direction(joint.second, 0.0)
+        ux, uy = frames.position(first, f'{self.name}.first.x')
+        vx, vy = frames.position(second, f'{self.name}.second.x')
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 
@@ -87,8 +88,8 @@ class SlotClosure:
         joint = self.mechanism.joint(self.name)
         if not isinstance(joint, PinInSlot):
             raise TypeError(f'{self.name} is not a pin in a slot')
-        return _fixed(frames, self.mechanism, joint.second, joint.axis + 0.5 * math.pi,
-                      f'{self.name}.normal')  # fmt: skip
+        normal = self.mechanism.direction(joint.second, joint.axis + 0.5 * math.pi)
+        return frames.position(normal, f'{self.name}.normal')
 
     def values(self, frames: Frames) -> list[Jet]:
         """Distance of the pin from the centre line [m]."""
@@ -120,11 +121,3 @@ def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
         else:
             found.append(Closure(name, mechanism))
     return found
-
-
-def _fixed(
-    frames: Frames, mechanism: Mechanism, link: str, angle: float, label: str
-) -> tuple[Jet, Jet]:
-    """A unit vector at an angle [rad] in a link's frame."""
-    frame, offset = mechanism.frame(link)
-    return frames.position({(frame, None): rotate((1.0, 0.0), angle + offset)}, label)
