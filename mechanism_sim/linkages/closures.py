@@ -19,7 +19,6 @@ from mechanism_sim.planar.mechanism import (
     PinInSlot,
     Prismatic,
     SlottedRack,
-    rotate,
 )
 from mechanism_sim.planar.protocols import Relation
 
@@ -50,8 +49,8 @@ class PrismaticClosure:
     def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Of the line, 90 degrees counterclockwise from its axis."""
         joint = self._joint
-        return _fixed(frames, self.mechanism, joint.first, joint.axis + 0.5 * math.pi,
-                      f'{self.name}.normal')  # fmt: skip
+        normal = self.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
+        return frames.position(normal, f'{self.name}.normal')
 
     @property
     def _joint(self) -> Prismatic:
@@ -66,8 +65,10 @@ class PrismaticClosure:
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         nx, ny = self._normal(frames)
         away: Jet = -(nx * x + ny * y)
-        ux, uy = _fixed(frames, self.mechanism, joint.first, joint.angle, f'{self.name}.first.x')
-        vx, vy = _fixed(frames, self.mechanism, joint.second, 0.0, f'{self.name}.second.x')
+        first = self.mechanism.direction(joint.first, joint.angle)
+        second = self.mechanism.direction(joint.second, 0.0)
+        ux, uy = frames.position(first, f'{self.name}.first.x')
+        vx, vy = frames.position(second, f'{self.name}.second.x')
         turned: Jet = ux * vy - uy * vx
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 
@@ -90,8 +91,8 @@ class SlotClosure:
         joint = self.mechanism.joint(self.name)
         if not isinstance(joint, PinInSlot):
             raise TypeError(f'{self.name} is not a pin in a slot')
-        return _fixed(frames, self.mechanism, joint.second, joint.axis + 0.5 * math.pi,
-                      f'{self.name}.normal')  # fmt: skip
+        normal = self.mechanism.direction(joint.second, joint.axis + 0.5 * math.pi)
+        return frames.position(normal, f'{self.name}.normal')
 
     def values(self, frames: Frames) -> list[Jet]:
         """Distance of the pin from the centre line [m]."""
@@ -129,11 +130,3 @@ def slotted(mechanism: Mechanism, name: str) -> Slotted:
     if isinstance(joint, SlottedRack):
         return RackClosure(name, mechanism)
     return SlotClosure(name, mechanism)
-
-
-def _fixed(
-    frames: Frames, mechanism: Mechanism, link: str, angle: float, label: str
-) -> tuple[Jet, Jet]:
-    """A unit vector at an angle [rad] in a link's frame."""
-    frame, offset = mechanism.frame(link)
-    return frames.position({(frame, None): rotate((1.0, 0.0), angle + offset)}, label)

@@ -13,14 +13,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Mechanism,
-    Point,
-    Prismatic,
-    Vector2,
-    rotate,
-)
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Vector2
 
 LinkPoint = tuple[str, Vector2]
 """A link, and a point in its frame [m]."""
@@ -221,10 +214,8 @@ class AppliedForce:
         if m.tree_joints.get(link) is joint:
             return frames.q[link], frames.v[link]
         assert isinstance(joint, Prismatic)  # noqa: S101 - it guides
-        frame, offset = m.frame(joint.first)
-        way: Point = {(frame, None): rotate((1.0, 0.0), joint.axis + offset)}
         x, y = frames.position(m.separation(joint.name), joint.name)
-        ux, uy = frames.position(way, f'{joint.name}.way')
+        ux, uy = frames.position(m.direction(joint.first, joint.axis), f'{joint.name}.way')
         slid: Jet = -(x * ux + y * uy)
         return slid.value, slid.rate
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
 from math import comb
+
+import numpy as np
+from numpy.polynomial import Polynomial, polynomial
 
 #: 2 pi to 60 digits, so that whole turns can be taken off without losing any.
 TWO_PI = Fraction('6.28318530717958647692528676655900576839433879875021164194989')
@@ -114,3 +118,47 @@ def speed_profile(
     laws.append(DriveLaw(coordinate, (angle, speed), last, last, straight))
     return [law for law, later in zip(laws, [*laws[1:], None], strict=True)
             if later is None or later.valid_from > law.valid_from]  # fmt: skip
+
+
+def largest_speed(laws: Sequence[Law]) -> float:
+    """Largest speed at the ends of consecutive laws [rad/s]; 0 where torques rule."""
+    speeds = [0.0]
+    for law, later in zip(laws, [*laws[1:], None], strict=True):
+        if isinstance(law, DriveLaw):
+            ends = [law.valid_from] + ([later.valid_from] if later else [])
+            rate = polynomial.polyder(law.coefficients)
+            speeds += [float(polynomial.polyval(t - law.reference_time, rate)) for t in ends]
+    return max(map(abs, speeds))
+
+
+def time_of_angle(laws: Sequence[Law], angle: float) -> float | None:
+    """When consecutive laws have turned their coordinate by `angle` [rad]: [s], None for never."""
+    turned = 0.0
+    known = [law for law in laws if isinstance(law, DriveLaw)]
+    for law, later in zip(known, [*known[1:], None], strict=True):
+        end = later.valid_from if later else math.inf
+        t = _reached(law, angle - turned, end)
+        if t is not None or later is None:
+            return t
+        ends = [law.valid_from - law.reference_time, end - law.reference_time]
+        before, after = (float(polynomial.polyval(x, law.coefficients)) for x in ends)
+        turned += abs(after - before)
+    return None
+
+
+def _reached(law: DriveLaw, angle: float, end: float) -> float | None:
+    """When a law has turned by `angle` [rad] since it took over, if before `end` [s]."""
+    if law.degree == 1 and law.valid_from == law.reference_time:
+        speed = abs(law.coefficients[1])
+        t = law.valid_from + angle / speed if speed else math.inf
+        return t if t <= end and t < math.inf else None
+    began = law.valid_from - law.reference_time
+    start = polynomial.polyval(began, law.coefficients)
+    hits = []
+    for sign in (1.0, -1.0):
+        shifted = Polynomial(np.array(law.coefficients)) - (start + sign * angle)
+        roots = np.asarray(shifted.trim().roots())
+        real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
+        hits += [float(x) for x in real[real > began]]
+    times = [law.reference_time + root for root in hits]
+    return min((t for t in times if t <= end), default=None)

@@ -211,6 +211,11 @@ class Mechanism:
         """A vector of a link's frame in the frame with which the link turns."""
         return rotate(v, self.frame(link)[1])
 
+    def direction(self, link: str, angle: float) -> Point:
+        """The unit vector at an angle [rad] in a link's frame, as a sum over its one arm."""
+        frame, offset = self.frame(link)
+        return {(frame, None): rotate((1.0, 0.0), angle + offset)}
+
     def point(self, link: str, at: Vector2 = (0.0, 0.0)) -> Point:
         """The point `at` (in the link's frame, [m]) as a sum over arms."""
         if link == GROUND:

@@ -6,6 +6,7 @@ Newton's and Euler's laws link by link, from the outermost link inwards: ``m (p_
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import heyoka as hy
@@ -13,7 +14,7 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
-from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2, rotate
+from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2
 
 
 def tree_reactions(
@@ -65,9 +66,8 @@ def tree_reactions(
 def _across(equations: Equations, joint: Prismatic, total: Wrench) -> Wrench:
     """What a guide does by itself: along its line there is nothing but the force of a drive."""
     frames = equations.frames
-    frame, offset = equations.mechanism.frame(joint.first)
-    normal = rotate((0.0, 1.0), offset + joint.axis)
-    x, y = frames.position({(frame, None): normal}, f'{joint.name}.normal')
+    normal = equations.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
+    x, y = frames.position(normal, f'{joint.name}.normal')
     size = add(mul(total.x, x.value), mul(total.y, y.value))
     return Wrench(mul(size, x.value), mul(size, y.value), total.moment)
 

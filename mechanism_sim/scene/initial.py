@@ -14,8 +14,10 @@ from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.linkages.closures import closures
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.scene.assembly import closed_near, nearest_rates
+from mechanism_sim.scene.four_bar_start import four_bar
+from mechanism_sim.scene.seats import seats
 
 if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
@@ -33,7 +35,7 @@ def initial_state(machine: Machine) -> State:
     InputError
         If it cannot be assembled, or given coordinates put a pin outside of its bushing.
     """
-    q, v = _four_bar(machine) if machine.plan.four_bar else _linkage(machine)
+    q, v = four_bar(machine) if machine.plan.four_bar else _linkage(machine)
     system, given = machine.system, machine.plan.given
     seated = machine.scene.start == 'seated' and not (given[0].keys() | given[1]) - {machine.main}
     values = np.array([[q[c]] for c in system.coordinates])
@@ -68,7 +70,7 @@ def _linkage(machine: Machine) -> tuple[Values, Values]:
         a = np.zeros_like(columns[0])
         if not machine.torque_driven:
             a = machine.ideal.motion(columns[0], *_driven_rates(machine))[2]
-        for name, Q in _seats(machine, columns[0], columns[1], a).items():
+        for name, Q in seats(machine, columns[0], columns[1], a).items():
             targets[[i for i, row in enumerate(kinematics.rows) if row == name]] = Q
     placed = closed_near(machine.name, kinematics, q, targets)
     known = dict(zip(plan.ideal.coordinates, start.v.tolist(), strict=True))
@@ -116,98 +118,6 @@ def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
         else:
             found.append(ideal.angle(link, known))
     return np.array(found)
-
-
-def _four_bar(machine: Machine) -> tuple[Values, Values]:
-    """Values and rates of the coordinates of a four-bar, from its closed form."""
-    angle, speed = machine.start_of_crank
-    acceleration = 0.0
-    if isinstance(machine.law, DriveLaw):
-        # turns are left out: only differences of angles count
-        _, local = machine.law.about(Fraction(0))
-        angle, speed, half, *_ = *local, 0.0, 0.0
-        acceleration = 2.0 * half
-    # In extended precision: after a few dozen impacts the last digit of the start counts.
-    crank = np.array([[angle], [speed], [acceleration]], dtype=np.longdouble)
-    q, v, a = (x.astype(float) for x in machine.linkage.motion(*crank))
-    if np.isnan(q).any():
-        raise InputError(
-            f'{machine.name}: the mechanism cannot be assembled at drive.start_angle = {angle:g} '
-            'rad: crank pin and rocker pivot are out of reach of coupler and rocker'
-        )
-    Q = {name: np.zeros(2) for name in machine.clearances}
-    if machine.scene.start == 'seated' and machine.system.gaps:
-        Q = _seats(machine, q, v, a)
-        q[1:, 0] = _displaced(machine, angle, q[1:, 0], np.sum([*Q.values()], axis=0))
-    for i, name in enumerate(('coupler', 'rocker'), 1):
-        for rows, given in zip((q, v), machine.plan.given, strict=True):
-            rows[i, 0] = given.get(name, rows[i, 0])
-    values = _coordinates(machine, q[:, 0], v[:, 0], Q)
-    return {c: x for c, (x, _) in values.items()}, {c: w for c, (_, w) in values.items()}
-
-
-def _seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
-    """Where the pins rest [m], from the centres of their bushings."""
-    from mechanism_sim.scene.machine import joint_forces  # noqa: PLC0415 - they need each other
-
-    forces = dict(
-        zip(
-            [j.name for j in machine.mechanism.joints], joint_forces(machine, q, v, a), strict=True
-        )
-    )
-    seats = {}
-    for name, clearance in machine.clearances.items():
-        if not isinstance(machine.mechanism.joint(name), Revolute):
-            continue  # pins start in the middle of their slots
-        force = forces[name]
-        if not force.any():
-            raise InputError(
-                f'{machine.name}: start = seated, but no force presses the pin of {name} on its '
-                "bushing; write 'start: centred'"
-            )
-        size = float(np.hypot(*force))
-        contact = clearance.contact
-        soft = contact.stiffness if contact else None
-        depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
-        seats[name] = (clearance.radial + depth) * force / size
-    return seats
-
-
-def _displaced(machine: Machine, crank: float, near: Array, Q: Array) -> Array:
-    """Angles of coupler and rocker with pins displaced by Q [m] in all."""
-    l = machine.linkage  # noqa: E741 - the lengths
-    angles = np.array(
-        l.close(l.ground - l.crank * np.cos(crank) + Q[0], -l.crank * np.sin(crank) + Q[1])
-    )
-    if np.isnan(angles).any():
-        raise InputError(
-            f'{machine.name}: the mechanism cannot be assembled with the pins of '
-            f'{", ".join(machine.clearances)} seated: the clearance is too large'
-        )
-    return angles + 2.0 * np.pi * np.round((near - angles) / (2.0 * np.pi))
-
-
-def _coordinates(
-    machine: Machine, q: Array, v: Array, Q: dict[str, Array]
-) -> dict[str, tuple[float, float]]:
-    """Value and rate of every coordinate, from the angles of the links and the pins' places."""
-    links = tuple(machine.links)
-    found = {name: (float(q[i]), float(v[i])) for i, name in enumerate(links)}
-    mechanism, l = machine.mechanism, machine.linkage  # noqa: E741 - the lengths
-    none = np.zeros(2)
-    u, du = (np.array([np.cos(q), np.sin(q)]).T, np.array([-np.sin(q), np.cos(q)]).T)
-    # the origins of the links, each in its proximal joint
-    crank = -Q.get('ground_crank', none)
-    coupler = crank + l.crank * u[0] - Q.get('crank_coupler', none)
-    rocker = np.array([l.ground, 0.0]) + Q.get('rocker_ground', none)
-    rates = {'crank': none, 'coupler': l.crank * v[0] * du[0], 'rocker': none}
-    for i, (name, origin) in enumerate(zip(links, (crank, coupler, rocker), strict=True)):
-        if name in mechanism.floating:
-            arm = mechanism.body(name).cog[0]
-            place, rate = origin + arm * u[i], rates[name] + arm * v[i] * du[i]
-            for axis, x, w in zip('xy', place, rate, strict=True):
-                found[f'{name}.{axis}'] = (float(x), float(w))
-    return found
 
 
 def _check_inside(machine: Machine, q: Array, seated: bool) -> None:

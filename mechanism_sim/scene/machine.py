@@ -5,17 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.polynomial import Polynomial, polynomial
 
-from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
-from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
@@ -24,18 +21,17 @@ from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
-from mechanism_sim.linkages.closures import closures, slotted
+from mechanism_sim.linkages.closures import closures
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
 from mechanism_sim.linkages.nominal import Guards, NominalPhysics, NominalRun
-from mechanism_sim.linkages.play import walls
-from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, HIGHER, Mechanism
-from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap, Relation
+from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.scene.assembly import Assembly, assemble
+from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.initial import initial_state
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
@@ -243,20 +239,7 @@ class Machine:
     def system(self) -> System:
         """The compiled equations of motion."""
         mechanism = self.mechanism
-        films: list[ForceElement] = [
-            FilmBearing(name, mechanism, film)
-            for name, c in self.clearances.items()
-            if (film := oil_film(c))
-        ]
-        gaps: list[Gap] = []
-        for name, c in self.clearances.items():
-            if isinstance(mechanism.joint(name), HIGHER):
-                gaps += walls(slotted(mechanism, name), c.radial, c.restitution)
-            elif not films:
-                gaps.append(BearingClearance(
-                    name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
-                    c.pin_radius, force_law(c), c.contact.creep_speed if c.contact else 1.0,
-                ))  # fmt: skip
+        gaps, films = gaps_and_films(mechanism, self.clearances)
         closing = closures(mechanism, [j for j in mechanism.cut if j not in self.clearances])
         return self._compiled(mechanism, gaps, closing, films)
 
@@ -288,22 +271,15 @@ class Machine:
         return NominalPhysics(self.ideal, self.mechanism, forces)
 
     @property
-    def _fastest(self) -> float:
+    def fastest(self) -> float:
         """Largest speed of the main drive that is known beforehand [rad/s]."""
-        speeds = [self.start_of_crank[1]]
-        for law, later in zip(self.laws, [*self.laws[1:], None], strict=True):
-            if not isinstance(law, DriveLaw):
-                continue
-            ends = [law.valid_from] + ([later.valid_from] if later else [])
-            rate = polynomial.polyder(law.coefficients)
-            speeds += [float(polynomial.polyval(t - law.reference_time, rate)) for t in ends]
-        return max(map(abs, speeds))
+        return max(abs(self.start_of_crank[1]), largest_speed(self.laws))
 
     @property
     def period(self) -> float:
         """Duration of a revolution at the largest speed [s]; infinite for a drive at rest."""
         straight = self.main in self.mechanism.displacements
-        fastest = self._fastest / (self.mechanism.size if straight else 1.0)
+        fastest = self.fastest / (self.mechanism.size if straight else 1.0)
         return 2.0 * math.pi / fastest if fastest else math.inf
 
     def time_of(self, revolutions: float) -> float:
@@ -324,36 +300,12 @@ class Machine:
                 f'{self.main} is driven straight, it makes no revolutions: give a duration in '
                 'seconds'
             )
-        wanted, turned = 2.0 * math.pi * revolutions, 0.0
-        laws = [law for law in self.laws if isinstance(law, DriveLaw)]
-        for law, later in zip(laws, [*laws[1:], None], strict=True):
-            end = later.valid_from if later else math.inf
-            t = self._reached(law, wanted - turned, end)
-            if t is not None:
-                return t
-            if later is None:
-                break
-            ends = [law.valid_from - law.reference_time, end - law.reference_time]
-            turned += float(abs(np.diff(polynomial.polyval(ends, law.coefficients))[0]))
-        raise InputError(f'{self.main} is at rest: give a duration in seconds, not revolutions')
-
-    @staticmethod
-    def _reached(law: DriveLaw, angle: float, end: float) -> float | None:
-        """When a law has turned by `angle` [rad] since it took over, if before `end` [s]."""
-        if law.degree == 1 and law.valid_from == law.reference_time:
-            speed = abs(law.coefficients[1])
-            t = law.valid_from + angle / speed if speed else math.inf
-            return t if t <= end and t < math.inf else None
-        began = law.valid_from - law.reference_time
-        start = polynomial.polyval(began, law.coefficients)
-        hits = []
-        for sign in (1.0, -1.0):
-            shifted = Polynomial(np.array(law.coefficients)) - (start + sign * angle)
-            roots = np.asarray(shifted.trim().roots())
-            real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
-            hits += [float(x) for x in real[real > began]]
-        times = [law.reference_time + root for root in hits]
-        return min((t for t in times if t <= end), default=None)
+        t = time_of_angle(self.laws, 2.0 * math.pi * revolutions)
+        if t is None:
+            raise InputError(
+                f'{self.main} is at rest: give a duration in seconds, not revolutions'
+            )
+        return t
 
     @property
     def allowed_penetration(self) -> float:
@@ -379,7 +331,7 @@ class Machine:
                 min(self.period / 8.0, 0.1),
                 compact=self.system.elements != ()
                 or len(self.system.free) + self._rows >= _COMPACT_FROM,
-                fastest=self._fastest,
+                fastest=self.fastest,
             )
         else:
             run = self.nominal(first)
@@ -457,47 +409,3 @@ class Machine:
         run.advance(1e-6 * min(self.period, 1.0), final=True, most=1)
         motion, *_ = run.drain()
         Audit(self.physics).add(motion, [])
-
-
-def oil_film(clearance: Clearance) -> ShortBearing | None:
-    """The film of a lubricated bearing; ``None`` for a dry one."""
-    contact = clearance.contact
-    if contact is None or contact.law != 'film':
-        return None
-    given = (contact.viscosity, contact.width, contact.radius)
-    viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
-    return ShortBearing(viscosity, width, radius, clearance.radial)
-
-
-def force_law(clearance: Clearance) -> ForceLaw | None:
-    """The law of a compliant contact; ``None`` for a rigid one."""
-    contact, e = clearance.contact, clearance.restitution
-    if contact is None or contact.law == 'film' or contact.stiffness is None:
-        return None
-    if contact.law == 'hertz':
-        return Hertz(contact.stiffness, contact.exponent)
-    laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
-        'hunt_crossley': HuntCrossley,
-        'lankarani_nikravesh': LankaraniNikravesh,
-        'flores': Flores,
-    }
-    return laws[contact.law](contact.stiffness, e, contact.exponent)
-
-
-def joint_forces(machine: Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Forces in the joints of the ideal mechanism (j, 2) [N], first-named on second-named link.
-
-    `a` counts only where the drives are prescribed; a torque sets its own acceleration.
-    """
-    if not machine.torque_driven:
-        return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
-    system = machine.ideal_system
-    rows = []
-    for c in machine.plan.powered:
-        i = system.coordinates.index(c)
-        law = machine.plan.laws[c][0]
-        constant, per_angle, per_speed = law.coefficients
-        rows.append(constant + per_angle * q[i] + per_speed * v[i])
-    none, modes = np.zeros((len(machine.plan.prescribed), 1)), np.zeros((0, 1), np.uint8)
-    seen = system.observe(q, v, none, modes, np.reshape(rows, (-1, 1)))
-    return seen.reaction[:, :, 0]

@@ -1,0 +1,62 @@
+"""From the clearances of a scene to gaps and films of the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
+from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
+from mechanism_sim.linkages.closures import slotted
+from mechanism_sim.linkages.play import walls
+from mechanism_sim.planar.mechanism import HIGHER, Mechanism
+from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
+from mechanism_sim.scene.schema import Clearance
+
+
+def gaps_and_films(
+    mechanism: Mechanism, clearances: Mapping[str, Clearance]
+) -> tuple[list[Gap], list[ForceElement]]:
+    """The gaps of loose joints, and the oil films of those that have one instead."""
+    gaps: list[Gap] = []
+    films: list[ForceElement] = []
+    for name, c in clearances.items():
+        film = oil_film(c)
+        if isinstance(mechanism.joint(name), HIGHER):
+            gaps += walls(slotted(mechanism, name), c.radial, c.restitution)
+        elif film:
+            films.append(FilmBearing(name, mechanism, film))
+        else:
+            creep = c.contact.creep_speed if c.contact else 1.0
+            gaps.append(
+                BearingClearance(
+                    name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
+                    c.pin_radius, force_law(c), creep,
+                )
+            )  # fmt: skip
+    return gaps, films
+
+
+def oil_film(clearance: Clearance) -> ShortBearing | None:
+    """The film of a lubricated bearing; ``None`` for a dry one."""
+    contact = clearance.contact
+    if contact is None or contact.law != 'film':
+        return None
+    given = (contact.viscosity, contact.width, contact.radius)
+    viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
+    return ShortBearing(viscosity, width, radius, clearance.radial)
+
+
+def force_law(clearance: Clearance) -> ForceLaw | None:
+    """The law of a compliant contact; ``None`` for a rigid one."""
+    contact, e = clearance.contact, clearance.restitution
+    if contact is None or contact.law == 'film' or contact.stiffness is None:
+        return None
+    if contact.law == 'hertz':
+        return Hertz(contact.stiffness, contact.exponent)
+    laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
+        'hunt_crossley': HuntCrossley,
+        'lankarani_nikravesh': LankaraniNikravesh,
+        'flores': Flores,
+    }
+    return laws[contact.law](contact.stiffness, e, contact.exponent)
