@@ -1,0 +1,116 @@
+"""The names of a linkage: its links, their points, its coordinates, and quantities by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.scene.files import nearest
+from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.units import Measure
+
+RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi', 'now', 'watch', 'step_constant', 'run_time')
+
+
+class Places:
+    """What the references of one scene mean; every refusal begins with the scene's name.
+
+    Attributes
+    ----------
+    name, scene : the scene
+    links : the moving ones
+    points : named points of all links, in their frames [m]
+
+    Raises
+    ------
+    InputError
+        If a name cannot be used, or there is no moving link.
+    """
+
+    def __init__(self, name: str, scene: LinkageScene) -> None:
+        self.name = name
+        self.scene = scene
+        for link in scene.links:
+            if link != GROUND and (not link.isidentifier() or link in RESERVED):
+                raise InputError(
+                    f"{name}: links.{link}: the name '{link}' cannot be used; names are letters, "
+                    f'digits and _, but not {", ".join(RESERVED)}'
+                )
+        self.links = [link for link in scene.links if link != GROUND]
+        if not self.links:
+            raise InputError(f'{name}: links: there is no moving link; add one beside the ground')
+        self.points = {link: self._points_of(link) for link in [GROUND, *self.links]}
+
+    def _points_of(self, link: str) -> dict[str, Vector2]:
+        given = self.scene.links.get(link)
+        points: dict[str, Vector2] = {'start': (0.0, 0.0)}
+        if given and given.length is not None:
+            points['end'] = (given.length, 0.0)
+        if given:
+            for name in given.points:
+                if name in points:
+                    raise InputError(
+                        f"{self.name}: links.{link}.points.{name}: '{name}' is the link's "
+                        f'{"origin" if name == "start" else "far end"} already; choose another '
+                        'name'
+                    )
+            points |= given.points
+        return points
+
+    def find(self, where: str, reference: str) -> tuple[str, Vector2]:
+        """A link and a point in its frame, from ``LINK.POINT`` or ``LINK``."""
+        link, _, point = reference.partition('.')
+        if link not in self.points:
+            raise InputError(
+                f"{self.name}: {where}: there is no link '{link}'"
+                f'{nearest(link, self.points)}; links: {", ".join(self.points)}'
+            )
+        points = self.points[link]
+        if (point or 'start') not in points:
+            raise InputError(
+                f"{self.name}: {where}: the link {link} has no point '{point}'"
+                f'{nearest(point, points)}; its points: {", ".join(points)}'
+            )
+        return link, points[point or 'start']
+
+    def coordinate(self, where: str, name: str) -> str:
+        """The name of a coordinate, which is that of a moving link."""
+        if name not in self.links:
+            raise InputError(
+                f"{self.name}: {where}: there is no coordinate '{name}'"
+                f'{nearest(name, self.links)}; coordinates are named after the moving links: '
+                f'{", ".join(self.links)}'
+            )
+        return name
+
+    def values(
+        self, where: str, given: Mapping[str, Measure], tree: Mechanism, units: tuple[str, str]
+    ) -> dict[str, float]:
+        """Quantities by coordinate, in the first of the units for angles, else in the second."""
+        return {
+            self.coordinate(where, c): self.measure(
+                f'{where}.{c}', m, c in tree.displacements, units
+            )
+            for c, m in given.items()
+        }
+
+    def measure(
+        self, where: str, measure: Measure, straight: bool, units: tuple[str, str]
+    ) -> float:
+        """A quantity that must be of the kind of its coordinate."""
+        wanted = units[straight]
+        if measure.unit not in ('', wanted):
+            raise InputError(
+                f'{self.name}: {where} is given in {measure.unit}, but it is {kind_of(straight)}, '
+                f'in {wanted}'
+            )
+        if not math.isfinite(measure.value):
+            raise InputError(f'{self.name}: {where} must be finite')
+        return measure.value
+
+
+def kind_of(straight: bool) -> str:
+    """What a coordinate is, in words."""
+    return 'a displacement' if straight else 'an angle'
