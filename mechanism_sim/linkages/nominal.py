@@ -1,7 +1,7 @@
 """The motion of an ideal linkage under prescribed drives, as polynomials like any other motion.
 
-Positions are exact at every instant; for topics and sensors they are interpolated on pieces of an
-eighth of a turn or less, where the motion is sharp.
+Positions are exact at every instant; for topics and sensors they are interpolated on pieces of a
+twelfth of a turn or less, where the motion is sharp.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Obse
 from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
-_PIECES_PER_TURN = 8
+_PIECES_PER_TURN = 12
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
