@@ -68,7 +68,7 @@ class Skeleton:
 
     Attributes
     ----------
-    symbol : size of a joint [m], a sixtieth of what the joints cover
+    symbol : size of a joint [m], a sixtieth of what the joints cover, or of the longest link
     shapes : in the order in which they are painted
     """
 
@@ -84,7 +84,7 @@ class Skeleton:
         joints = mechanism.joints
         places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
         covered = np.ptp([self._poses.at(place) for place in places], axis=(0, 2))
-        self.symbol = float(covered.max()) / 60.0
+        self.symbol = float(covered.max() or mechanism.size) / 60.0
         self._corners: dict[str, list[Vector2]] = {b.name: [] for b in mechanism.bodies}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
