@@ -138,7 +138,7 @@ def outside(
     if isinstance(dt, Nodes):
         since = np.outer(curve.duration[segments], dt.fractions)
     else:
-        since = dt.reshape(len(segments), -1)
+        since = dt[:, None] if dt.ndim == 1 else dt
     rows = []
     for name in names:
         if name == 'time':

@@ -46,6 +46,8 @@ class Kinematics:
         self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
         self._relations = tuple(relations)
         self._size = mechanism.size
+        slides = [c in mechanism.displacements for c in self.coordinates]
+        self._scale = np.where(slides, self._size, 1.0)  # [m], [rad]
 
     def released(self) -> Kinematics:
         """The same closures with no coordinate held."""
@@ -121,7 +123,7 @@ class Kinematics:
             if not np.isfinite(step).all():
                 break
             # no step turns a link by more than half a radian: it would leave its branch
-            reach = np.abs(step).max(axis=1, initial=0.0)
+            reach = np.abs(step / self._scale[self.sought]).max(axis=1, initial=0.0)
             q[self.sought] += (step * np.minimum(1.0, 0.5 / np.maximum(reach, 1e-300))[:, None]).T
             if (reach <= 1e-9).all():
                 break

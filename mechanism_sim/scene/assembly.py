@@ -59,7 +59,10 @@ def assemble(machine: Machine) -> Assembly:
     q = closed_near(machine.name, kinematics, guess)
     moving = machine.kinematics(plan.prescribed)
     _, J = moving.closure(q[:, None])
-    rank, full = (_rank(x, ideal.size) for x in (J[0][:, moving.sought], J[0]))
+    # free of units: rows in the longest link, displacements too
+    slides = np.array([c in ideal.displacements for c in ideal.coordinates])
+    scaled = J[0] * np.where(slides, 1.0, 1.0 / ideal.size)
+    rank, full = (_rank(x) for x in (scaled[:, moving.sought], scaled))
     rates = {c: w for c, (_, w) in held.items()} | plan.given[1]
     v = nearest_rates(kinematics, q, ideal.coordinates, rates)
     return Assembly(q, v, len(moving.sought) - rank, full - rank, J.shape[1] - full)
@@ -119,10 +122,10 @@ def _wrapped(kinematics: Kinematics, shift: Array) -> Array:
     return shift
 
 
-def _rank(J: Array, size: float) -> int:
+def _rank(J: Array) -> int:
     if not J.size:
         return 0
-    return int((np.linalg.svd(J, compute_uv=False) > _RANK * max(size, 1.0)).sum())
+    return int((np.linalg.svd(J, compute_uv=False) > _RANK).sum())
 
 
 def _refuse(
