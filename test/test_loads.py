@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.linkage import LinkageScene
 
@@ -85,3 +85,11 @@ def test_angles_in_formulas_count_all_turns():
 def test_a_range_must_not_be_empty():
     with pytest.raises(InputError, match="leave out 'during'"):
         wheel({}, torque=1.0, during={'coordinate': 'wheel', 'from': '10 deg', 'to': '370 deg'})
+
+
+def test_a_step_written_as_a_formula_ends_the_run_instead_of_falsifying_it():
+    """The integrator passes the flank of a tanh unseen; the books tell."""
+    rub = {'loads': {'rub': {'at': 'piston', 'force': ['-50*tanh(vx/1e-6)', 0]}}}
+    free = {'drive': {'speed': 60.0, 'torque': {}}}
+    with pytest.raises(RunError, match='energy books do not close'):
+        ms.simulate(ms.load_scene('slider_crank', rub | free), duration=1.0)

@@ -31,6 +31,8 @@ _ROUNDING = 1e-14  # [m] deeper than what is measured already: not worth a close
 PULL = 1e-3
 """Pull in a contact relative to its largest force that a step's error may leave."""
 
+_MISSING = 0.01  # of the largest term of the energy books: more is no error of integration
+
 
 @dataclass(frozen=True)
 class Energy:
@@ -101,6 +103,9 @@ class Audit:
     def judge(self, tolerance: float) -> None:
         """Fail if an open gap was violated by more than `tolerance` [m], or a closed one pulled.
 
+        Or if a hundredth of the energy is missing in the books: then steps were too long for what
+        happened in them.
+
         Raises
         ------
         RunError
@@ -114,6 +119,14 @@ class Audit:
             raise RunError(
                 f'{StopReason.CONTACT_PULLED.value}: {self.min_normal_force:.3g} N; try a smaller '
                 'rtol, and report this scene'
+            )
+        books = self.energy
+        if books and abs(books.residual) > _MISSING * max(
+            1e-9, *map(abs, (books.initial, books.final, books.drive_work, books.dissipated))
+        ):
+            raise RunError(
+        """Fail if an open gap is violated by more than `tolerance` [m], or a closed one pulled.
+                'rtol, smoother formulas of loads, or less friction'
             )
 
     def _enter(self, motion: Motion, segments: NDArray[np.intp], work: Work) -> None:

@@ -25,6 +25,7 @@ class StopReason(Enum):
     COMPLETE = 'the requested duration was reached'
     GAP_VIOLATED = 'a gap was violated between events: the result cannot be trusted'
     CONTACT_PULLED = 'a contact pulled instead of letting go: the result cannot be trusted'
+    BOOKS_OPEN = 'the energy books do not close: the result cannot be trusted'
     NO_PROGRESS = 'events follow each other without progress in time'
 
 
