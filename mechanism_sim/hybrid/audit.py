@@ -125,7 +125,7 @@ class Audit:
             1e-9, *map(abs, (books.initial, books.final, books.drive_work, books.dissipated))
         ):
             raise RunError(
-        """Fail if an open gap is violated by more than `tolerance` [m], or a closed one pulled.
+                f'{StopReason.BOOKS_OPEN.value}: {books.residual:.3g} J missing; try a smaller '
                 'rtol, smoother formulas of loads, or less friction'
             )
 

@@ -10,6 +10,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import COLUMNS, Evaluation
 from mechanism_sim.numerics.symbolic import Term, add, dense, neg
@@ -137,7 +138,7 @@ class InverseDynamics:
 
         Raises
         ------
-        numpy.linalg.LinAlgError
+        RunError
             At a singular position, where the forces are not determined.
         """
         n, count = q.shape
@@ -154,7 +155,13 @@ class InverseDynamics:
         matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
         for k, i in enumerate(self._driven):
             matrix[:, i, closures + k] = 1.0
-        unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
+        try:
+            unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
+        except np.linalg.LinAlgError as error:
+            raise RunError(
+                'the forces are not determined: the mechanism is at a singular position, such as '
+                'a dead point'
+            ) from error
         forces, moments, books = second(np.concatenate([motion, unknown[:closures]]))
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))

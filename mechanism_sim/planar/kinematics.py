@@ -130,40 +130,31 @@ class Kinematics:
         left = np.abs(self.closure(q)[0] - goal).max(axis=1, initial=0.0)
         return q, np.where(left <= allowed, 0.0, left)
 
-    def rates(self, q: Array, held: Array, rates: Array | None = None) -> Array:
+    def rates(self, q: Array, held: Array) -> Array:
         """Rates (n, N) of all coordinates from those of the held ones (p, N).
 
-        Parameters
-        ----------
-        rates : (N, r) of the closures [m/s], if they move
+        NaN at a singular position: there the closures do not determine them.
         """
         _, J = self.closure(q)
-        right = -np.einsum('krp,pk->kr', J[:, :, self.held], held)
-        return self._together(held, J, right if rates is None else right + rates)
+        return self._together(held, J, -np.einsum('krp,pk->kr', J[:, :, self.held], held))
 
     def accelerations(self, q: Array, v: Array, held: Array) -> Array:
-        """Accelerations (n, N) of all coordinates from those of the held ones (p, N)."""
+        """Accelerations (n, N) of all coordinates from those of the held ones (p, N), likewise."""
         _, J = self.closure(q)
         right = -np.einsum('krp,pk->kr', J[:, :, self.held], held)
         if self._relations:
             right = right - self._curvature(np.concatenate([q, v]))[0].T
         return self._together(held, J, right)
 
-    def motion(self, guess: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
-        """Positions near `guess` (n, N) with rates and accelerations for held `v`, `a` (p, N).
-
-        Returns
-        -------
-        q, v, a (n, N), and what is left open (N,) [m].
-        """
-        q, left = self.positions(guess)
-        rates = self.rates(q, v)
-        return q, rates, self.accelerations(q, rates, a), left
-
     def _together(self, held: Array, J: Array, right: Array) -> Array:
         found = np.empty((len(self.coordinates), held.shape[1]))
         found[self.held] = held
-        found[self.sought] = _solve(J[:, :, self.sought], right).T
+        A = J[:, :, self.sought]
+        if A.shape[1] == A.shape[2]:
+            singular = np.linalg.det(A) == 0.0
+            A = np.where(singular[:, None, None], np.eye(A.shape[1]), A)
+            right = np.where(singular[:, None], np.nan, right)
+        found[self.sought] = _solve(A, right).T
         return found
 
 
