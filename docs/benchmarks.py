@@ -45,10 +45,15 @@ install 'mechanism_sim[peers]'` installs those that are on PyPI. This page is ma
 SIZES = """\
 ## Cost against size
 
+Links: a crank and pairs of coupler and rocker, each driven by the rocker before it
+(`mechanism_sim/bench/chains.py`), three revolutions; the number of links counts the ground. With
+positions only, with all joint forces, by equations of motion with a free crank, and with one loose
+joint at the far end. Getting ready is building and compiling its equations for the first time;
+heyoka keeps the code on disk, so the next process is faster.
+
 Loose joints: 20 revolutions of the thesis mechanism with one to four loose joints, e = 0.5; each
 loose joint adds impacts that shake the others. Memory: what Python and NumPy hold at most, where
-all motion is kept; that of the whole process for nodes, which keep nothing. The number of links
-cannot be varied yet: the four-bar is the only template.
+all motion is kept; that of the whole process for nodes, which keep nothing.
 """
 
 

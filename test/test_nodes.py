@@ -322,8 +322,29 @@ def test_a_partner_that_never_comes_is_named():
     assert 'Traceback' not in done.stderr
 
 
-def test_a_partner_that_leaves_is_named():
+PROGRESS = """
+from mechanism_sim.messages import Progress
+from mechanism_sim.middleware import Node, init, ok, shutdown, spin_once
+from mechanism_sim.nodes.qos import RESULTS
+init()
+node = Node('watcher')
+heard = []
+node.create_subscription(Progress, 'progress', lambda m: heard.append(m.node), RESULTS)
+print('listening', flush=True)
+while ok() and 'linkage' not in heard:
+    spin_once(node, timeout_sec=0.1)
+shutdown()
+"""
+
+
+def test_a_partner_that_leaves_is_named(tmp_path):
     env = environment()
+    watcher = subprocess.Popen(
+        [sys.executable, str(script(tmp_path / 'watch.py', PROGRESS))],
+        env=env, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert watcher.stdout is not None
+    assert watcher.stdout.readline() == 'listening\n'
     drive = start(
         'node', 'crank_drive', '--scene', SCENE, '--partners', 'linkage', '--duration', '1e5',
         '--realtime-factor', '1', env=env,
@@ -332,7 +353,7 @@ def test_a_partner_that_leaves_is_named():
         'node', 'linkage', '--scene', SCENE, '--partners', 'crank_drive', '--duration', '1e5',
         env=env,
     )  # fmt: skip
-    time.sleep(4.0)
+    assert watcher.wait(60) == 0  # the linkage has begun: it has seen the drive
     assert drive.poll() is None
     drive.kill()
     _, stderr = linkage.communicate(timeout=30)
