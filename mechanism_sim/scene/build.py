@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations, pairwise
+from itertools import combinations
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
+from mechanism_sim.scene.plan import check_times
 from mechanism_sim.scene.schema import Clearance, FourBarScene
 
 
@@ -129,13 +130,7 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
                 f'{name}: drive.speed and drive.profile exclude each other: a profile gives every '
                 'speed, the first at its first point'
             )
-        times = [t for t, _ in drive.profile.points]
-        for before, after in pairwise(times):
-            if after <= before:
-                raise InputError(
-                    f'{name}: drive.profile.points: times must rise, but {after:g} s follows '
-                    f'{before:g} s'
-                )
+        check_times(f'{name}: drive.profile.points', drive.profile.points)
     elif drive.speed is None:
         raise InputError(
             f"{name}: 'drive.speed' is missing: the speed of the crank, or with a torque or a "

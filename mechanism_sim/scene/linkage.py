@@ -11,17 +11,14 @@ from mechanism_sim.scene.schema import (
     AddedInertia,
     AffineTorque,
     Angle,
+    AnyScene,
     Clearance,
-    Duration,
-    Gravity,
     Length,
     Mass,
     Motor,
-    Outputs,
     Part,
     Position,
     Rate,
-    Solver,
     Time,
 )
 from mechanism_sim.units import Measure, to_si, to_si_of
@@ -203,24 +200,17 @@ class LinkageSensor(Part):
     sample_rate: Rate = 10000.0
 
 
-class LinkageScene(Part):
+class LinkageScene(AnyScene):
     """A scene that names its links and joints."""
 
-    title: str
-    description: str = ''
     mechanism: Literal['linkage']
     links: dict[str, LinkageLink]
     joints: dict[str, LinkageJoint]
     masses: dict[str, PointMass] = {}
-    gravity: Gravity = (0.0, 0.0)
     drive: LinkageDrive | None = None
     drives: dict[str, LinkageDrive] = {}
     guess: dict[str, Place] = {}
     springs: dict[str, SpringPart] = {}
     loads: dict[str, LoadPart] = {}
-    duration: Duration | None = None  #: of a run of which no length is asked; else a revolution
-    start: Literal['seated', 'centred'] = 'seated'
     initial: LinkageInitial = LinkageInitial()
     sensors: dict[str, LinkageSensor] = {}
-    outputs: Outputs = Outputs()
-    solver: Solver = Solver()

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.linkage import LinkageDrive
 from mechanism_sim.scene.places import Places, kind_of
-from mechanism_sim.scene.plan import motor_law
+from mechanism_sim.scene.plan import check_times, motor_law
 
 _WAYS = 'profile', 'torque', 'force', 'motor'
 
@@ -94,13 +92,7 @@ def read_laws(
         assert t is not None  # noqa: S101 - one of the three is there
         return (TorqueLaw(c, (t.constant, t.per_angle, t.per_speed)),), begin
     if drive.profile:
-        times = [t for t, _ in drive.profile.points]
-        for before, after in pairwise(times):
-            if after <= before:
-                raise InputError(
-                    f'{where}: profile.points: times must rise, but {after:g} s follows '
-                    f'{before:g} s'
-                )
+        check_times(f'{where}: profile.points', drive.profile.points)
         points = [
             (t, places.measure(f'a speed of {c}', p, straight, ('rad/s', 'm/s')))
             for t, p in drive.profile.points

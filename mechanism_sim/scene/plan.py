@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import (
@@ -162,6 +165,18 @@ def _four_bar_laws(
         laws = tuple(speed_profile('crank', start, points, smooth))
         return laws, (start, laws[0].coefficients[1])
     return (DriveLaw('crank', (start, drive.speed or 0.0)),), begin
+
+
+def check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:
+    """Refuse a profile whose times do not rise.
+
+    Raises
+    ------
+    InputError
+    """
+    for (before, _), (after, _) in pairwise(points):
+        if after <= before:
+            raise InputError(f'{where}: times must rise, but {after:g} s follows {before:g} s')
 
 
 def motor_law(coordinate: str, stall_torque: float, no_load_speed: float) -> TorqueLaw:

@@ -201,20 +201,25 @@ class Solver(Part):
     atol: Displacement = 0.0  #: left out when chatter is ended, see `ChatterRule`
 
 
-class FourBarScene(Part):
-    """A scene from the four-bar template."""
+class AnyScene(Part):
+    """What scenes of every kind say."""
 
     title: str
     description: str = ''
+    gravity: Gravity = (0.0, 0.0)
+    duration: Duration | None = None  #: of a run of which no length is asked; else a revolution
+    start: Literal['seated', 'centred'] = 'seated'
+    outputs: Outputs = Outputs()
+    solver: Solver = Solver()
+
+
+class FourBarScene(AnyScene):
+    """A scene from the four-bar template."""
+
     mechanism: Literal['four_bar']
     branch: Literal['open', 'crossed'] = 'open'
     links: FourBarLinks
     joints: FourBarJoints = FourBarJoints()
-    gravity: Gravity = (0.0, 0.0)
     drive: Drive
-    duration: Duration | None = None  #: of a run of which no length is asked; else a revolution
-    start: Literal['seated', 'centred'] = 'seated'
     initial: Initial = Initial()
     sensors: dict[str, Accelerometer] = {}
-    outputs: Outputs = Outputs()
-    solver: Solver = Solver()
