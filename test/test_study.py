@@ -139,3 +139,9 @@ def test_commands_print_json():
     assert run_json('statistics', *scene, '--revolutions', '40')['means']['impacts']['mean'] > 10.0
     (joint,) = run_json('contact-loss', *scene)
     assert joint['lost_at_revolutions']
+
+
+def test_criteria_of_the_four_bar_are_refused_for_other_linkages():
+    loose = {'joints.rod_piston.clearance': {'radial': 1e-4, 'restitution': 0.5}}
+    with pytest.raises(InputError, match="'mechanism: four_bar' only"):
+        losses(ms.load_scene('slider_crank', loose))

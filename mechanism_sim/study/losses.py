@@ -39,11 +39,12 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
     Raises
     ------
     InputError
-        If the crank has no constant speed, or there is no clearance.
+        If it is no four-bar, the crank has no constant speed, or there is no clearance.
     """
     angle, speed = machine.start_of_crank
     if machine.torque_driven or len(machine.laws) > 1 or not speed or not machine.clearances:
         raise InputError(f'{machine.name}: criteria need clearance and a crank at constant speed')
+    linkage = machine.linkage
     solution = simulate(machine, revolutions=revolutions)
     found = []
     links = machine.links
@@ -52,9 +53,9 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
         for x in (links['coupler'], links['rocker'])
     ]
     for joint, clearance in machine.clearances.items():
-        cycle = ForceCycle.nominal(machine.linkage, machine.inverse_dynamics, joint, speed)
+        cycle = ForceCycle.nominal(linkage, machine.inverse_dynamics, joint, speed)
         link = (
-            ClearanceLink.four_bar(clearance.radial, machine.linkage, about[0], about[1])
+            ClearanceLink.four_bar(clearance.radial, linkage, about[0], about[1])
             if (joint,) == machine.plan.closing
             else None
         )
