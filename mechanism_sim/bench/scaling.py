@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import heyoka as hy
 import numpy as np
 
 from mechanism_sim.bench.chains import SPEED, chain
@@ -83,10 +84,12 @@ def _loose(count: int) -> Machine:
 def _links() -> Iterator[Cost]:
     """CPU time of a revolution, and of getting ready, by the number of links with the ground.
 
-    Where a machine gets ready, its equations are built and compiled; heyoka keeps the code on
-    disk, so that this is dear only the first time on a computer.
+    Where a machine gets ready, its equations are built and compiled, here without the code that
+    heyoka keeps on disk: so dear it is only the first time on a computer.
     """
     free = {'drive': {'speed': SPEED, 'torque': {}}}
+    from_disk = hy.llvm_state.get_diskcache_enabled()
+    hy.llvm_state.set_diskcache_enabled(False)
     for name, change in (
         ('positions only', {'outputs': {'forces': False}}),
         ('all forces', {}),
@@ -96,6 +99,7 @@ def _links() -> Iterator[Cost]:
         ready: list[Cost] = []
         for dyads in DYADS:
             last = f'coupler_{dyads}_rocker_{dyads}'
+            hy.llvm_state.clear_memcache()
             began = time.process_time()
             machine = chain(dyads, **({} if change is None else change))
             if change is None:
@@ -109,6 +113,7 @@ def _links() -> Iterator[Cost]:
             cpu = _cpu(lambda m=machine, t=duration: simulate(m, duration=t))  # type: ignore[misc]
             yield Cost(f'links, {name}', 2 * dyads + 2, cpu / TURNS, 'revolution')
         yield from ready
+    hy.llvm_state.set_diskcache_enabled(from_disk)
 
 
 def _loose_joints() -> Iterator[Cost]:
