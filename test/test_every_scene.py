@@ -6,7 +6,11 @@ from absolute import differences
 
 import mechanism_sim as ms
 from mechanism_sim.planar.mechanism import Geneva, SlottedRack
-from mechanism_sim.scene import Level
+from mechanism_sim.scene import Level, Machine
+from mechanism_sim.scene.linkage import AffineForce, LinkageScene
+from mechanism_sim.scene.linkage_drives import is_straight
+from mechanism_sim.scene.schema import AffineTorque
+from mechanism_sim.units import Measure
 
 SCENES = [n for n in ms.scene_names() if not ms.load_scene(n).clearances]
 # 6th-order central differences
@@ -114,3 +118,43 @@ def test_angles_in_formulas_count_all_their_turns_at_every_level():
     seen, without = (s.samples(t).observed for s in (steady, bare))
     more = 0.002 * seen.position[0, 0]
     assert seen.drive_torque[0, 0] - without.drive_torque[0, 0] == pytest.approx(more, rel=1e-9)
+
+
+def freed(scene):
+    """The scene with its drives let go, at the speed they have at the start or a slow one."""
+
+    def let_go(drive, straight):
+        slow = Measure(0.05, 'm/s') if straight else Measure(1.0, 'rad/s')
+        free = {'force': AffineForce()} if straight else {'torque': AffineTorque()}
+        speed = {'profile': None, 'speed': slow} if drive.profile else {}
+        return drive.model_copy(update=free | speed)
+
+    if not isinstance(scene, LinkageScene):
+        return scene.model_copy(update={'drive': let_go(scene.drive, False)})
+    drives = {c: let_go(d, is_straight(d)) for c, d in scene.drives.items()}
+    main = scene.drive and let_go(scene.drive, is_straight(scene.drive))
+    return scene.model_copy(update={'drive': main, 'drives': drives, 'duration': None})
+
+
+DRIVEN = [n for n in SCENES if ms.load_scene(n).level is Level.INVERSE_DYNAMICS]
+
+
+@pytest.mark.parametrize('name', DRIVEN)
+def test_every_mechanism_moves_freely_as_inverse_dynamics_wants(name):
+    """A free motion, looked at by inverse dynamics, asks for no drive; its energy stays."""
+    machine = ms.load_scene(name)
+    loose = Machine(name, freed(machine.scene))
+    assert loose.level is Level.SMOOTH
+    fastest = max(abs(rate) for _, rate in loose.plan.begins.values())
+    solution = ms.simulate(loose, duration=min(0.3 / fastest, 0.1))
+    energy = solution.energy
+    size = max(map(abs, (energy.initial, energy.final, energy.dissipated)))
+    assert abs(energy.residual) < 1e-10 * size + 1e-14
+    seen = solution.samples(np.linspace(0.0, solution.duration, 5)).observed
+    inverse = machine.inverse_dynamics
+    instants = np.linspace(0.0, solution.duration, 5)
+    known = np.array([instants if x == 'time' else 0.0 * instants for x in inverse.outside])
+    wanted = inverse(seen.position, seen.velocity, seen.acceleration, known.reshape(-1, 5))
+    largest = max(np.abs(seen.reaction).max(), 1e-6) * max(machine.plan.ideal.size, 1.0)
+    assert np.abs(wanted.drive_torque).max() < 1e-9 * largest
+    assert np.abs(wanted.reaction - seen.reaction).max() < 1e-9 * largest

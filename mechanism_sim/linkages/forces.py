@@ -197,27 +197,33 @@ class AppliedForce:
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
         for name in formula.names(given) - known.keys() - {'t'}:
             link = name.removesuffix('_rate')
-            value, rate = self._motion(frames, link)
-            known[name] = value if name == link else rate
+            if name != link:
+                known[name] = self._motion(frames, link).rate
+            elif link in self.guided:
+                known[name] = self._motion(frames, link).value
+            else:
+                known[name] = self._unwound(frames, link)
         if 't' in formula.names(given):
             known['t'] = frames.time
         return formula.expression(given, {k: dense(term) for k, term in known.items()})
 
-    def _motion(self, frames: Frames, link: str) -> tuple[Term, Term]:
-        """Angle [rad] or displacement [m] of a link, and its rate."""
+    def _unwound(self, frames: Frames, link: str) -> Term:
+        """Angle of a link with all its turns [rad]."""
+        frame, offset = self.mechanism.frame(link)
+        return add(frames.unwound(frame), frames.parameters(f'{link}.offset', offset))
+
+    def _motion(self, frames: Frames, link: str) -> Jet:
+        """Angle without whole turns [rad], or displacement [m], of a link."""
         m = self.mechanism
-        frame, offset = m.frame(link)
         if link not in self.guided:
-            turned = add(frames.unwound(frame), frames.parameters(f'{link}.offset', offset))
-            return turned, frames.angle(frame).rate
+            return frames.angle(m.frame(link)[0])
         joint = m.joint(self.guided[link])
         if m.tree_joints.get(link) is joint:
-            return frames.q[link], frames.v[link]
+            return frames.displacement(link)
         assert isinstance(joint, Prismatic)  # noqa: S101 - it guides
         x, y = frames.position(m.separation(joint.name), joint.name)
         ux, uy = frames.position(m.direction(joint.first, joint.axis), f'{joint.name}.way')
-        slid: Jet = -(x * ux + y * uy)
-        return slid.value, slid.rate
+        return -(x * ux + y * uy)
 
     def power_lost(self, frames: Frames) -> Term:
         """Less what it feeds in: ``-(F.v + torque rate)``."""
