@@ -34,10 +34,10 @@ class Piece:
 
     def scaled(self, span: float, height: float) -> Piece:
         """The piece drawn `span` times as long and `height` times as high."""
-        powers = np.power(span, np.arange(len(self.polynomial)))
+        rows = enumerate(self.polynomial.coef)
         return Piece(
             self.length * span,
-            Polynomial(self.polynomial.coef * (height / powers)),
+            Polynomial([height * float(c) / span**k for k, c in rows]),
             self.amplitude * height,
             self.frequency / span,
             self.phase,
