@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from mechanism_sim.cams.curves import CYCLOIDAL, FOUR_SPLINE, HARMONIC, POLYNOMIAL_345
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat, Translating
-from mechanism_sim.cams.laws import Diagram, Eccentric, Segment
+from mechanism_sim.cams.laws import Diagram, Eccentric, Measured, Segment
 from mechanism_sim.cams.profiles import (
     Cam,
     find_flaws,
@@ -18,6 +19,7 @@ from mechanism_sim.cams.profiles import (
     smallest_flat_base_radius,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.report.cam_drawing import cam_svg
 
 DEG = math.pi / 180
 TURN = np.linspace(0, 2 * math.pi, 721)[:-1] + 1e-3
@@ -276,6 +278,33 @@ def test_a_groove_holds_the_roller_with_its_clearance():
         CAMS['knife'].groove(TURN)
 
 
+@pytest.mark.parametrize('name', ['offset', 'arm', 'swinging face'])
+def test_the_picture_has_the_size_of_the_cam(name):
+    cam = CAMS[name]
+    root = ElementTree.fromstring(cam_svg(cam))
+    assert root.get('width').endswith('mm')
+    box = [float(v) for v in root.get('viewBox').split()]
+    assert box[2:] == [float(root.get(k).removesuffix('mm')) for k in ('width', 'height')]
+    [path] = [e for e in root.iter() if e.get('id') == 'profile']
+    x, y = np.array([pair.split(',') for pair in path.get('d')[1:-1].split('L')], float).T * 1e-3
+    # the picture's y axis points down
+    nearest = [np.hypot(x - a, -y - b).min() for a, b in cam.at(TURN).profile.T]
+    assert max(nearest) < 1e-4
+    assert [box[0], box[1]] <= [1e3 * x.min(), 1e3 * y.min()]
+    if isinstance(cam.follower, Translating):
+        centre = roller_centre(cam, 0.7)
+        reach = np.hypot(x - centre[0], -y - centre[1]).min()
+        assert reach == pytest.approx(cam.follower.roller, abs=1e-7)
+
+
+def test_a_picture_of_a_groove_has_both_walls():
+    root = ElementTree.fromstring(cam_svg(CAMS['roller'], clearance=1e-3))
+    assert {'inner', 'outer', 'pitch'} <= {e.get('id') for e in root.iter()}
+
+
+SUNK = Measured(np.arange(8) * math.pi / 4, 0.02 * np.sin(np.arange(8) * math.pi / 4))
+
+
 @pytest.mark.parametrize(
     ('make', 'said'),
     [
@@ -284,7 +313,10 @@ def test_a_groove_holds_the_roller_with_its_clearance():
         (lambda: Cam(law(), Translating(), -0.04), 'a base radius is positive'),
         (lambda: Cam(law(), Oscillating(0.2, 0.1), 0.04), 'does not reach the base circle'),
         (lambda: Cam(law(), OscillatingFlat(0.03), 0.04), 'too near'),
-        (lambda: Cam(law(2.0), OscillatingFlat(0.3), 0.04).at(TURN), 'faster than the cam turns'),
+        (lambda: Cam(law(3.2), Oscillating(0.12, 0.1), 0.04), 'past the line of centres'),
+        (lambda: Cam(SUNK, Translating(), 0.01), 'below the camshaft'),
+        (lambda: Cam(SUNK, FlatFaced(), 0.01), 'below the camshaft'),
+        (lambda: Cam(law(2.0), OscillatingFlat(0.3), 0.04), 'faster than the cam turns'),
     ],
 )
 def test_what_does_not_fit_is_refused(make, said):

@@ -111,6 +111,7 @@ class Translating(_Rolling):
         u, u1, u2 = (law(angle, k) for k in range(3))
         nothing = np.zeros_like(u)
         lowest = np.sqrt(prime**2 - self.offset**2)
+        _require(bool((lowest + u > 0).all()), 'the law takes the follower below the camshaft')
         return np.array([(lowest + u, nothing + self.offset), (u1, nothing), (u2, nothing)])
 
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
@@ -158,6 +159,7 @@ class Oscillating(_Rolling):
         u, u1, u2 = (law(angle, k) for k in range(3))
         psi = self.lowest(base_radius) + u
         c, s = self.arm * np.cos(psi), self.arm * np.sin(psi)
+        _require(bool((s > 0).all()), 'the law takes the arm past the line of centres')
         return np.array(
             [
                 (self.pivot_distance - c, -self.side * s),
@@ -195,8 +197,9 @@ class _Flat:
         """
         angle = np.atleast_1d(np.asarray(angle, dtype=float))
         (h, h1, h2), turned, (b1, b2) = self.face(law, base_radius, angle)
-        if not (b1 > 0).all():
-            raise InputError('the face of the follower swings back faster than the cam turns')
+        _require(
+            bool((b1 > 0).all()), 'the face of the follower swings back faster than the cam turns'
+        )
         normal = np.array([np.cos(turned), np.sin(turned)])
         tangent = _turned(normal)
         across = h1 / b1
@@ -228,6 +231,7 @@ class FlatFaced(_Flat):
     def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
         """Base radius and displacement, straight above."""
         h = np.array([base_radius + law(angle), law(angle, 1), law(angle, 2)])
+        _require(bool((h[0] > 0).all()), 'the law takes the follower below the camshaft')
         nothing = np.zeros_like(angle)
         return h, nothing, np.array([nothing + 1.0, nothing])
 

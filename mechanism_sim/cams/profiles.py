@@ -30,6 +30,11 @@ class Cam:
     law : of the follower
     follower : what touches the cam
     base_radius : the least distance of the profile from the camshaft, on the base circle [m]
+
+    Raises
+    ------
+    InputError
+        If follower, law and base circle do not fit, tried at every degree.
     """
 
     law: Law
@@ -39,16 +44,10 @@ class Cam:
     def __post_init__(self) -> None:
         if not 0 < self.base_radius < math.inf:
             raise InputError('a base radius is positive')
-        self.at(0.0)
+        self.at(drawing_angles(self.law, math.radians(1.0)))
 
     def at(self, angle: ArrayLike) -> Touch:
-        """Contact at cam angles (N,) [rad].
-
-        Raises
-        ------
-        InputError
-            If follower and base circle do not fit.
-        """
+        """Contact at cam angles (N,) [rad]."""
         return self.follower.touch(self.law, self.base_radius, angle)
 
     @property
@@ -179,6 +178,20 @@ def smallest_flat_base_radius(law: Law, curvature_radius: float = 0.0) -> float:
     curvature_radius : the least the profile may have [m]; at 0 it just has a cusp
     """
     return curvature_radius + greatest(law, lambda x: -law(x) - law(x, 2))[1]
+
+
+def drawing_angles(law: Law, step: float) -> Array:
+    """Angles (n,) [rad] of a turn to draw a profile from, both sides of all breaks among them.
+
+    Parameters
+    ----------
+    step : the largest distance [rad]
+    """
+    pieces = _pieces(law)
+    counts = [math.ceil((end - start) / step) + 1 for start, end in pieces]
+    return np.concatenate(
+        [np.linspace(*p, max(n, 2)) for p, n in zip(pieces, counts, strict=True)]
+    )
 
 
 def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float, float]:
