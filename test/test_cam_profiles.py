@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from mechanism_sim.cams.curves import CYCLOIDAL, FOUR_SPLINE, HARMONIC, POLYNOMIAL_345
+from mechanism_sim.cams.curves import (
+    CYCLOIDAL,
+    FOUR_SPLINE,
+    HALF_HARMONIC,
+    HARMONIC,
+    POLYNOMIAL_345,
+)
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat, Translating
-from mechanism_sim.cams.laws import Diagram, Eccentric, Measured, Segment
+from mechanism_sim.cams.interference import find_cut_away
+from mechanism_sim.cams.laws import Diagram, Eccentric, Measured, Segment, check_smoothness
 from mechanism_sim.cams.profiles import (
     Cam,
     find_flaws,
@@ -226,6 +233,47 @@ def test_undercut_begins_where_the_pitch_curve_is_as_sharp_as_the_roller():
     assert flaws[0].kind == 'undercut'
     assert flaws[0].start <= flaws[0].worst <= flaws[0].end
     assert str(flaws[0]).startswith('the inner profile is undercut from ')
+
+
+@pytest.mark.parametrize('name', CAMS)
+def test_nothing_of_a_sound_profile_is_cut_away(name):
+    assert find_flaws(CAMS[name]) == []
+    assert find_cut_away(CAMS[name]) == []
+
+
+@pytest.mark.parametrize(
+    ('follower', 'base'), [(Translating(roller=0.045), 0.002), (FlatFaced(), 0.02)]
+)
+def test_more_of_an_undercut_profile_is_lost_than_its_curvature_shows(follower, base):
+    motion = law(0.03)
+    cam = Cam(motion, follower, base)
+    found, flaws = find_cut_away(cam), find_flaws(cam)
+    assert flaws
+    for flaw in flaws:
+        assert any(i.start < flaw.start and flaw.end < i.end for i in found)
+    # by brute force: the point of contact at its worst, against all positions of the follower
+    worst = max(found, key=lambda i: i.depth)
+    x = np.linspace(0, 2 * math.pi, 100_001)
+    point = cam.at(worst.worst).profile
+    if isinstance(follower, FlatFaced):
+        depth = (point[0] * np.cos(x) + point[1] * np.sin(x) - base - motion(x)).max()
+    else:
+        depth = follower.roller - np.hypot(*(roller_centre(cam, x) - point)).min()
+    assert worst.depth == pytest.approx(depth, rel=1e-3)
+    assert 'the profile is cut away by the follower' in str(worst)
+
+
+def test_a_corner_of_the_law_cuts_the_profile_of_a_roller():
+    """As [V] A.5 would, were its roller put on the equidistant curve."""
+    motion = law(0.02, HALF_HARMONIC)
+    cam = Cam(motion, Translating(roller=0.012), 0.04)
+    assert find_flaws(cam) == []
+    corners = [j.angle for j in check_smoothness(motion) if j.order == 1]
+    found = find_cut_away(cam)
+    assert len(found) == len(corners)
+    for part, corner in zip(found, corners, strict=True):
+        assert part.start < corner < part.end
+    assert find_cut_away(Cam(motion, Translating(), 0.04)) == []
 
 
 def test_under_a_face_the_smallest_base_circle_just_has_a_cusp():

@@ -98,8 +98,8 @@ def find_flaws(cam: Cam, clearance: float | None = None) -> list[Flaw]:
     """Where the profile is undercut or has a cusp, by its curvature.
 
     A roller needs a pitch curve that nowhere bulges more sharply than it does itself, a face a
-    profile that bulges everywhere. Parts of the profile that cut off parts far away are not seen,
-    nor are jumps of the law's velocity: `check_smoothness` names those.
+    profile that bulges everywhere. What is lost of the profile by it, by corners or by parts far
+    away, `interference.find_cut_away` shows.
 
     Parameters
     ----------
