@@ -1,0 +1,309 @@
+"""Followers of a disk cam, and where and how each touches it ([V] 4.1, 4.5, 4.6).
+
+The frame has the camshaft at its origin and the follower above it, on the x axis; the cam turns
+clockwise. Seen from the cam, the follower goes round counterclockwise by the cam angle, and the
+profile is the envelope of its positions. At angle 0 both frames agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mechanism_sim.cams.laws import Law
+from mechanism_sim.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class Touch(NamedTuple):
+    """Where a follower touches its cam at cam angles (N,), in the cam's frame.
+
+    Parameters
+    ----------
+    pitch : centre of the roller, tip of the knife or point of contact of a face, (2, N) [m]
+    profile : the point of contact, (2, N) [m]
+    normal : out of the cam, (2, N)
+    pressure_angle : from the direction in which the follower moves at a positive rate, at its
+        `pitch` point, to the normal, counterclockwise, (N,) [rad]
+    curvature : of the pitch curve, positive where it bulges, (N,) [1/m]
+    curvature_radius : of the profile, negative where it is hollow, (N,) [m]
+    sliding : along the face or at the knife; what the rolling of a roller has to take up; per
+        radian of the cam, counterclockwise in the cam's frame, (N,) [m]
+    """
+
+    pitch: Array
+    profile: Array
+    normal: Array
+    pressure_angle: Array
+    curvature: Array
+    curvature_radius: Array
+    sliding: Array
+
+
+class _Rolling:
+    """What followers with a knife or a roller have in common."""
+
+    roller: float
+
+    def path(self, law: Law, base_radius: float, angle: Array) -> Array:
+        """Place of the roller's centre and its two derivatives by the angle, (3, 2, N) [m]."""
+        raise NotImplementedError
+
+    def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
+        """Direction of motion (2, N) of the roller's centre; rate (N,) of the follower's angle."""
+        raise NotImplementedError
+
+    def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
+        """Contact with a cam of this base radius [m] at angles (N,) [rad].
+
+        The pitch curve is the path of the roller's centre seen from the cam; the profile lies
+        inside of it by the roller's radius. A knife is a roller of radius 0.
+        """
+        angle = np.atleast_1d(np.asarray(angle, dtype=float))
+        p, p1, p2 = self.path(law, base_radius, angle)
+        along = p1 + _turned(p)
+        speed = np.hypot(*along)
+        tangent = along / speed
+        normal = -_turned(tangent)
+        curvature = _cross(along, p2 + 2.0 * _turned(p1) - p) / speed**3
+        with np.errstate(divide='ignore'):
+            radius = np.where(curvature == 0.0, inf, 1.0 / curvature - self.roller)
+        direction, turning = self.motion(law, base_radius, angle)
+        return Touch(
+            _rotated(p, angle),
+            _rotated(p - self.roller * normal, angle),
+            _rotated(normal, angle),
+            _angle(direction, normal),
+            curvature,
+            radius,
+            speed - self.roller * (1.0 + turning),
+        )
+
+
+@dataclass(frozen=True)
+class Translating(_Rolling):
+    """A follower that moves along a line beside the camshaft, with a knife edge or a roller.
+
+    Parameters
+    ----------
+    offset : of the line from the camshaft, counterclockwise positive [m]; 0 is radial
+    roller : its radius [m]; 0 is a knife edge
+    """
+
+    offset: float = 0.0
+    roller: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(self.roller >= 0, 'the radius of a roller is not negative')
+
+    def path(self, law: Law, base_radius: float, angle: Array) -> Array:
+        """As of any follower with a roller; [V] 4.66 with an offset."""
+        prime = base_radius + self.roller
+        _require(
+            abs(self.offset) < prime,
+            f'an offset of {self.offset:g} m misses the base circle of {base_radius:g} m',
+        )
+        u, u1, u2 = (law(angle, k) for k in range(3))
+        nothing = np.zeros_like(u)
+        lowest = np.sqrt(prime**2 - self.offset**2)
+        _require(bool((lowest + u > 0).all()), 'the law takes the follower below the camshaft')
+        return np.array([(lowest + u, nothing + self.offset), (u1, nothing), (u2, nothing)])
+
+    def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
+        """Outwards, without turning."""
+        return np.array([np.ones_like(angle), np.zeros_like(angle)]), np.zeros_like(angle)
+
+
+@dataclass(frozen=True)
+class Oscillating(_Rolling):
+    """A follower that swings about a pivot, with a knife edge or a roller at the end of its arm.
+
+    The law is its angle [rad], measured outwards from the position on the base circle.
+
+    Parameters
+    ----------
+    pivot_distance : from the camshaft, along the x axis [m]
+    arm : from the pivot to the roller's centre [m]
+    roller : its radius [m]; 0 is a knife edge
+    side : 1 if the arm swings counterclockwise as it rises (the roller is then on the clockwise
+        side of the line from the camshaft to the pivot), else -1
+    """
+
+    pivot_distance: float
+    arm: float
+    roller: float = 0.0
+    side: Literal[1, -1] = 1
+
+    def __post_init__(self) -> None:
+        _require(self.roller >= 0, 'the radius of a roller is not negative')
+        _require(self.pivot_distance > 0 < self.arm, 'pivot distance and arm are positive')
+
+    def lowest(self, base_radius: float) -> float:
+        """Angle between arm and line of centres on the base circle [rad]."""
+        a, b, prime = self.pivot_distance, self.arm, base_radius + self.roller
+        cosine = (a**2 + b**2 - prime**2) / (2.0 * a * b)
+        _require(
+            abs(cosine) < 1,
+            f'an arm of {b:g} m with its pivot at {a:g} m does not reach the base circle of '
+            f'{base_radius:g} m, or lies in the line of centres there',
+        )
+        return float(np.arccos(cosine))
+
+    def path(self, law: Law, base_radius: float, angle: Array) -> Array:
+        """As of any follower with a roller."""
+        u, u1, u2 = (law(angle, k) for k in range(3))
+        psi = self.lowest(base_radius) + u
+        c, s = self.arm * np.cos(psi), self.arm * np.sin(psi)
+        _require(bool((s > 0).all()), 'the law takes the arm past the line of centres')
+        return np.array(
+            [
+                (self.pivot_distance - c, -self.side * s),
+                (s * u1, -self.side * c * u1),
+                (s * u2 + c * u1**2, -self.side * (c * u2 - s * u1**2)),
+            ]
+        )
+
+    def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
+        """Across the arm."""
+        psi = self.lowest(base_radius) + law(angle)
+        return np.array([np.sin(psi), -self.side * np.cos(psi)]), self.side * law(angle, 1)
+
+
+class _Flat:
+    """What flat-faced followers have in common."""
+
+    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
+        """The face's distance from the camshaft and the angle of its normal, with derivatives.
+
+        Distance and its two derivatives by the cam angle (3, N) [m]; the normal's angle in the
+        frame (N,) [rad]; first and second derivative of its angle seen from the cam (2, N).
+        """
+        raise NotImplementedError
+
+    def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
+        """Direction of motion and velocity by the angle of a point of the follower, (2, N)."""
+        raise NotImplementedError
+
+    def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
+        """Contact with a cam of this base radius [m] at angles (N,) [rad].
+
+        The distance of the face over the angle of its normal is the support function h of the
+        profile: h along the normal, h' across, radius of curvature h + h''.
+        """
+        angle = np.atleast_1d(np.asarray(angle, dtype=float))
+        (h, h1, h2), turned, (b1, b2) = self.face(law, base_radius, angle)
+        _require(
+            bool((b1 > 0).all()), 'the face of the follower swings back faster than the cam turns'
+        )
+        normal = np.array([np.cos(turned), np.sin(turned)])
+        tangent = _turned(normal)
+        across = h1 / b1
+        radius = h + (h2 * b1 - h1 * b2) / b1**3
+        point = h * normal + across * tangent
+        direction, velocity = self.motion_at(point, law(angle, 1))
+        with np.errstate(divide='ignore'):
+            curvature = 1.0 / radius
+        place = _rotated(point, angle)
+        return Touch(
+            place,
+            place,
+            _rotated(normal, angle),
+            _angle(direction, normal),
+            curvature,
+            radius,
+            ((velocity + _turned(point)) * tangent).sum(axis=0),
+        )
+
+
+@dataclass(frozen=True)
+class FlatFaced(_Flat):
+    """A translating follower with a face across its direction.
+
+    Where its axis is does not matter to the cam: the contact moves along the face by the
+    velocity du/dtheta.
+    """
+
+    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
+        """Base radius and displacement, straight above."""
+        h = np.array([base_radius + law(angle), law(angle, 1), law(angle, 2)])
+        _require(bool((h[0] > 0).all()), 'the law takes the follower below the camshaft')
+        nothing = np.zeros_like(angle)
+        return h, nothing, np.array([nothing + 1.0, nothing])
+
+    def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
+        """Outwards."""
+        outwards = np.array([np.ones_like(rate), np.zeros_like(rate)])
+        return outwards, outwards * rate
+
+
+@dataclass(frozen=True)
+class OscillatingFlat(_Flat):
+    """A follower that swings about a pivot, with a straight face.
+
+    The law is its angle [rad], measured outwards from the position on the base circle.
+
+    Parameters
+    ----------
+    pivot_distance : from the camshaft, along the x axis [m]
+    face_offset : of the face from the pivot, away from the cam positive [m]
+    side : 1 if the face swings counterclockwise as it rises, else -1
+    """
+
+    pivot_distance: float
+    face_offset: float = 0.0
+    side: Literal[1, -1] = 1
+
+    def __post_init__(self) -> None:
+        _require(self.pivot_distance > 0, 'a pivot distance is positive')
+
+    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
+        """The line past the pivot."""
+        a, sine = self.pivot_distance, (base_radius - self.face_offset) / self.pivot_distance
+        _require(
+            abs(sine) < 1,
+            f'a pivot at {a:g} m is too near for a base circle of {base_radius:g} m',
+        )
+        u, u1, u2 = (law(angle, k) for k in range(3))
+        psi = np.arcsin(sine) + u
+        c, s = a * np.cos(psi), a * np.sin(psi)
+        h = np.array([s + self.face_offset, c * u1, c * u2 - s * u1**2])
+        turning = np.array([1.0 + self.side * u1, self.side * u2])
+        return h, self.side * (psi - np.pi / 2), turning
+
+    def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
+        """Across the line from the pivot."""
+        arm = point - np.array([[self.pivot_distance], [0.0]])
+        direction = self.side * _turned(arm)
+        return direction, direction * rate
+
+
+Follower = Translating | Oscillating | FlatFaced | OscillatingFlat
+
+
+def _require(holds: bool, sentence: str) -> None:
+    if not holds:
+        raise InputError(sentence)
+
+
+def _turned(vectors: Array) -> Array:
+    """Vectors (2, N) turned by a right angle, counterclockwise."""
+    return np.array([-vectors[1], vectors[0]])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[0] * b[1] - a[1] * b[0])
+
+
+def _angle(a: Array, b: Array) -> Array:
+    """From the first to the second vectors (2, N) [rad]."""
+    return np.asarray(np.arctan2(_cross(a, b), (a * b).sum(axis=0)))
+
+
+def _rotated(vectors: Array, angle: Array) -> Array:
+    """Vectors (2, N) of the frame, seen from the cam."""
+    return np.cos(angle) * vectors + np.sin(angle) * _turned(vectors)

@@ -1,0 +1,77 @@
+"""Parts of a profile that the follower itself, or a cutter of its shape, takes away elsewhere.
+
+The curvature shows where a profile folds back on itself (`profiles.find_flaws`). All that a fold,
+a corner or a neighbouring lobe loses is seen only by sweeping the follower over the whole profile.
+Where the point of contact is lost the follower comes lower than its law wants it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from mechanism_sim.cams.followers import Touch
+from mechanism_sim.cams.profiles import Cam, drawing_angles
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CutAway:
+    """Angles at which the point of contact is cut away by the follower at other angles.
+
+    Parameters
+    ----------
+    start, end : [rad], to the step of the search
+    worst : where the point of contact lies deepest within what is cut away [rad]
+    depth : how deep [m]
+    """
+
+    start: float
+    end: float
+    worst: float
+    depth: float
+
+    def __str__(self) -> str:
+        start, end, worst = (f'{math.degrees(a):.5g}' for a in (self.start, self.end, self.worst))
+        return (
+            f'from {start} to {end} deg the profile is cut away by the follower at other angles, '
+            f'by {1e3 * self.depth:.3g} mm at {worst} deg'
+        )
+
+
+def find_cut_away(cam: Cam, step: float = math.radians(0.25)) -> list[CutAway]:
+    """Where the follower, swept over the profile, cuts its points of contact away.
+
+    A knife edge never does. What is less deep than a millionth of the base radius does not count.
+
+    Parameters
+    ----------
+    step : between the points of the profile, and between the positions tried [rad]
+    """
+    x = drawing_angles(cam.law, step)
+    touch, roller = cam.at(x), getattr(cam.follower, 'roller', None)
+    depth = _beyond_faces(touch) if roller is None else roller - _distance(touch)
+    bad = np.flatnonzero(depth > 1e-6 * cam.base_radius)
+    found = []
+    for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
+        if len(run):
+            worst = run[np.argmax(depth[run])]
+            start, end, deepest = (float(x[k]) for k in (run[0], run[-1], worst))
+            found.append(CutAway(start, end, deepest, float(depth[worst])))
+    return found
+
+
+def _distance(touch: Touch) -> Array:
+    """Of points of contact from the nearest centre of the roller, (N,) [m]."""
+    return np.asarray(KDTree(touch.pitch.T).query(touch.profile.T)[0])
+
+
+def _beyond_faces(touch: Touch) -> Array:
+    """How far points of contact stand out beyond some position of the face, (N,) [m]."""
+    height = (touch.normal * touch.profile).sum(axis=0)
+    return np.asarray((touch.profile.T @ touch.normal - height).max(axis=1))

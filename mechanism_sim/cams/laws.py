@@ -1,0 +1,281 @@
+"""Laws of motion of a follower: its displacement over the angle of the cam ([V] 4.3).
+
+A displacement is in metres, or in radians for a follower that oscillates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PPoly, make_interp_spline
+
+from mechanism_sim.cams.piecewise import Piece, Piecewise, from_spline
+from mechanism_sim.errors import InputError
+
+Array = NDArray[np.float64]
+
+TURN = 2.0 * math.pi
+DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')
+
+
+class Law(Protocol):
+    """A displacement as a periodic function of the cam angle."""
+
+    @property
+    def breaks(self) -> Array:
+        """Angles (n,) [rad] where derivatives may jump, over a turn, both its ends among them."""
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """The displacement (order 0) or a derivative by the angle at angles of any shape [rad].
+
+        At a break it is the limit from the right, or from the left if `left`.
+        """
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A rise, or a return if `rise` is negative, between two cam angles.
+
+    Parameters
+    ----------
+    start, end : [rad], less than a turn apart
+    rise : [m] or [rad]; zero is a dwell
+    curve : the normalised rise; a return runs it backwards
+    """
+
+    start: float
+    end: float
+    rise: float
+    curve: Piecewise
+
+    def pieces(self, level: float) -> list[Piece]:
+        """The segment from a displacement on."""
+        curve = self.curve if self.rise >= 0 else self.curve.mirrored()
+        foot = min(level, level + self.rise)
+        raised = []
+        for piece in curve.pieces:
+            part = piece.scaled(self.end - self.start, abs(self.rise))
+            higher = part.polynomial + Polynomial([foot])
+            raised.append(Piece(part.length, higher, part.amplitude, part.frequency, part.phase))
+        return raised
+
+
+class Diagram:
+    """The displacement diagram of segments; between them the follower dwells.
+
+    The lowest of the levels between segments is the zero of the displacement.
+
+    Parameters
+    ----------
+    segments : in the order of their angles
+
+    Raises
+    ------
+    InputError
+        If a segment has no length, overlaps the next one, or the follower does not come back.
+    """
+
+    def __init__(self, segments: Sequence[Segment]) -> None:
+        if not segments:
+            raise InputError('a displacement diagram needs a segment')
+        rises = [s.rise for s in segments]
+        if not all(math.isfinite(v) for s in segments for v in (s.start, s.end, s.rise)):
+            raise InputError('angles and rises of a displacement diagram are finite numbers')
+        if abs(sum(rises)) > 1e-12 * max(map(abs, rises)):
+            raise InputError(
+                f'the follower does not come back: its rises add up to {sum(rises):g}'
+            )
+        levels = np.cumsum([0.0, *rises])
+        levels -= levels.min()
+        self.segments = tuple(segments)
+        #: between the highest and the lowest level [m] or [rad]
+        self.lift = float(levels.max())
+        first = segments[0].start
+        starts = [s.start for s in segments[1:]] + [first + TURN]
+        pieces: list[Piece] = []
+        for segment, following, low, high in zip(
+            segments, starts, levels[:-1], levels[1:], strict=True
+        ):
+            if segment.end <= segment.start:
+                raise InputError(f'the segment {_span(segment)} has no positive length')
+            dwell = following - segment.end
+            if dwell < -1e-12:
+                raise InputError(
+                    f'the segment {_span(segment)} overlaps the next one, which begins at '
+                    f'{math.degrees(following):g} deg'
+                )
+            pieces += segment.pieces(float(low))
+            if dwell > 1e-12:
+                pieces.append(Piece(dwell, Polynomial([float(high)])))
+        self.function = Piecewise(first, pieces)
+
+    @property
+    def breaks(self) -> Array:
+        """Ends of segments, and joints of the pieces of their curves [rad]."""
+        return self.function.breaks
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """As `Law`."""
+        return self.function(_in_turn(angle, self.breaks, left), order, left)
+
+    def normalised(self, angle: ArrayLike, order: int = 0) -> Array:
+        """What does not depend on sizes ([V] 4.21 to 4.26): of the displacement, u over the lift.
+
+        Of derivatives: times a power of the segment's angle, over its rise, both negative in a
+        return. For the four-spline, [V] 4.62 to 4.65 take half the angle.
+        """
+        u = self(angle, order)
+        if order == 0:
+            return u / self.lift if self.lift else u
+        x, scale = _in_turn(angle, self.breaks, left=False), np.zeros(np.shape(angle))
+        for s in self.segments:
+            span = (s.end - s.start) * (1 if s.rise > 0 else -1)
+            if s.rise:
+                scale = np.where((x >= s.start) & (x < s.end), span**order / abs(s.rise), scale)
+        return u * scale
+
+
+class Measured:
+    """The periodic spline through measured points.
+
+    Of odd degree; the default 5 leaves the jerk smooth.
+
+    Parameters
+    ----------
+    angle : [rad], shape (n,), increasing, over less than a turn; n > degree
+    displacement : [m] or [rad], shape (n,)
+
+    Raises
+    ------
+    InputError
+        If there are too few points, or they are not in order.
+    """
+
+    def __init__(self, angle: ArrayLike, displacement: ArrayLike, degree: int = 5) -> None:
+        x, y = np.asarray(angle, dtype=float), np.asarray(displacement, dtype=float)
+        if x.ndim != 1 or x.shape != y.shape or len(x) <= degree:
+            raise InputError(
+                f'a measured law of degree {degree} needs {degree + 1} angles at least, and as '
+                'many displacements'
+            )
+        if degree < 1 or degree % 2 == 0:
+            raise InputError('the degree of a measured law is odd')
+        if not (np.isfinite(x).all() and np.isfinite(y).all()):
+            raise InputError('measured angles and displacements are finite numbers')
+        if not (np.diff(x) > 0).all() or x[-1] - x[0] >= TURN:
+            raise InputError('measured angles increase, and end before the turn is full')
+        spline = make_interp_spline(
+            np.append(x, x[0] + TURN), np.append(y, y[0]), k=degree, bc_type='periodic'
+        )
+        whole = PPoly.from_spline(spline)
+        inside = slice(degree, -degree)
+        self.function = from_spline(PPoly(whole.c[:, inside], whole.x[inside]))
+
+    @property
+    def breaks(self) -> Array:
+        """The knots of the spline [rad]."""
+        return self.function.breaks
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """As `Law`."""
+        return self.function(_in_turn(angle, self.breaks, left), order, left)
+
+
+@dataclass(frozen=True)
+class Eccentric:
+    """The circular cam under a radial knife-edge follower, or the pitch circle under a roller.
+
+    [V] 4.7, above the lowest position; at angle 0 it is half-way up. Derivatives up to the third.
+
+    Parameters
+    ----------
+    radius, eccentricity : [m], the former larger
+    """
+
+    radius: float
+    eccentricity: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.eccentricity < self.radius < math.inf:
+            raise InputError('the eccentricity of a circular cam is positive, below its radius')
+
+    @property
+    def breaks(self) -> Array:
+        """The ends of the turn only: everything is smooth."""
+        return np.array([0.0, TURN])
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """As `Law`, for orders 0 to 3."""
+        R, d, g = self.radius, self.eccentricity, np.asarray(angle, dtype=float)
+        # q^2 = R^2 - d^2 cos^2 g, differentiated again and again
+        q = np.sqrt(R**2 - (d * np.cos(g)) ** 2)
+        q1 = 0.5 * d**2 * np.sin(2 * g) / q
+        q2 = (d**2 * np.cos(2 * g) - q1**2) / q
+        q3 = -(2 * d**2 * np.sin(2 * g) + 3 * q1 * q2) / q
+        roots = (q - (R - d), q1, q2, q3)
+        return np.asarray(d * np.sin(g + order * math.pi / 2) + roots[order])
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A derivative of a law that jumps.
+
+    Parameters
+    ----------
+    angle : [rad]
+    order : 0 for the displacement, up to 3 for the jerk
+    before, after : limits from the left and the right, by radians of the cam
+    """
+
+    angle: float
+    order: int
+    before: float
+    after: float
+
+    def __str__(self) -> str:
+        return (
+            f'at {math.degrees(self.angle):g} deg the {DERIVATIVES[self.order]} jumps from '
+            f'{self.before:.6g} to {self.after:.6g}, by {self.after - self.before:.6g}'
+        )
+
+
+def check_smoothness(law: Law, order: int = 2, tolerance: float = 1e-9) -> list[Jump]:
+    """Where a law misses the smoothness requirements ([V] 4.8), in the order of angles.
+
+    Parameters
+    ----------
+    order : the highest derivative that should not jump, 3 at most
+    tolerance : of the greatest value of a derivative over a turn, what counts as a jump
+    """
+    x = law.breaks
+    start = np.append(x[0], x[1:-1])
+    end = np.append(x[-1], x[1:-1])
+    jumps: list[Jump] = []
+    for k in range(order + 1):
+        after, before = law(start, k), law(end, k, left=True)
+        grid = np.linspace(x[0], x[-1], 1001)
+        greatest = max(np.abs(a).max() for a in (after, before, law(grid, k)))
+        jumps += [
+            Jump(float(start[i]), k, float(before[i]), float(after[i]))
+            for i in np.flatnonzero(np.abs(after - before) > tolerance * greatest)
+        ]
+    return sorted(jumps, key=lambda j: (j.angle, j.order))
+
+
+def _in_turn(angle: ArrayLike, breaks: Array, left: bool) -> Array:
+    """Angles moved into the turn that begins at the first break; from the left, its end."""
+    angle, start, end = np.asarray(angle, dtype=float), breaks[0], breaks[-1]
+    # what lies in the turn already keeps its last bit, so that it still meets the breaks
+    inside = (angle >= start) & (angle <= end)
+    x = np.where(inside, angle, start + np.mod(angle - start, TURN))
+    return np.where(x == start, end, x) if left else np.where(x == end, start, x)
+
+
+def _span(segment: Segment) -> str:
+    return f'from {math.degrees(segment.start):g} to {math.degrees(segment.end):g} deg'
