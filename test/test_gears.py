@@ -149,6 +149,21 @@ def test_thickness_is_that_of_the_drawn_tooth(name):
             assert gear.thickness(radius) == pytest.approx(drawn, rel=1e-9)
 
 
+@pytest.mark.parametrize('shift', [-0.2, 0.0, 0.35])
+def test_tooth_is_the_envelope_of_its_rack(shift):
+    """[V] Figure 5.11: the flank touches the rack where the normal passes the pitch point."""
+    gear = Gear(26, M, shift=shift)
+    r, slope = gear.pitch_radius, math.tan(gear.system.pressure_angle)
+    for turn in np.linspace(-0.35, 0.1, 10):
+        # the rack's flank is x + slope y = level, its reference line x = r + shift m
+        offset = r * turn + math.pi * M / 4 + (r + shift * M) * slope
+        way = (offset - r * slope) / (1 + slope**2)
+        point = turned(-turn, np.array([r + slope * way, way]))
+        assert math.atan2(point[1], point[0]) == pytest.approx(
+            gear.half_angle(np.hypot(*point)), abs=1e-12
+        )
+
+
 def test_gear_and_space_fill_the_pitch_circle():
     gear = Gear(30, M)
     assert gear.thickness(gear.pitch_radius) == pytest.approx(gear.circular_pitch / 2, rel=1e-15)
@@ -263,6 +278,33 @@ def test_efficiency_with_two_pairs_of_teeth_at_most_in_closed_form():
     e1, e2 = np.array([-NOMINAL.path.start, NOMINAL.path.end]) / NOMINAL.pinion.base_pitch
     loss = math.pi * 0.05 * (1 / 20 + 1 / 31) * (1 - e1 - e2 + e1**2 + e2**2)
     assert NOMINAL.efficiency(0.05) == pytest.approx(1 - loss, rel=1e-14)
+
+
+@pytest.mark.parametrize('system', ['full 20', 'full 25', 'stub 20'])
+def test_tips_of_internal_gears_meet_where_the_drawn_teeth_overlap(system):
+    system, n = TOOTH_SYSTEMS[system], 40
+    pinion = Gear(n, M, system)
+    drawn = pinion.outline(30) @ (1.0, 1.0j)
+    verdicts = set()
+    for more in range(3, 13):
+        wheel = Gear(n + more, M, system, internal=True)
+        deepest = 0.0
+        # a space of the wheel and a tooth of the pinion on the line of centres, then a pitch on
+        for turn in np.linspace(0.0, 2 * math.pi / n, 200):
+            at = drawn * np.exp(1j * turn) + more * M / 2
+            at = at[np.abs(at) > wheel.tip_radius]
+            tooth = 2 * math.pi / wheel.teeth
+            angle = np.angle(at) - turn * n / wheel.teeth - tooth / 2
+            off = np.abs((angle + tooth / 2) % tooth - tooth / 2)
+            halves = [wheel.half_angle(r) for r in np.abs(at)]
+            deepest = max(deepest, *((halves - off) * np.abs(at)))
+        if overlap := deepest > 1e-7 * M:
+            with pytest.raises(InputError, match='meet on their way out'):
+                Pair(pinion, wheel)
+        else:
+            Pair(pinion, wheel)
+        verdicts.add(overlap)
+    assert verdicts == {True, False}
 
 
 def test_inverse_of_the_involute_function():

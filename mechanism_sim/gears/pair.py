@@ -35,9 +35,9 @@ class Pair:
     Raises
     ------
     InputError
-        If the two do not mesh, their teeth jam, or a tip would leave the other's involute. Tips
-        of an internal wheel and its pinion may still meet beside the path of contact where the
-        numbers of teeth differ little; that is not checked.
+        If the two do not mesh, their teeth jam, or a tip would leave the other's involute;
+        or if tips of an internal wheel and its pinion meet beside the path of contact, as they do
+        where the numbers of teeth differ little.
     """
 
     pinion: Gear
@@ -74,6 +74,29 @@ class Pair:
             raise InputError('the tips of the wheel reach inside the base circle of the pinion')
         if not two.internal and end > self._reach(two) * (1.0 + 1e-12):
             raise InputError('the tips of the pinion reach inside the base circle of the wheel')
+
+        if two.internal and self._tips_meet:
+            raise InputError(
+                f'the tips of {one.teeth} and {two.teeth} internal teeth meet on their way out: '
+                f'the numbers differ too little'
+            )
+
+    @property
+    def _tips_meet(self) -> bool:
+        """Whether a tip of the pinion leaves an internal wheel through the tip of a tooth.
+
+        Followed from the pitch point on: there the flanks touch, and turned until the pinion's
+        corner is where the tip circles cross, it must not have overtaken the wheel's corner.
+        """
+        one, two, c = self.pinion, self.wheel, self.centre_distance
+        a, b = one.tip_radius, two.tip_radius
+        cosines = (b**2 - a**2 - c**2) / (2 * c * a), (b**2 - a**2 + c**2) / (2 * c * b)
+        if max(map(abs, cosines)) > 1.0:
+            return True
+        working = inv(self.pressure_angle)
+        turn = math.acos(cosines[0]) + inv(one.profile_angle(a)) - working
+        corner = working - inv(two.profile_angle(b)) + turn * one.teeth / two.teeth
+        return math.acos(cosines[1]) > corner
 
     @property
     def _side(self) -> int:
