@@ -49,7 +49,7 @@ class DrawnFlank:
             points = points[1:]  # the radius at the root
         if gear.internal:
             points = points * (1.0, -1.0)  # its lower flank meets the pinion's upper one
-        # close to the base circle an involute has a cusp in everything but these parameters
+        # points are equally spaced in what the involute is smooth in, down to the base circle
         self.curve = make_interp_spline(np.linspace(0.0, 1.0, len(points)), points, k=7)
         self.slope = self.curve.derivative()
 

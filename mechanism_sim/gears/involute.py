@@ -20,6 +20,12 @@ MODULES = tuple(
     1e-3 * m for m in (1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50)
 )
 
+#: diametral pitches in general use [teeth per inch], coarse (below 20) and fine, as of AGMA
+DIAMETRAL_PITCHES = (
+    *(2.0, 2.25, 2.5, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 16.0),
+    *(20.0, 24.0, 32.0, 40.0, 48.0, 64.0, 80.0, 96.0, 120.0, 150.0, 200.0),
+)
+
 INCH = 0.0254
 
 

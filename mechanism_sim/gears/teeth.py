@@ -11,8 +11,11 @@ from typing import NamedTuple
 
 from mechanism_sim.errors import InputError
 
-#: more pairs of stages than this would take minutes
-MOST = 5_000_000
+#: more steps of the search would take minutes
+MOST_STEPS = 1_000_000
+
+#: more trains than this are no choice
+MOST_FOUND = 100_000
 
 _MICROMETRE = 1e-6
 _ROUNDING = 1e-12  # a ratio given as a float is not exact
@@ -78,7 +81,7 @@ def choose(
     pairs = list(_pairs(fewest, most, centre_distance, modules))
     if not pairs:
         raise InputError('no gears of these modules and teeth have this centre distance')
-    if len(pairs) ** (stages - 1) > MOST:
+    if len(pairs) ** (stages - 1) > MOST_STEPS:
         raise InputError(
             f'{len(pairs)} pairs in {stages} stages are too many: narrow the range of teeth'
         )
@@ -97,6 +100,10 @@ def choose(
             error = done * step / wanted - 1
             if abs(error) <= tolerance:
                 found.append(Choice((*first, last), done * step, float(error)))
+        if len(found) > MOST_FOUND:
+            raise InputError(
+                f'more than {MOST_FOUND} trains: lower the tolerance or narrow the range'
+            )
         if not found:
             around = floats[max(begin - 1, 0) : end + 1]
             near = [float(done) * r for r in around]
