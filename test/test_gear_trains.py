@@ -37,7 +37,7 @@ def test_planetary_trains_of_1000_random_teeth():
         n25, w2 = n2 / n5, RANDOM.uniform(-50, 50)
         found = train.speeds({'2': w2, '5': 0.0})
         assert found['3'] == pytest.approx(w2 * n25 / (1 + n25), rel=1e-12)
-        assert found['4'] == pytest.approx(found['3'] - (w2 - found['3']) * n2 / n4, rel=1e-11)
+        assert found['4'] == pytest.approx(found['3'] - (w2 - found['3']) * n2 / n4, abs=1e-10)
 
 
 def test_compound_planetary_trains_of_1000_random_teeth():
@@ -109,6 +109,13 @@ def test_whatever_is_held_or_driven():
         assert forward * train.ratio(driven, driver, (held,)) == pytest.approx(1.0)
         w = {driver: 1.0, driven: 1.0 / forward, held: 0.0}
         assert (w['5'] - w['3']) * n5 == pytest.approx(-(w['2'] - w['3']) * n2)
+
+
+def test_large_reduction_by_nearly_equal_gears():
+    """Ferguson: 1 - 101*99/(100*100) of the carrier's speed, a difference of products."""
+    n = {'s': 101, 'p': 100, 'q': 99, 'o': 100}
+    train = Train(n, (Mesh('s', 'p', 'c'), Mesh('q', 'o', 'c')), (('p', 'q'),))
+    assert train.ratio('c', 'o', ('s',)) == pytest.approx(10_000, rel=1e-10)
 
 
 def test_torques_of_a_planetary_train_gear_by_gear():
