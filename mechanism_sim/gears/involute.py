@@ -1,0 +1,247 @@
+"""Involute spur gears: radii, tooth thickness, undercut, drawn teeth ([V] 5.3 to 5.7).
+
+A helical gear is the same in its transverse plane; see `transverse`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError
+
+Array = NDArray[np.float64]
+
+#: preferred modules [m], [V] 5.7
+MODULES = tuple(
+    1e-3 * m for m in (1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50)
+)
+
+#: diametral pitches in general use [teeth per inch], coarse (below 20) and fine, as of AGMA
+DIAMETRAL_PITCHES = (
+    *(2.0, 2.25, 2.5, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 16.0),
+    *(20.0, 24.0, 32.0, 40.0, 48.0, 64.0, 80.0, 96.0, 120.0, 150.0, 200.0),
+)
+
+INCH = 0.0254
+
+
+@dataclass(frozen=True)
+class ToothSystem:
+    """Shape of the rack that generates the teeth; heights in modules."""
+
+    pressure_angle: float  #: [rad]
+    addendum: float = 1.0
+    dedendum: float = 1.25
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.pressure_angle < math.pi / 4:
+            raise InputError('a pressure angle lies between 0 and 45 deg')
+        if not 0.0 < self.addendum <= self.dedendum:
+            raise InputError('an addendum is positive and no longer than the dedendum')
+
+
+#: [V] table 5.1, by name: pressure angle in degrees, with "deep" for a dedendum of 1.35 modules
+TOOTH_SYSTEMS = {
+    **{f'full {a:g}': ToothSystem(math.radians(a)) for a in (20, 22.5, 25)},
+    **{f'full {a:g} deep': ToothSystem(math.radians(a), 1.0, 1.35) for a in (20, 22.5, 25)},
+    'stub 20': ToothSystem(math.radians(20), 0.8, 1.0),
+}
+
+FULL_DEPTH = TOOTH_SYSTEMS['full 20']
+
+
+def module_of(diametral_pitch: float) -> float:
+    """Module [m] of a diametral pitch P_d [teeth per inch], [V] eqs. 5.26, 5.27."""
+    if not diametral_pitch > 0.0:
+        raise InputError('a diametral pitch is positive')
+    return INCH / diametral_pitch
+
+
+def inv(angle: float) -> float:
+    """Involute function tan psi - psi [rad], [V] eq. 5.15; by its series where that cancels."""
+    if abs(angle) < 0.01:
+        square = angle * angle
+        return angle * square * (1 / 3 + square * (2 / 15 + square * (17 / 315)))
+    return math.tan(angle) - angle
+
+
+def inverse_inv(value: float) -> float:
+    """Angle psi [rad] between 0 and pi/2 with tan psi - psi = value.
+
+    Newton's method from above: the function is convex, so it does not overshoot.
+
+    Raises
+    ------
+    InputError
+        If `value` is negative: no involute goes there.
+    """
+    if not 0.0 <= value < math.inf:
+        raise InputError('the involute function is not negative')
+    if value == 0.0:
+        return 0.0
+    angle = min(math.cbrt(3.0 * value), math.atan(value + math.pi / 2))
+    for _ in range(100):
+        lower = angle - (inv(angle) - value) / math.tan(angle) ** 2
+        if lower >= angle:
+            break
+        angle = lower
+    return angle
+
+
+def least_teeth(system: ToothSystem = FULL_DEPTH) -> int:
+    """Fewest teeth that a rack cuts without undercut: 2 k/sin^2 phi, [V] eq. 5.30."""
+    return math.ceil(2.0 * system.addendum / math.sin(system.pressure_angle) ** 2)
+
+
+def transverse(normal_pressure_angle: float, helix_angle: float) -> float:
+    """Pressure angle [rad] of a helical gear in its plane of rotation: tan = tan phi_n/cos psi.
+
+    The module there is the normal module over cos psi.
+    """
+    return math.atan2(math.tan(normal_pressure_angle), math.cos(helix_angle))
+
+
+@dataclass(frozen=True)
+class Gear:
+    """A spur gear cut by a rack; an internal one has the spaces of the external one as teeth.
+
+    Parameters
+    ----------
+    teeth : N
+    module : m [m]
+    system : shape of the rack
+    shift : how far the rack was moved outwards, in modules (profile shift)
+    internal : teeth inwards
+
+    Raises
+    ------
+    InputError
+        If the teeth are undercut, pointed, or have no involute at their tips.
+    """
+
+    teeth: int
+    module: float
+    system: ToothSystem = FULL_DEPTH
+    shift: float = 0.0
+    internal: bool = False
+
+    def __post_init__(self) -> None:
+        if self.teeth < 3:
+            raise InputError(f'a gear has three teeth or more, not {self.teeth}')
+        if not (0.0 < self.module < math.inf and math.isfinite(self.shift)):
+            raise InputError('a module is positive, and a profile shift finite')
+        name = f'{"internal " if self.internal else ""}gear of {self.teeth} teeth'
+        if self.internal:
+            if self.tip_radius < self.base_radius:
+                raise InputError(f'the {name} has tips inside its base circle')
+        elif self.shift < self.least_shift - 1e-12:
+            raise InputError(
+                f'the {name} is undercut: it needs a profile shift of {self.least_shift:.4g} '
+                f'modules or {least_teeth(self.system)} teeth'
+            )
+        if not (self.root_radius > 0.0 and self.tip_thickness > 0.0):
+            raise InputError(f'the {name} has pointed teeth')
+
+    @property
+    def pitch_radius(self) -> float:
+        """Radius of the circle on which the rack rolls: m N/2 [m], [V] eq. 5.26."""
+        return self.module * self.teeth / 2.0
+
+    @property
+    def base_radius(self) -> float:
+        """r_p cos phi [m], [V] eq. 5.10."""
+        return self.pitch_radius * math.cos(self.system.pressure_angle)
+
+    @property
+    def tip_radius(self) -> float:
+        """Radius of the addendum circle [m]."""
+        height = self.shift + (-1 if self.internal else 1) * self.system.addendum
+        return self.pitch_radius + height * self.module
+
+    @property
+    def root_radius(self) -> float:
+        """Radius of the dedendum circle [m]."""
+        depth = -self.shift + (-1 if self.internal else 1) * self.system.dedendum
+        return self.pitch_radius - depth * self.module
+
+    @property
+    def circular_pitch(self) -> float:
+        """From tooth to tooth along the pitch circle: pi m [m], [V] eq. 5.25."""
+        return math.pi * self.module
+
+    @property
+    def base_pitch(self) -> float:
+        """From tooth to tooth along the base circle, and along the line of action [m]."""
+        return self.circular_pitch * math.cos(self.system.pressure_angle)
+
+    @property
+    def least_shift(self) -> float:
+        """Profile shift below which the rack undercuts: k - N sin^2 phi/2, from [V] eq. 5.29."""
+        return self.system.addendum - self.teeth * math.sin(self.system.pressure_angle) ** 2 / 2
+
+    def profile_angle(self, radius: float) -> float:
+        """Angle psi [rad] between involute and radius: cos psi = r_b/r, [V] eq. 5.16.
+
+        Raises
+        ------
+        InputError
+            If the radius lies inside the base circle.
+        """
+        if radius < self.base_radius * (1.0 - 1e-15):
+            raise InputError('there is no involute inside the base circle')
+        return math.atan2(self.tangent(radius), self.base_radius)
+
+    def tangent(self, radius: float) -> float:
+        """Length [m] from the base circle along its tangent to a radius: radius of curvature."""
+        b = self.base_radius
+        return math.sqrt(max((radius - b) * (radius + b), 0.0))
+
+    def half_angle(self, radius: float) -> float:
+        """Half the angle [rad] that a tooth takes at a radius [m], [V] eqs. 5.19, 5.21."""
+        pressure = self.system.pressure_angle
+        side = -1.0 if self.internal else 1.0
+        at_pitch = (math.pi / 2 + side * 2 * self.shift * math.tan(pressure)) / self.teeth
+        return at_pitch + side * (inv(pressure) - inv(self.profile_angle(radius)))
+
+    def thickness(self, radius: float) -> float:
+        """Thickness of a tooth [m] along the circle of a radius [m]."""
+        return 2.0 * radius * self.half_angle(radius)
+
+    @property
+    def tip_thickness(self) -> float:
+        """Thickness at the addendum circle [m]."""
+        return self.thickness(self.tip_radius)
+
+    def flank(self, points: int = 25) -> Array:
+        """Upper flank of the tooth about the x axis, root to tip: x, y [m], (points, 2).
+
+        Involute, and inside the base circle a radius ([V] 5.7); the fillet at the root, which the
+        cutter's corner makes, is not drawn. [V] eqs. 5.17 to 5.19.
+        """
+        b, root, tip = self.base_radius, self.root_radius, self.tip_radius
+        inner, outer = sorted((max(b, root), tip))
+        radial = root < b
+        # equal steps along the base circle's tangent
+        steps = np.linspace(self.tangent(inner), self.tangent(outer), points - radial)
+        radii = np.hypot(b, steps)
+        angles = np.array([self.half_angle(r) for r in radii])
+        if radial:
+            radii, angles = np.append(root, radii), np.append(angles[0], angles)
+        if self.internal:
+            radii, angles = radii[::-1], angles[::-1]
+        return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
+
+    def outline(self, points: int = 25, angle: float = 0.0) -> Array:
+        """All teeth, counterclockwise, one of them at an angle [rad]: x, y [m], (2 N points, 2).
+
+        Root and tip are joined by straight lines.
+        """
+        upper = self.flank(points)
+        tooth = np.concatenate([upper * (1.0, -1.0), upper[::-1]]) @ (1.0, 1.0j)
+        turns = np.exp(1j * (angle + 2.0 * math.pi * np.arange(self.teeth) / self.teeth))
+        ring = np.outer(turns, tooth).ravel()
+        return np.stack([ring.real, ring.imag], axis=1)

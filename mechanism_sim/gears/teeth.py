@@ -1,0 +1,132 @@
+"""Numbers of teeth for a wanted ratio: every choice of integers, the best first ([V] 5.9.2)."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from itertools import product
+from typing import NamedTuple
+
+from mechanism_sim.errors import InputError
+
+#: more steps of the search would take minutes
+MOST_STEPS = 1_000_000
+
+#: more trains than this are no choice
+MOST_FOUND = 100_000
+
+_MICROMETRE = 1e-6
+_ROUNDING = 1e-12  # a ratio given as a float is not exact
+
+
+class Stage(NamedTuple):
+    """One pair of a train."""
+
+    driver: int  #: teeth
+    driven: int
+    module: float | None  #: [m]; None where any will do
+
+
+class Choice(NamedTuple):
+    """Teeth of a whole train."""
+
+    stages: tuple[Stage, ...]
+    ratio: Fraction  #: speed of the first driver over that of the last driven gear, without sign
+    error: float  #: relative, of the ratio; negative if it is too small
+
+    @property
+    def teeth(self) -> int:
+        """Of all gears."""
+        return sum(s.driver + s.driven for s in self.stages)
+
+
+def choose(
+    ratio: float | Fraction,
+    *,
+    stages: int = 1,
+    tolerance: float = 0.0,
+    teeth: tuple[int, int] = (18, 120),
+    centre_distance: float | None = None,
+    modules: Sequence[float] = (),
+) -> list[Choice]:
+    """All trains of external pairs that come near a ratio.
+
+    Parameters
+    ----------
+    ratio : N_driven/N_driving over all stages ([V] eqs. 5.53, 5.7), without sign
+    stages : pairs in series
+    tolerance : largest relative error of the ratio
+    teeth : fewest and most teeth of a gear; 18 are free of undercut ([V] 5.7)
+    centre_distance : C [m] of every stage, C = m (N2 + N3)/2 to a micrometre ([V] eq. 5.59)
+    modules : that may be used with it [m]
+
+    Returns
+    -------
+    list of Choice
+        Ranked by error, then by the number of teeth (the fewer are the larger), then in order.
+
+    Raises
+    ------
+    InputError
+        If nothing can be found, with the nearest ratio, or the search would be too long.
+    """
+    fewest, most = teeth
+    if not (0 < ratio < math.inf and stages >= 1 and 1 <= fewest <= most and tolerance >= 0.0):
+        raise InputError('the search needs a positive ratio, a stage, and a range of teeth')
+    wanted = Fraction(ratio)
+    if (centre_distance is None) != (not modules):
+        raise InputError('a centre distance and the modules for it belong together')
+    pairs = list(_pairs(fewest, most, centre_distance, modules))
+    if not pairs:
+        raise InputError('no gears of these modules and teeth have this centre distance')
+    if len(pairs) ** (stages - 1) > MOST_STEPS:
+        raise InputError(
+            f'{len(pairs)} pairs in {stages} stages are too many: narrow the range of teeth'
+        )
+    pairs.sort(key=_of)
+    ratios = [_of(pair) for pair in pairs]
+    floats = [float(r) for r in ratios]
+    tolerance = max(tolerance, _ROUNDING)
+    low, high = float(wanted) * (1.0 - tolerance), float(wanted) * (1.0 + tolerance)
+    found, nearest = [], math.inf
+    for first in product(pairs, repeat=stages - 1):
+        done = math.prod(map(_of, first), start=Fraction(1))
+        # a margin for rounding; the exact comparison follows
+        begin = bisect_left(floats, low / float(done) * (1.0 - 1e-12))
+        end = bisect_right(floats, high / float(done) * (1.0 + 1e-12))
+        for last, step in zip(pairs[begin:end], ratios[begin:end], strict=True):
+            error = done * step / wanted - 1
+            if abs(error) <= tolerance:
+                found.append(Choice((*first, last), done * step, float(error)))
+        if len(found) > MOST_FOUND:
+            raise InputError(
+                f'more than {MOST_FOUND} trains: lower the tolerance or narrow the range'
+            )
+        if not found:
+            around = floats[max(begin - 1, 0) : end + 1]
+            near = [float(done) * r for r in around]
+            nearest = min([*near, nearest], key=lambda r: abs(r - float(wanted)))
+    if not found:
+        raise InputError(f'no teeth give the ratio {float(wanted):g}; the nearest is {nearest:g}')
+    return sorted(found, key=lambda c: (abs(c.error), c.teeth, c.stages))
+
+
+def _of(stage: Stage) -> Fraction:
+    return Fraction(stage.driven, stage.driver)
+
+
+def _pairs(
+    fewest: int, most: int, distance: float | None, modules: Sequence[float]
+) -> Iterator[Stage]:
+    counts = range(fewest, most + 1)
+    if distance is None:
+        yield from (Stage(a, b, None) for a in counts for b in counts)
+        return
+    for module in modules:
+        if not module > 0.0:
+            raise InputError('a module is positive')
+        total = round(2.0 * distance / module)
+        if abs(total * module / 2.0 - distance) <= _MICROMETRE:
+            yield from (Stage(a, total - a, module) for a in counts if total - a in counts)
