@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -125,3 +126,25 @@ def test_a_link_may_be_a_point_mass():
     machine = ms.load_scene('pendulum', {'links.bar.inertia': '0 kg m^2'})
     solution = ms.simulate(machine, duration=1.0)
     assert abs(solution.energy.residual) < 1e-12
+
+
+def test_a_missing_joint_is_told_from_missing_masses(tmp_path):
+    """Without its guide a slider-crank has three degrees of freedom, and one drive."""
+    scene = tmp_path / 'mine.yaml'
+    scene.write_text(
+        'title: Mine\nmechanism: linkage\n'
+        'links: {crank: {length: 50 mm}, rod: {length: 200 mm}, piston: {}}\n'
+        'joints:\n'
+        '  a: {revolute: [ground, crank]}\n'
+        '  b: {revolute: [crank.end, rod]}\n'
+        '  c: {revolute: [rod.end, piston]}\n'
+        'drive: {speed: 100 rpm}\n',
+        encoding='utf-8',
+    )
+    done = run('check', str(scene))
+    assert done.returncode == 2
+    assert '3 degrees of freedom, and prescribed are crank' in done.stderr
+    assert 'is a joint or a drive missing?' in done.stderr
+    short = scene.read_text(encoding='utf-8').replace('[ground, crank]', '[ground]')
+    scene.write_text(short, encoding='utf-8')
+    assert 'must have 2 entries' in run('check', str(scene)).stderr

@@ -91,6 +91,14 @@ def _check_linkage(machine: Machine) -> None:
     if not machine.torque_driven:
         _check_way(machine)
     given = [n for n, link in machine.links.items() if link.mass is not None]
+    if machine.level is Level.SMOOTH and not given:
+        freedom = assembly.freedom + len(plan.prescribed)
+        drives = ', '.join(plan.prescribed) or 'none'
+        raise InputError(
+            f'{machine.name}: the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, and '
+            f'prescribed are {drives}: is a joint or a drive missing? A motion that is left free needs the mass '
+            "of every link, 'links.LINK.mass'"
+        )
     if machine.dynamic or (given and machine.scene.outputs.forces):
         _check_masses(
             machine, [] if plan.weighed else [n for n in machine.links if n not in given]

@@ -228,7 +228,6 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         'tuple_type': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
         'too_long': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
         'list_type': 'it must be a list, for example [1, 2, 3]',
-        'too_short': 'it must not be empty',
         'int_type': 'it must be a whole number',
         'string_type': 'it must be text; put it in quotes',
         'bool_parsing': 'it must be true or false',
@@ -236,6 +235,10 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         'finite_number': 'it must be finite',
         'invalid_key': 'keys must be text',
     }
+    if kind == 'too_short':
+        least = context['min_length']
+        few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
+        return f'{where} = {value!r}: {few}'
     if kind in expected:
         return f'{where} = {value!r}: {expected[kind]}'
     bounds = {
