@@ -95,9 +95,9 @@ def _check_linkage(machine: Machine) -> None:
         freedom = assembly.freedom + len(plan.prescribed)
         drives = ', '.join(plan.prescribed) or 'none'
         raise InputError(
-            f'{machine.name}: the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, and '
-            f'prescribed are {drives}: is a joint or a drive missing? A motion that is left free needs the mass '
-            "of every link, 'links.LINK.mass'"
+            f'{machine.name}: the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, '
+            f'and prescribed are {drives}: is a joint or a drive missing? A motion that is left '
+            "free needs the mass of every link, 'links.LINK.mass'"
         )
     if machine.dynamic or (given and machine.scene.outputs.forces):
         _check_masses(
