@@ -7,6 +7,7 @@ profile is the envelope of its positions. At angle 0 both frames agree.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import inf
 from typing import Literal, NamedTuple
@@ -45,18 +46,18 @@ class Touch(NamedTuple):
     sliding: Array
 
 
-class _Rolling:
+class _Rolling(ABC):
     """What followers with a knife or a roller have in common."""
 
     roller: float
 
+    @abstractmethod
     def path(self, law: Law, base_radius: float, angle: Array) -> Array:
         """Place of the roller's centre and its two derivatives by the angle, (3, 2, N) [m]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """Direction of motion (2, N) of the roller's centre; rate (N,) of the follower's angle."""
-        raise NotImplementedError
 
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad].
@@ -174,20 +175,20 @@ class Oscillating(_Rolling):
         return np.array([np.sin(psi), -self.side * np.cos(psi)]), self.side * law(angle, 1)
 
 
-class _Flat:
+class _Flat(ABC):
     """What flat-faced followers have in common."""
 
+    @abstractmethod
     def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
         """The face's distance from the camshaft and the angle of its normal, with derivatives.
 
         Distance and its two derivatives by the cam angle (3, N) [m]; the normal's angle in the
         frame (N,) [rad]; first and second derivative of its angle seen from the cam (2, N).
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Direction of motion and velocity by the angle of a point of the follower, (2, N)."""
-        raise NotImplementedError
 
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad].

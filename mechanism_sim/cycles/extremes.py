@@ -82,8 +82,8 @@ def find_extremes(at: Sampler, table: Mapping[str, Array], drive: str) -> dict[s
 
     Parameters
     ----------
-    at : the columns at any instants
-    table : samples of them
+    at : the columns (K,) at any instants (K,) [s]
+    table : samples of them, each (N,), SI units
     drive : the column that says where the drive is
     """
     t = table['t']
@@ -169,6 +169,7 @@ def find_swings(
 
     Parameters
     ----------
+    table : columns (N,) by name, SI units
     period : [s] of the cycle if it repeats
     """
     found = {}

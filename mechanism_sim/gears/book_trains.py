@@ -14,6 +14,11 @@ def gear_box(teeth: Mapping[str, int], gear: int) -> Train:
 
     Input shaft 2, output shaft `out`, on which 3 and 4 slide; 5, 6, 7, 8 on the auxiliary shaft;
     9 the idler, always in mesh with 8.
+
+    Raises
+    ------
+    InputError
+        If there is no such gear.
     """
     ways = {1: Mesh('7', '4'), 2: Mesh('6', '3'), 3: Mesh('9', '4')}
     if gear not in ways:

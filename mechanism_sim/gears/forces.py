@@ -38,7 +38,13 @@ class Transmission(NamedTuple):
 
 
 def ratio(driver_teeth: int, driven_teeth: int) -> float:
-    """Speed of driver over driven gear, without sign: N3/N2, [V] eqs. 5.7, 5.37, 5.51."""
+    """Speed of driver over driven gear, without sign: N3/N2, [V] eqs. 5.7, 5.37, 5.51.
+
+    Raises
+    ------
+    InputError
+        If a gear has no teeth.
+    """
     if driver_teeth < 1 or driven_teeth < 1:
         raise InputError('a gear has teeth, a worm threads')
     return driven_teeth / driver_teeth
@@ -74,6 +80,11 @@ def helical(
     ratio : N3/N2
     efficiency : lowers the torque of the driven gear; friction at the pitch point vanishes, so
         the forces there do not show it
+
+    Raises
+    ------
+    InputError
+        If an angle, a size or the efficiency is out of its bounds.
     """
     _check(torque, radius, pressure_angle, efficiency)
     if not abs(helix_angle) < math.pi / 2:
@@ -101,6 +112,11 @@ def pitch_angles(ratio: float, shaft_angle: float = math.pi / 2) -> tuple[float,
 
     The cones roll on each other, sin gamma_3/sin gamma_2 = N3/N2, and fill the angle between the
     shafts.
+
+    Raises
+    ------
+    InputError
+        If the shafts do not meet at an angle, or the ratio is not positive.
     """
     if not (ratio > 0.0 and 0.0 < shaft_angle < math.pi):
         raise InputError('bevel shafts meet at an angle between 0 and 180 deg')

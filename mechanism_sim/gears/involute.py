@@ -55,7 +55,13 @@ FULL_DEPTH = TOOTH_SYSTEMS['full 20']
 
 
 def module_of(diametral_pitch: float) -> float:
-    """Module [m] of a diametral pitch P_d [teeth per inch], [V] eqs. 5.26, 5.27."""
+    """Module [m] of a diametral pitch P_d [teeth per inch], [V] eqs. 5.26, 5.27.
+
+    Raises
+    ------
+    InputError
+        If the pitch is not positive.
+    """
     if not diametral_pitch > 0.0:
         raise InputError('a diametral pitch is positive')
     return INCH / diametral_pitch

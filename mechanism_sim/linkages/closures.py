@@ -87,7 +87,13 @@ class SlotClosure:
     mechanism: Mechanism
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Across the slot, 90 degrees counterclockwise from its axis."""
+        """Across the slot, 90 degrees counterclockwise from its axis.
+
+        Raises
+        ------
+        TypeError
+            If the joint is of another kind.
+        """
         joint = self.mechanism.joint(self.name)
         if not isinstance(joint, PinInSlot):
             raise TypeError(f'{self.name} is not a pin in a slot')

@@ -39,7 +39,8 @@ class Range(NamedTuple):
 def excess(lengths: ArrayLike) -> Array:
     """Sum of the two middle lengths less that of the shortest and the longest [m], [V] 1.2.
 
-    Positive: some link makes full turns; zero: a change point; negative: none does.
+    Positive: some link makes full turns; zero: a change point; negative: none does. Lengths
+    (4, ...) give a result (...).
     """
     a = np.sort(np.asarray(lengths, np.float64), axis=0)
     return np.asarray((a[1] + a[2]) - (a[0] + a[3]))
@@ -178,7 +179,7 @@ def time_ratio(linkage: FourBar) -> float:
 
 
 def transmission_angle(linkage: FourBar, th2: Array) -> Array:
-    """Angle between coupler and rocker [rad], 0 to pi, at crank angles: law of cosines.
+    """Angle between coupler and rocker [rad], 0 to pi, at crank angles (N,): law of cosines.
 
     The force of the coupler moves the rocker best at pi/2; at 0 and pi it cannot move it. NaN
     where the linkage cannot be closed.

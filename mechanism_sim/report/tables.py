@@ -46,7 +46,7 @@ def check_rate(rate: float | None) -> float:
 
 
 def write(file: str, columns: Mapping[str, Array]) -> None:
-    """Write columns of equal length as one table, see `check_output`.
+    """Write columns (N,) of equal length as one table, see `check_output`.
 
     Raises
     ------

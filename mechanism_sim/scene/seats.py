@@ -15,7 +15,17 @@ if TYPE_CHECKING:
 
 
 def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
-    """Where the pins rest [m], from the centres of their bushings."""
+    """Where the pins rest (2,) [m], from the centres of their bushings, by joint.
+
+    Parameters
+    ----------
+    q, v, a : (n, 1) of the ideal mechanism
+
+    Raises
+    ------
+    InputError
+        If no force presses a pin anywhere.
+    """
     forces = dict(
         zip(
             [j.name for j in machine.mechanism.joints], joint_forces(machine, q, v, a), strict=True
