@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cams.laws import Eccentric, Law, Raised
 from mechanism_sim.cams.piecewise import Piece, Piecewise
-from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 
@@ -64,8 +64,8 @@ def _about(piece: Piece, middle: float, terms: int) -> list[float]:
     return [*padded, piece.amplitude, piece.frequency, phase]
 
 
-def displacement(law: Law, name: str, angle: Jet, frames: Frames) -> tuple[Jet, Jet]:
-    """The displacement of a law and its derivative by the cam angle.
+def displacement(law: Law, name: str, angle: Jet, frames: Frames, count: int = 2) -> list[Jet]:
+    """The displacement of a law and its derivatives by the cam angle, `count` in all.
 
     Parameters
     ----------
@@ -77,36 +77,38 @@ def displacement(law: Law, name: str, angle: Jet, frames: Frames) -> tuple[Jet, 
     TypeError
         If the law has no expression.
     """
+    x = dense(angle.value)
     if isinstance(law, Eccentric):
-        derivatives = _eccentric(law, dense(angle.value))
+        found = _eccentric(law, x)
     elif isinstance(law, Raised):
-        turned = [dense(angle.value) + 0.5 * math.pi * k for k in range(4)]
-        waves = [law.eccentricity * hy.sin(x) for x in turned]
-        derivatives = [law.eccentricity + waves[0], *waves[1:]]
+        found = [law.eccentricity * hy.sin(x + 0.5 * math.pi * k) for k in range(count + 2)]
+        found[0] = found[0] + law.eccentricity
     elif isinstance(function := getattr(law, 'function', None), Piecewise):
         rows = rows_of(function)
         numbers, angle = frames.table(name, angle, rows.breaks, rows.values, periodic=True)
-        derivatives = _piece(numbers, rows.terms, dense(angle.value))
+        found = _piece(numbers, rows.terms, dense(angle.value), count + 2)
     else:
         raise TypeError(f'no expression of {type(law).__name__}')
-    u, u1, u2, u3 = derivatives
-    return angle.chain(u, u1, u2), angle.chain(u1, u2, u3)
+    return [angle.chain(*found[k : k + 3]) for k in range(count)]
 
 
-def _piece(numbers: tuple[hy.expression, ...], terms: int, x: hy.expression) -> list[hy.expression]:
-    """Polynomial and wave, and three derivatives, by Horner."""
+def _piece(
+    numbers: tuple[hy.expression, ...], terms: int, x: hy.expression, orders: int
+) -> list[hy.expression]:
+    """Polynomial and wave, and derivatives, by Horner."""
     found = []
-    for order in range(4):
-        value = hy.expression(0.0)
+    for order in range(orders):
+        value: Term = None
         for k in range(terms - 1, order - 1, -1):
-            value = value * x + float(math.perm(k, order)) * numbers[k]
-        found.append(value)
+            value = add(mul(value, x), float(math.perm(k, order)) * numbers[k])
+        found.append(dense(value))
     if len(numbers) > terms:
         amplitude, frequency, phase = numbers[terms:]
         turned = frequency * x + phase
-        c, s = amplitude * hy.cos(turned), amplitude * frequency * hy.sin(turned)
-        waves = [c, -s, -(frequency * frequency * c), frequency * frequency * s]
-        found = [p + w for p, w in zip(found, waves, strict=True)]
+        wave = [amplitude * hy.cos(turned), -(amplitude * frequency * hy.sin(turned))]
+        for k in range(2, orders):
+            wave.append(-(frequency * frequency * wave[k - 2]))
+        found = [p + w for p, w in zip(found, wave, strict=False)]
     return found
 
 
@@ -115,7 +117,9 @@ def _eccentric(law: Eccentric, angle: hy.expression) -> list[hy.expression]:
     R, d = law.radius, law.eccentricity
     c, s = d * hy.cos(angle), d * hy.sin(angle)
     q = hy.sqrt(R * R - c * c)
-    q1 = c * s / q
-    q2 = (c * c - s * s - q1 * q1) / q
-    q3 = -(4.0 * c * s + 3.0 * q1 * q2) / q
-    return [s + q - (R - d), c + q1, q2 - s, q3 - c]
+    sine, cosine = 2.0 * c * s, c * c - s * s
+    q1 = 0.5 * sine / q
+    q2 = (cosine - q1 * q1) / q
+    q3 = -(2.0 * sine + 3.0 * q1 * q2) / q
+    q4 = -(4.0 * cosine + 4.0 * q1 * q3 + 3.0 * q2 * q2) / q
+    return [s + q - (R - d), c + q1, q2 - s, q3 - c, q4 + s]

@@ -266,6 +266,8 @@ class Raised:
 
     eccentricity: float
 
+    reciprocating: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if not 0 < self.eccentricity < math.inf:
             raise InputError('the eccentricity of a circular cam is positive')
