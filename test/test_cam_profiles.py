@@ -26,7 +26,8 @@ from mechanism_sim.cams.profiles import (
     smallest_flat_base_radius,
 )
 from mechanism_sim.errors import InputError
-from mechanism_sim.report.cam_drawing import cam_svg
+from mechanism_sim.export.outlines import cam_outline
+from mechanism_sim.export.svg import to_svg
 
 DEG = math.pi / 180
 TURN = np.linspace(0, 2 * math.pi, 721)[:-1] + 1e-3
@@ -412,7 +413,7 @@ def test_a_groove_holds_the_roller_with_its_clearance():
 @pytest.mark.parametrize('name', ['offset', 'arm', 'swinging face'])
 def test_the_picture_has_the_size_of_the_cam(name):
     cam = CAMS[name]
-    root = ElementTree.fromstring(cam_svg(cam))
+    root = ElementTree.fromstring(to_svg(cam_outline(cam)))
     assert root.get('width').endswith('mm')
     box = [float(v) for v in root.get('viewBox').split()]
     assert box[2:] == [float(root.get(k).removesuffix('mm')) for k in ('width', 'height')]
@@ -429,7 +430,7 @@ def test_the_picture_has_the_size_of_the_cam(name):
 
 
 def test_a_picture_of_a_groove_has_both_walls():
-    root = ElementTree.fromstring(cam_svg(CAMS['roller'], clearance=1e-3))
+    root = ElementTree.fromstring(to_svg(cam_outline(CAMS['roller'], clearance=1e-3)))
     assert {'inner', 'outer', 'pitch'} <= {e.get('id') for e in root.iter()}
 
 
