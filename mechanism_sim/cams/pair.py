@@ -50,13 +50,14 @@ class CamPair(HigherPair):
     cam: Cam
     centre: Vector2  #: [m] of the camshaft, in the world
     direction: float  #: [rad] in which the follower rises, or from the camshaft to its pivot
-    sense: Literal[1, -1] = 1  #: 1 if the cam angle grows counterclockwise
+    sense: Literal[1, -1] = 1  #: 1 if the cam angle grows with the angle of `first`
     phase: float = 0.0  #: [rad]
     arm_angle: float = 0.0  #: [rad] of the arm or face of a swinging follower, in its own frame
     beside: float = 0.0  #: [m] from the line through the camshaft to the point of a face
 
+    exact: bool = False  #: distances of a roller to the second order, as grooves with play need
+
     sides: ClassVar[tuple[Side, ...]] = ('right',)
-    exact: ClassVar[bool] = False
 
     @cached_property
     def distance(self) -> Distance:
@@ -116,7 +117,6 @@ class GroovePair(CamPair):
     """A cam with a groove that holds the roller: play opens between two walls."""
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
-    exact: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)

@@ -238,7 +238,7 @@ def _shortest(machine: Machine) -> float:
         places.setdefault(j.first, []).append(j.on_first)
         places.setdefault(j.second, []).append(j.on_second)
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
-    return min(x for x in between if x > 0.0)
+    return min((x for x in between if x > 0.0), default=math.inf)
 
 
 def _check_masses(machine: Machine, without: list[str]) -> None:
