@@ -58,6 +58,7 @@ class CamPair(HigherPair):
     exact: bool = False  #: distances of a roller to the second order, as grooves with play need
 
     sides: ClassVar[tuple[Side, ...]] = ('right',)
+    parts: ClassVar[str] = 'follower on its cam'
 
     @cached_property
     def distance(self) -> Distance:
@@ -117,6 +118,7 @@ class GroovePair(CamPair):
     """A cam with a groove that holds the roller: play opens between two walls."""
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+    parts: ClassVar[str] = 'roller between the walls of a groove'
 
 
 @dataclass(frozen=True)

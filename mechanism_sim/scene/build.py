@@ -151,7 +151,9 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
 def _check_joints(machine: Machine) -> None:
     shortest = _shortest(machine) if machine.clearances else 0.0
     for joint, clearance in machine.clearances.items():
-        where = f'{machine.name}: joints.{joint}.clearance'
+        given = getattr(machine.scene.joints, joint, None) or machine.scene.joints[joint]
+        keys = (k for k in ('clearance', 'lift_off', 'groove') if getattr(given, k, None))
+        where = f'{machine.name}: joints.{joint}.{next(keys, "clearance")}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
