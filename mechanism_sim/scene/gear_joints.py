@@ -171,7 +171,7 @@ def _pair(places: Places, one: Wheel, two: Wheel) -> _Placed:
     radii = pair.pitch_radii if pinion is gears[0] else pair.pitch_radii[::-1]
     path = pair.path if pinion is gears[0] else Path(-pair.path.end, -pair.path.start)
     return _Placed(
-        carrier, towards, signs[1] * radii[0], pair.pressure_angle, path, max(pair.backlash, 0.0),
+        carrier, towards, signs[1] * radii[0], pair.pressure_angle, path, pair.backlash if slip > _FITS * one.module else 0.0,
         f'a centre distance of {tight:.9g} m',
         (towards + (0.0 if signs[1] > 0.0 else math.pi),
          towards + (math.pi if signs[0] > 0.0 else 0.0)),
@@ -207,7 +207,8 @@ def _with_rack(places: Places, one: Wheel, two: Wheel) -> _Placed:
             f'{abs(away):.9g} m from the centre, without backlash it is {tight:.9g} m'
         )
     side = math.copysign(1.0, away)
-    out = max(abs(away) - tight, 0.0)
+    out = abs(away) - tight
+    out = out if out > _FITS * gear.module else 0.0
     reference = path_with_rack(gear)
     # the rack's tips reach less deep if it stands off
     start = reference.start + out / math.sin(gear.system.pressure_angle)
