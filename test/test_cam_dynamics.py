@@ -19,6 +19,7 @@ FOLLOWERS = {
     'damped beyond its critical value': SprungFollower(damping=70.0, speed=400.0),
     'cycloidal': SprungFollower(CYCLOIDAL, damping=10.0, speed=110.0),
 }
+MOTOR = SprungFollower(cam_inertia=4e-3, stall_torque=20.0, no_load_speed=320.0, damping=5.0)
 followers = pytest.mark.parametrize('name', FOLLOWERS)
 
 
@@ -75,6 +76,35 @@ def test_energy_closes_through_bounces(name):
     gained = motion.drive_work(0) - motion.loss - damped
     assert motion.loss > 1e-3
     assert after - before == pytest.approx(gained, abs=1e-12)
+
+
+def test_energy_closes_where_the_cam_is_driven_by_a_motor():
+    """Each bounce changes the speed of the cam; in contact the follower stays on it."""
+    follower = MOTOR
+    motion = run(follower, 4)
+    ends = motion.sample([0.0, motion.steps[-1].end])
+    before, after = (
+        follower.energy(*np.split(y, 2)) + follower.cam_inertia * y[2] ** 2 / 2 for y in ends.T
+    )
+
+    def power(t, q, v, *_):
+        pull = follower.cam_inertia * follower.acceleration(t, q, v)[0]
+        return pull * v[0] - follower.damping * v[1] ** 2
+
+    assert len(motion.impacts) > 8
+    assert after - before == pytest.approx(motion.integral(power) - motion.loss, abs=1e-11)
+    (wall,) = motion.machine.walls
+    for step in motion.steps:
+        q = step.dense(np.linspace(step.start, step.end, 7))[:2]
+        assert wall.value(q).min() > -1e-14
+        assert step.wall is None or wall.value(q).max() < 1e-14
+    times = [i.t for i in motion.impacts]
+    impact = motion.impacts[0]
+    x, _, w, v = motion.sample([times[0] - 1e-12])[:, 0]
+    slope = float(follower.law(x, 1))
+    assert slope * w - v == pytest.approx(impact.approach, rel=1e-8)
+    mass = 1 / (1 / follower.mass + slope**2 / follower.cam_inertia)
+    assert impact.impulse == pytest.approx(1.3 * mass * impact.approach, rel=1e-10)
 
 
 @followers
