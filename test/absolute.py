@@ -10,7 +10,9 @@ import math
 
 import numpy as np
 
-from mechanism_sim.planar.mechanism import GROUND, Geneva, PinInSlot, Prismatic, SlottedRack
+from mechanism_sim.linkages.indexing import Geneva, SlottedRack
+from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.scene.linkage import LinkageScene
 
 STEP = 1e-30

@@ -9,8 +9,9 @@ import pytest
 
 from mechanism_sim.linkages.centros import Centre, centre, centres, velocities, velocity_ratio
 from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.configuration import Constraints
-from mechanism_sim.planar.mechanism import PinInSlot, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Prismatic, Revolute
 
 O = (0.0, 0.0)  # noqa: E741
 

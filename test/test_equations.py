@@ -17,9 +17,9 @@ from mpmath import mp, mpf
 
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.bearing import BearingClearance
-from mechanism_sim.linkages.closures import Closure
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.closures import Closure
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics

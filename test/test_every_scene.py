@@ -5,7 +5,7 @@ import pytest
 from absolute import differences
 
 import mechanism_sim as ms
-from mechanism_sim.planar.mechanism import Geneva, SlottedRack
+from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.linkage import AffineForce, LinkageScene
 from mechanism_sim.scene.linkage_drives import is_straight

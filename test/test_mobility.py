@@ -7,8 +7,9 @@ import pytest
 
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.mobility import kutzbach, mobility
+from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.configuration import Constraints
-from mechanism_sim.planar.mechanism import PinInSlot, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Prismatic, Revolute
 
 
 class Drawing:

@@ -42,7 +42,7 @@ class Contacts:
     Attributes
     ----------
     modes : of every gap
-    switches : whether they are on
+    switches : the present rows of what changes from part to part of the cycle
     flying : whether any gap is open
     impacts, mode_changes : the events so far
     horizon : [s] longest next step: a root much nearer to its start than to its end gets lost
@@ -89,7 +89,7 @@ class Contacts:
             for guard in system.guards
         ]  # fmt: skip
         self.approach = (1.0,) * len(system.approach_index)
-        self.switches: tuple[bool, ...] = (False,) * len(system.switches)
+        self.switches: tuple[int, ...] = (0,) * len(system.switches)
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(system.gaps))
 
     @property
@@ -122,18 +122,21 @@ class Contacts:
         values: Array = function(self._now)
         return values
 
-    def set_switches(self, on: tuple[bool, ...] | None = None) -> None:
-        """Turn the switches of loads as told, or as the present state has them."""
-        if on is None:
-            self._set(self._system.switch_index, [1.0] * len(self.switches))
-            seen = self._at_present(self._system.watch)[self._first_switch : len(self._floor)]
-            on = tuple(bool(x > 0.0) for x in seen.tolist())
-        self.switches = on
-        self._set(self._system.switch_index, [float(x) for x in on])
+    def set_switches(self, rows: tuple[int, ...] | None = None) -> None:
+        """Set the rows of the switches as told, or as the present state has them."""
+        switches = self._system.switches
+        if rows is None:
+            rows = tuple(s.row_at(x) for s, x in zip(switches, self._places, strict=True))
+        self.switches = rows
+        for s, index, row in zip(switches, self._system.switch_index, rows, strict=True):
+            self._set(index, s.values(row))
 
     @property
-    def _first_switch(self) -> int:
-        return len(self._floor) - len(self.switches)
+    def _places(self) -> list[float]:
+        """Where the switches are."""
+        seen = self._at_present(self._system.watch)
+        places: list[float] = seen[len(seen) - len(self.switches) :].tolist()
+        return places
 
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
@@ -186,8 +189,9 @@ class Contacts:
     def _respond(self, guard: Guard) -> None:
         gap, before = guard.gap, self.modes
         if guard.switch is not None:
-            k, on = guard.switch, self.switches
-            self.set_switches((*on[:k], not on[k], *on[k + 1 :]))
+            k, rows = guard.switch, self.switches
+            after = self._system.switches[k].row_after(rows[k], self._places[k])
+            self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations:  # another closure may hold from now on
                 self._project()
             if any(self.closed(i) for i in range(len(before))):  # or a gap close faster

@@ -40,7 +40,7 @@ class Snapshot:
     since: int  #: steps since these were computed from the angles
     modes: tuple[int, ...]
     approach: tuple[float, ...]  #: [m/s] of the first touch of compliant contacts
-    switches: tuple[bool, ...]  #: of the loads that act in a part of the cycle
+    switches: tuple[int, ...]  #: rows of what changes from part to part of the cycle
     stabilisation: float  #: [1/s]
     horizon: float  #: [s] longest next step
     next_base: float  #: [s]

@@ -87,7 +87,7 @@ class System:
         it sticks, and the sign of its slip
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
-    switch_index : of every switch of the loads, which of them says that it is on
+    switch_index : of every switch, which of them its present row is
     outside_index : of the time of the base and of whole turns that loads ask for, which of them
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
     fired_index : which of them, the last, says which guard ended a step, counted from 1
@@ -129,15 +129,21 @@ class System:
         self.switches = list(frames.switches.values())
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
-        for name in (*frames.switches, *self.outside):
+        for name in self.outside:
             p.reserve(f'{name}.now')
+        for name, s in frames.switches.items():
+            for k in range(len(s.symbols)):
+                p.reserve(f'{name}.now.{k}')
         p.reserve('fired')
         self.parameters = np.array(p.values)
         self.fired_index = len(self.parameters) - 1
         self.flag_index = [p.names[f'{g.name}.closed'] for g in self.gaps]
         self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
         self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
-        self.switch_index = [p.names[f'{name}.now'] for name in frames.switches]
+        self.switch_index = [
+            [p.names[f'{name}.now.{k}'] for k in range(len(s.symbols))]
+            for name, s in frames.switches.items()
+        ]
         self.outside_index = [p.names[f'{name}.now'] for name in self.outside]
         self.stabilisation_index = p.names['stabilisation']
         self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
@@ -219,8 +225,7 @@ class System:
         result = []
         for gap, friction, switch in self.guards:
             if switch is not None:
-                flag, guard = self.switches[switch]
-                result.append((2.0 * flag - 1.0) * guard + SWITCH_MARGIN)
+                result.append(self.switches[switch].guard + SWITCH_MARGIN)
                 continue
             s = d.closed[gap]
             if not friction:
@@ -275,8 +280,8 @@ class System:
                 for k in range(self.degree, d - 1, -1):
                     value = add(mul(value, hy.time), math.perm(k, d) * c[k])
                 replace[symbol[name]] = dense(value)
-        for known, index in zip(frames.switches.values(), self.switch_index, strict=True):
-            replace[known.flag] = hy.par[index]
+        for known, pars in zip(frames.switches.values(), self.switch_index, strict=True):
+            replace |= {symbol: hy.par[i] for symbol, i in zip(known.symbols, pars, strict=True)}
         for (name, symbol), index in zip(frames.outside.items(), self.outside_index, strict=True):
             replace[symbol] = hy.par[index] + hy.time if name == 'time' else hy.par[index]
         return list(hy.subs(list(expressions), replace))
@@ -295,8 +300,15 @@ class System:
 
     @cached_property
     def watch(self) -> hy.cfunc_dbl:
-        """The guards, and the rates of the gaps, at free coordinates, rates, parameters, time."""
-        return self._on_now([*self._guards, *(jet.rate for jet in self.dynamics.normal)])
+        """What is to be watched, at free coordinates, rates, parameters, time.
+
+        The guards, the rates of the gaps, the places of the switches.
+        """
+        rates, places = (
+            (jet.rate for jet in self.dynamics.normal),
+            (s.place for s in self.switches),
+        )
+        return self._on_now([*self._guards, *rates, *places])
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
@@ -557,8 +569,8 @@ class System:
     @cached_property
     def _gap_values(self) -> Evaluation:
         values, frames = [dense(jet.value) for jet in self.dynamics.normal], self.equations.frames
-        if frames.switches:
-            values = list(hy.subs(values, frames.evaluated()))
+        if known := frames.evaluated():
+            values = list(hy.subs(values, known))
         function = compiled.function(values, list(frames.q.values()))
         return Evaluation(function, self.equations.parameters.values, [len(values)])
 

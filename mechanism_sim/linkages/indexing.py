@@ -9,33 +9,99 @@ locked position agree, and the pin moves along the slot: the motion goes on with
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import heyoka as hy
+import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
+from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import GROUND, Geneva, Mechanism, SlottedRack
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Equation,
+    HigherPair,
+    Mechanism,
+    Pose,
+    Vector2,
+)
 
 Pair = tuple[Jet, Jet]
+
+
+@dataclass(frozen=True)
+class Geneva(HigherPair):
+    """A driving pin of `first` and a Geneva wheel `second`, both pivoted on the ground.
+
+    While the pin is out of the slots, the wheel is locked by the crank's arc. `on_first` is the
+    pin, `on_second` the wheel's centre.
+    """
+
+    slots: int
+    towards: float  #: [rad] direction from the wheel's centre to the crank's, in the world
+    distance: float  #: [m] of the two centres
+    entry: float  #: [m] from the wheel's centre to the mouth of a slot
+
+    def closure(self, mechanism: Mechanism) -> GenevaClosure:
+        """Without play."""
+        return GenevaClosure(self, mechanism)
+
+    def equation(self, pose: Callable[[str], Pose]) -> Equation:
+        """Distance of the pin from the nearest slot, or of the locked wheel from its place [m]."""
+        wheel = pose(self.second)
+        pin, centre = turned(pose(self.first), self.on_first), turned(wheel, self.on_second)
+        between, z = 2.0 * math.pi / self.slots, pin[0] - centre[0]
+        if math.hypot(*z) >= self.entry:
+            too_far = math.remainder(wheel[2] - self.towards - 0.5 * between, between)
+            return self.entry * too_far, {self.second: np.array([0.0, 0.0, self.entry])}
+        nearest = between * round((math.atan2(z[1], z[0]) - wheel[2]) / between)
+        value, by_wheel, by_pin = off_line(wheel, nearest, centre, pin)
+        return value, {self.first: by_pin, self.second: by_wheel}
+
+
+@dataclass(frozen=True)
+class SlottedRack(HigherPair):
+    """A driving pin of `first` and a rack `second` that slides on the ground, slots across it.
+
+    The pin moves the rack while it is on the right of the axis through the crank's centre; in the
+    other half of a turn the rack is locked. `on_first` is the pin, `on_second` a point of a slot.
+    """
+
+    pitch: float  #: [m] of the slots: twice the radius of the pin's circle
+    axis: float  #: [rad] direction of the rack in the world
+    centre: Vector2  #: [m] of the crank, in the world
+
+    def closure(self, mechanism: Mechanism) -> RackClosure:
+        """Without play."""
+        return RackClosure(self, mechanism)
+
+    def equation(self, pose: Callable[[str], Pose]) -> Equation:
+        """Distance of the pin from the nearest slot, or of the locked rack from its place [m]."""
+        a, turning_a = turned(pose(self.first), self.on_first)
+        b, turning_b = turned(pose(self.second), self.on_second)
+        u = np.array([math.cos(self.axis), math.sin(self.axis)])
+        by_rack = np.array([*u, u @ turning_b])
+        if u[0] * (a[1] - self.centre[1]) - u[1] * (a[0] - self.centre[0]) >= 0.0:
+            off = math.remainder(u @ (b - self.centre) - 0.5 * self.pitch, self.pitch)
+            return off, {self.second: by_rack}
+        off = math.remainder(u @ (a - b), self.pitch)
+        return off, {self.first: np.array([*u, u @ turning_a]), self.second: -by_rack}
 
 
 @dataclass(frozen=True)
 class GenevaClosure:
     """A Geneva wheel without play."""
 
-    name: str
+    joint: Geneva
     mechanism: Mechanism
 
     @property
-    def _joint(self) -> Geneva:
-        joint = self.mechanism.joint(self.name)
-        if not isinstance(joint, Geneva):
-            raise TypeError(f'{self.name} is not a Geneva wheel')
-        return joint
+    def name(self) -> str:
+        """The joint's."""
+        return self.joint.name
 
     def _pin(self, frames: Frames) -> Pair:
         """From the wheel's centre to the pin, in the world [m]."""
@@ -44,9 +110,9 @@ class GenevaClosure:
     def engaged(self, frames: Frames) -> Term:
         """1 while the pin is in a slot: nearer to the wheel's centre than the slots' mouths."""
         x, y = self._pin(frames)
-        square = frames.parameters(f'{self.name}.entry.square', self._joint.entry**2)
+        square = frames.parameters(f'{self.name}.entry.square', self.joint.entry**2)
         inside = add(square, neg(mul(x.value, x.value)), neg(mul(y.value, y.value)))
-        return frames.switch(self.name, dense(inside) / self._joint.entry**2)
+        return frames.switch(self.name, dense(inside) / self.joint.entry**2)
 
     def offset(self, frames: Frames) -> Jet:
         """How far the pin, or the locked wheel at the slot's mouth, is off its place [m].
@@ -54,7 +120,7 @@ class GenevaClosure:
         ``(r/N) sin(N (phi - psi))`` with the pin at polar coordinates r, phi about the wheel's
         centre; ``(R/N) sin(N (psi - towards))`` with the slots' mouths at R.
         """
-        joint, p = self._joint, frames.parameters
+        joint, p = self.joint, frames.parameters
         x, y = self._pin(frames)
         wheel = frames.angle(self.mechanism.frame(joint.second)[0])
         radius, angle = _polar(x, y)
@@ -81,7 +147,7 @@ class GenevaClosure:
 
     def pressed(self, frames: Frames, force: Term) -> Wrench:
         """What a force along the offset does to the wheel."""
-        joint, on = self._joint, self.engaged(frames)
+        joint, on = self.joint, self.engaged(frames)
         moment = mul(force, self.offset(frames).gradient[self.mechanism.frame(joint.second)[0]])
         x, y = self._pin(frames)
         r = hy.sqrt(dense((x * x + y * y).value))
@@ -102,19 +168,17 @@ class GenevaClosure:
 class RackClosure:
     """A slotted rack without play."""
 
-    name: str
+    joint: SlottedRack
     mechanism: Mechanism
 
     @property
-    def _joint(self) -> SlottedRack:
-        joint = self.mechanism.joint(self.name)
-        if not isinstance(joint, SlottedRack):
-            raise TypeError(f'{self.name} is not a slotted rack')
-        return joint
+    def name(self) -> str:
+        """The joint's."""
+        return self.joint.name
 
     def _along(self, frames: Frames, x: Jet, y: Jet) -> tuple[Jet, Jet]:
         """Components along the rack and across it."""
-        p, a = frames.parameters, self._joint.axis
+        p, a = frames.parameters, self.joint.axis
         c = lift(dense(p(f'{self.name}.axis.x', math.cos(a))))
         s = lift(dense(p(f'{self.name}.axis.y', math.sin(a))))
         return x * c + y * s, y * c - x * s
@@ -122,24 +186,24 @@ class RackClosure:
     def _from_centre(self, frames: Frames, link: str, at: tuple[float, float]) -> Pair:
         label = f'{self.name}.{link}'
         x, y = frames.position(self.mechanism.point(link, at), label)
-        ox, oy = frames.position({(GROUND, None): self._joint.centre}, f'{self.name}.centre')
+        ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
         return self._along(frames, x - ox, y - oy)
 
     def engaged(self, frames: Frames) -> Term:
         """1 while the pin is on the right of the axis through the crank's centre."""
-        joint = self._joint
+        joint = self.joint
         _, across = self._from_centre(frames, joint.first, joint.on_first)
         return frames.switch(self.name, -dense(across.value) * (2.0 / joint.pitch))
 
     def normal(self, frames: Frames) -> Pair:
         """Along the rack."""
-        p, a = frames.parameters, self._joint.axis
+        p, a = frames.parameters, self.joint.axis
         x, y = p(f'{self.name}.axis.x', math.cos(a)), p(f'{self.name}.axis.y', math.sin(a))
         return lift(dense(x)), lift(dense(y))
 
     def values(self, frames: Frames) -> list[Jet]:
         """How far the pin, or the locked rack, is off its place along the rack [m]."""
-        joint = self._joint
+        joint = self.joint
         pin, _ = self._from_centre(frames, joint.first, joint.on_first)
         slot, _ = self._from_centre(frames, joint.second, joint.on_second)
         wave = dense(frames.parameters(f'{self.name}.wave', 2.0 * math.pi / joint.pitch))
@@ -153,7 +217,7 @@ class RackClosure:
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """Along the rack: at the pin, or, locked, at the slot's own point."""
-        joint, on = self._joint, self.engaged(frames)
+        joint, on = self.joint, self.engaged(frames)
         push = mul(forces[0], self.values(frames)[0].gradient[joint.second])
         p, a = frames.parameters, joint.axis
         force = (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.configuration import Constraints
-from mechanism_sim.planar.mechanism import HIGHER
+from mechanism_sim.planar.mechanism import HigherPair
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
     if not np.all(np.abs(residual) <= 1e-9):
         worst = constraints.rows[int(np.abs(residual).argmax())]
         raise ValueError(f'the mechanism is not assembled: the links of {worst} do not meet')
-    higher = sum(isinstance(j, HIGHER) for j in constraints.joints)
+    higher = sum(isinstance(j, HigherPair) for j in constraints.joints)
     lower = len(constraints.joints) - higher
     free, dependent = _null_spaces(jacobian)
     # 1e-6: a joint's part in a dependency is either of order one or rounding

@@ -8,7 +8,7 @@ fewer coordinates of the tree.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,18 +17,16 @@ from numpy.typing import NDArray
 
 from mechanism_sim.planar.mechanism import (
     GROUND,
-    Geneva,
+    Equation,
+    HigherPair,
     Joint,
     Mechanism,
-    PinInSlot,
     Prismatic,
     Revolute,
-    SlottedRack,
     Vector2,
 )
 
 Array = NDArray[np.float64]
-_Row = tuple[float, Array, Array]  # value, gradients by the poses of first and second link
 
 
 @dataclass(frozen=True)
@@ -37,9 +35,8 @@ class Constraints:
 
     A revolute joint gives two rows: its point of the first link less that of the second [m]. A
     prismatic joint gives two: the distance of its point of the second link from the line [m], and
-    the angle by which the second link is turned too far [rad]. A pin in a slot gives one: the
-    distance of the pin from the slot [m]; so do Geneva wheels and racks, where the locked ones
-    are held in their place.
+    the angle by which the second link is turned too far [rad]. A higher pair gives one [m], such
+    as the distance of a pin from its slot.
     """
 
     links: tuple[str, ...]  #: the moving links, in the order of poses
@@ -82,12 +79,14 @@ class Constraints:
         residual = np.zeros(len(self.rows))
         jacobian = np.zeros((len(self.rows), len(self.links), 3))
         i = 0
+
+        def pose(link: str) -> Array:
+            return np.zeros(3) if link == GROUND else poses[place[link]]
+
         for j in self.joints:
-            ends = (j.first, j.second)
-            here, there = (np.zeros(3) if x == GROUND else poses[place[x]] for x in ends)
-            for value, *gradients in _equations(j, here, there):
+            for value, gradients in _equations(j, pose):
                 residual[i] = value
-                for link, gradient in zip(ends, gradients, strict=True):
+                for link, gradient in gradients.items():
                     if link != GROUND:
                         jacobian[i, place[link]] += gradient
                 i += 1
@@ -125,64 +124,58 @@ def poses(mechanism: Mechanism, q: Mapping[str, float]) -> Array:
     return np.array([(*mechanism.locate(x, q), mechanism.angle(x, q)) for x in links])
 
 
-def _turned(pose: Array, at: Vector2) -> tuple[Array, Array]:
+def turned(pose: Array, at: Vector2) -> tuple[Array, Array]:
     """A point of a link in the world, and its derivative by the angle."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     arm = np.array([cosine * at[0] - sine * at[1], sine * at[0] + cosine * at[1]])
     return pose[:2] + arm, np.array([-arm[1], arm[0]])
 
 
-def _equations(joint: Joint, first: Array, second: Array) -> Iterator[_Row]:
-    """The rows of a joint at the poses (3,) of its links."""
-    a, turning_a = _turned(first, joint.on_first)
-    b, turning_b = _turned(second, joint.on_second)
+def _equations(joint: Joint, pose: Callable[[str], Array]) -> Iterator[Equation]:
+    """The rows of a joint at the poses of links."""
+    if isinstance(joint, HigherPair):
+        yield joint.equation(pose)
+        return
+    first, second = pose(joint.first), pose(joint.second)
+    a, turning_a = turned(first, joint.on_first)
+    b, turning_b = turned(second, joint.on_second)
     if isinstance(joint, Revolute):
         for k, along in enumerate(np.eye(2)):
             by_first = np.array([*along, turning_a[k]])
-            yield a[k] - b[k], by_first, -np.array([*along, turning_b[k]])
+            by_second = -np.array([*along, turning_b[k]])
+            yield float(a[k] - b[k]), {joint.first: by_first, joint.second: by_second}
         return
-    if isinstance(joint, PinInSlot):  # the line is the second link's
-        value, by_second, by_first = _off_line(second, joint.axis, b, turning_b, a, turning_a)
-        yield value, by_first, by_second
-        return
-    if isinstance(joint, Geneva | SlottedRack):
-        yield _indexed(joint, second, (a, turning_a), (b, turning_b))
-        return
-    yield _off_line(first, joint.axis, a, turning_a, b, turning_b)
-    turned = second[2] - first[2] - joint.angle
+    value, by_first, by_second = off_line(first, joint.axis, (a, turning_a), (b, turning_b))
+    yield value, {joint.first: by_first, joint.second: by_second}
+    too_far = second[2] - first[2] - joint.angle
     unit = np.array([0.0, 0.0, 1.0])
-    yield math.remainder(turned, 2.0 * math.pi), -unit, unit
+    yield math.remainder(too_far, 2.0 * math.pi), {joint.first: -unit, joint.second: unit}
 
 
-def _indexed(
-    joint: Geneva | SlottedRack, second: Array, pin: tuple[Array, Array], on: tuple[Array, Array]
-) -> _Row:
-    """Distance of the pin from the nearest slot, or of the locked follower from its place."""
-    (a, turning_a), (b, turning_b) = pin, on
-    if isinstance(joint, Geneva):
-        between, z = 2.0 * math.pi / joint.slots, a - b
-        if math.hypot(*z) >= joint.entry:
-            turned = math.remainder(second[2] - joint.towards - 0.5 * between, between)
-            return joint.entry * turned, np.zeros(3), np.array([0.0, 0.0, joint.entry])
-        nearest = between * round((math.atan2(z[1], z[0]) - second[2]) / between)
-        value, by_second, by_first = _off_line(second, nearest, b, turning_b, a, turning_a)
-        return value, by_first, by_second
-    u = np.array([math.cos(joint.axis), math.sin(joint.axis)])
-    by_rack = np.array([*u, u @ turning_b])
-    if u[0] * (a[1] - joint.centre[1]) - u[1] * (a[0] - joint.centre[0]) >= 0.0:
-        off = math.remainder(u @ (b - joint.centre) - 0.5 * joint.pitch, joint.pitch)
-        return off, np.zeros(3), by_rack
-    off = math.remainder(u @ (a - b), joint.pitch)
-    return off, np.array([*u, u @ turning_a]), -by_rack
+def off_line(
+    carrier: Array, axis: float, on: tuple[Array, Array], p: tuple[Array, Array]
+) -> tuple[float, Array, Array]:
+    """Distance of a point from a line along `axis` that a link carries.
 
+    Parameters
+    ----------
+    carrier : pose (3,) of the link
+    axis : direction of the line in the link's frame [rad]
+    on, p : a point of the line and the other point, each with its derivative by the angle of its
+        link, as of `turned`
 
-def _off_line(
-    carrier: Array, axis: float, on: Array, turning_on: Array, p: Array, turning_p: Array
-) -> _Row:
-    """Distance of the point p from the line through `on` that a link carries along."""
+    Returns
+    -------
+    The distance [m], to the left of the line; its derivatives by the poses of the link and of the
+    link of the other point (3,).
+    """
     angle = carrier[2] + axis
     along = np.array([math.cos(angle), math.sin(angle)])
     normal = np.array([-along[1], along[0]])
-    by_angle = -along @ (p - on) - normal @ turning_on
-    by_carrier = np.array([*-normal, by_angle])
-    return float(normal @ (p - on)), by_carrier, np.array([*normal, normal @ turning_p])
+    away = p[0] - on[0]
+    by_angle = -along @ away - normal @ on[1]
+    return (
+        float(normal @ away),
+        np.array([*-normal, by_angle]),
+        np.array([*normal, normal @ p[1]]),
+    )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import heyoka as hy
 
-from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.mechanism import GROUND, Point, Vector2
+from mechanism_sim.planar.switches import Array, Switch, Table
 
 
 @dataclass
@@ -46,13 +46,6 @@ class Parameters:
         return hy.par[self.names[name]]
 
 
-class Switch(NamedTuple):
-    """Something that acts only where a function of the coordinates is positive."""
-
-    flag: hy.expression  #: symbol of 1 or 0
-    guard: hy.expression
-
-
 class Frames:
     """Coordinates as symbols, and vectors that turn with the links.
 
@@ -64,7 +57,7 @@ class Frames:
         Symbols of what loads ask for beside these: ``time`` [s] since the start of the run, and
         ``COORDINATE.turns``, the whole turns that its symbol leaves out.
     switches : dict
-        What acts in a part of the cycle only, by name.
+        What changes from one part of the cycle to another, by name.
     """
 
     def __init__(
@@ -78,7 +71,7 @@ class Frames:
         self.v = {n: hy.make_vars(f'{n}_rate') for n in coordinates}
         self.a = {n: hy.make_vars(f'{n}_acceleration') for n in coordinates}
         self.outside: dict[str, hy.expression] = {}
-        self.switches: dict[str, Switch] = {}
+        self.switches: dict[str, Switch | Table] = {}
 
     @property
     def time(self) -> hy.expression:
@@ -95,14 +88,38 @@ class Frames:
     def switch(self, name: str, guard: hy.expression) -> hy.expression:
         """A flag that is 1 where `guard` is positive and 0 elsewhere."""
         known = self.switches.setdefault(name, Switch(hy.make_vars(f'{name}_on'), guard))
-        return known.flag
+        return known.symbols[0]
+
+    def table(
+        self, name: str, along: Jet, breaks: Array, rows: Array, periodic: bool
+    ) -> tuple[tuple[hy.expression, ...], Jet]:
+        """Numbers that change from row to row along a coordinate, such as pieces of a cam's law.
+
+        Parameters
+        ----------
+        along : the coordinate [rad, m], of any number of turns if it is periodic
+        breaks : (k + 1,) [rad, m] between which the rows hold; of a turn if it is periodic, each
+            then not longer than a right angle
+        rows : (k, n)
+        periodic : whether the first row follows on the last; else these go on beyond the breaks
+
+        Returns
+        -------
+        The n symbols of the present row; the coordinate from the middle of the row.
+        """
+        known = self.switches.get(name)
+        if not isinstance(known, Table):
+            known = Table(name, dense(along.value), breaks, rows, periodic)
+            self.switches[name] = known
+        local = Jet(known.local, along.gradient, along.rate, along.curvature)
+        return known.numbers, local
 
     def evaluated(self) -> dict[hy.expression, hy.expression]:
-        """What to put in for the flags where a motion is known."""
-        return {
-            s.flag: hy.select(hy.gt(s.guard, hy.expression(0.0)), 1.0, 0.0)
-            for s in self.switches.values()
-        }
+        """What to put in for the symbols of switches where a motion is known."""
+        found: dict[hy.expression, hy.expression] = {}
+        for switch in self.switches.values():
+            found |= switch.evaluated()
+        return found
 
     def world(self, frame: str, x: Term, y: Term) -> tuple[Term, Term]:
         """Components in the ground's frame of a vector given in a link's frame."""

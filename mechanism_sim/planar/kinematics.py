@@ -160,11 +160,11 @@ class Kinematics:
 
 def switch_guards(equations: Equations, q: Array) -> Array:
     """The guards (g, N) of the switches known to some equations, at coordinates (n, N)."""
-    switches = equations.frames.switches.values()
-    if not switches:
+    edges = [edge for s in equations.frames.switches.values() for edge in s.edges]
+    if not edges:
         return np.zeros((0, q.shape[1]))
-    function = compiled.function([s.guard for s in switches], [*equations.frames.q.values()])
-    return Evaluation(function, equations.parameters.values, [len(switches)])(q)[0]
+    function = compiled.function(edges, [*equations.frames.q.values()])
+    return Evaluation(function, equations.parameters.values, [len(edges)])(q)[0]
 
 
 def _solve(A: Array, b: Array) -> Array:

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from mechanism_sim.planar.protocols import PairClosure
 
 GROUND = 'ground'
 
 Vector2 = tuple[float, float]
+Side: TypeAlias = Literal['left', 'right']
 Arm: TypeAlias = tuple[str, str | None]
 """The angle with which a vector turns (or the ground), and the displacement that scales it."""
 Point: TypeAlias = dict[Arm, Vector2]
@@ -51,57 +59,38 @@ class Prismatic:
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
 
-@dataclass(frozen=True)
-class PinInSlot:
-    """A pin of `first` in a straight slot of `second`: a higher pair, which slides and turns."""
-
-    name: str
-    first: str
-    second: str
-    on_first: Vector2  #: [m] the pin
-    on_second: Vector2  #: [m] a point of the slot's centre line
-    axis: float = 0.0  #: [rad] direction of the slot in the frame of `second`
+Pose: TypeAlias = NDArray[np.float64]
+"""Where a link's frame lies: x, y [m] and its angle [rad], shape (3,)."""
+Equation: TypeAlias = tuple[float, dict[str, Pose]]
+"""What a joint's row leaves [m], and its derivatives by the poses of links."""
 
 
 @dataclass(frozen=True)
-class Geneva:
-    """A driving pin of `first` and a Geneva wheel `second`, both pivoted on the ground.
+class HigherPair(ABC):
+    """A joint that takes one degree of freedom: links touch at a point or along a line.
 
-    While the pin is out of the slots, the wheel is locked by the crank's arc.
+    No tree has it. Every kind is a subclass in the room of its own domain.
     """
 
     name: str
     first: str
     second: str
-    on_first: Vector2  #: [m] the pin
-    on_second: Vector2  #: [m] the wheel's centre
-    slots: int
-    towards: float  #: [rad] direction from the wheel's centre to the crank's, in the world
-    distance: float  #: [m] of the two centres
-    entry: float  #: [m] from the wheel's centre to the mouth of a slot
+    on_first: Vector2  #: [m] in the frame of `first`
+    on_second: Vector2  #: [m] in the frame of `second`
+
+    #: where it can open: on which sides of its closure there are walls
+    sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+
+    @abstractmethod
+    def closure(self, mechanism: Mechanism) -> PairClosure:
+        """The relation that keeps it closed."""
+
+    @abstractmethod
+    def equation(self, pose: Callable[[str], Pose]) -> Equation:
+        """Its row at the poses of links, whatever the tree."""
 
 
-@dataclass(frozen=True)
-class SlottedRack:
-    """A driving pin of `first` and a rack `second` that slides on the ground, slots across it.
-
-    The pin moves the rack while it is on the right of the axis through the crank's centre; in the
-    other half of a turn the rack is locked.
-    """
-
-    name: str
-    first: str
-    second: str
-    on_first: Vector2  #: [m] the pin
-    on_second: Vector2  #: [m] a point of a slot
-    pitch: float  #: [m] of the slots: twice the radius of the pin's circle
-    axis: float  #: [rad] direction of the rack in the world
-    centre: Vector2  #: [m] of the crank, in the world
-
-
-Joint: TypeAlias = Revolute | Prismatic | PinInSlot | Geneva | SlottedRack
-HIGHER = PinInSlot, Geneva, SlottedRack
-"""Higher pairs: they take one degree of freedom, and no tree has them."""
+Joint: TypeAlias = Revolute | Prismatic | HigherPair
 
 
 @dataclass(frozen=True)
@@ -168,7 +157,9 @@ class Mechanism:
         carried: dict[str, Joint] = {}
         floating: list[str] = []
         left = [body.name for body in self.bodies]
-        usable = [j for j in self.joints if j.name not in self.cut and not isinstance(j, HIGHER)]
+        usable = [
+            j for j in self.joints if j.name not in self.cut and not isinstance(j, HigherPair)
+        ]
         while left:
             reached = {GROUND, *carried, *floating}
             for link, j in ((link, j) for link in left for j in usable):
@@ -269,7 +260,7 @@ def closing_joints(
     come first, since a drive needs its coordinate; then revolute joints and guides fixed to the
     ground; guides on moving links last, because their displacements cost more.
     """
-    usable = [j for j in joints if j.name not in loose and not isinstance(j, HIGHER)]
+    usable = [j for j in joints if j.name not in loose and not isinstance(j, HigherPair)]
     kept: list[str] = []
     group = {link: link for link in (GROUND, *links)}
 

@@ -16,6 +16,7 @@ from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench
+from mechanism_sim.planar.mechanism import HigherPair
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,17 @@ class Relation(Protocol):
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """What the first-named does to the second-named link, by the forces along the rows."""
+
+
+class PairClosure(Relation, Protocol):
+    """The closure of a higher pair: one row, its offset [m] from where it is closed."""
+
+    @property
+    def joint(self) -> HigherPair:
+        """The pair."""
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Unit vector of the contact, along which a positive offset moves the first link."""
 
 
 class ForceElement(Protocol):

@@ -20,6 +20,7 @@ from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.protocols import Gap
+from mechanism_sim.planar.switches import Switch
 from mechanism_sim.report.equations import Equation, MachineEquations, Part
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.report.vectors import Vectors
@@ -201,12 +202,12 @@ class _Derivation:
         """Where that acts which does so in a part of the cycle only."""
         lines, used = [], _symbols_of(parts)
         for name, switch in self._equations.frames.switches.items():
-            flag = self._say(switch.flag)
-            if flag in used:
+            flag = self._say(switch.symbols[0])
+            if isinstance(switch, Switch) and flag in used:
                 self._vectors.use(name)
                 left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
                 note = f'{flag} is 1 where this is positive, otherwise 0'
-                lines.append(Equation(name, (left,), self._terms(switch.guard), note))
+                lines.append(Equation(name, (left,), self._terms(switch.inside), note))
         return tuple(lines)
 
     def _abridged(self) -> tuple[Equation, ...]:

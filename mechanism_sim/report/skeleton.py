@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from mechanism_sim.cycles.points import Place, Poses
+from mechanism_sim.linkages.indexing import Geneva, SlottedRack
+from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import (
     GROUND,
-    Geneva,
     Mechanism,
-    PinInSlot,
     Prismatic,
     Revolute,
-    SlottedRack,
     Vector2,
     rotate,
 )
@@ -95,7 +94,7 @@ class Skeleton:
                 self._revolute(joint)
             elif isinstance(joint, Prismatic):
                 self._prismatic(joint)
-            else:
+            elif isinstance(joint, PinInSlot | Geneva | SlottedRack):
                 self._pin(joint)
         for ends in springs:
             self.shapes.append(Shape('spring', ends))

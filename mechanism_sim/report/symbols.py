@@ -18,6 +18,7 @@ from sympy.simplify.fu import TR8
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.switches import Table
 from mechanism_sim.report.parameters import describe
 
 Expression: TypeAlias = Any
@@ -88,9 +89,13 @@ class Symbols:
                 known = self.make('n', (c,), name, f'whole turns that theta_{c} leaves out', '')
             self._variables[_sympy_symbol(str(variable))] = known
         for name, switch in frames.switches.items():
-            meaning = f'1 where {name} acts, otherwise 0'
-            known = self.make('sigma', (name,), f'{name}.on', meaning, '')
-            self._variables[_sympy_symbol(str(switch.flag))] = known
+            for k, symbol in enumerate(switch.symbols):
+                meaning = f'1 where {name} acts, otherwise 0'
+                known = self.make('sigma', (name,), f'{name}.on', meaning, '')
+                if isinstance(switch, Table):
+                    meaning = f'number {k} of the present row of the table {name}'
+                    known = self.make(f'c{k}', (name,), f'{name}.row.{k}', meaning, '')
+                self._variables[_sympy_symbol(str(symbol))] = known
 
     def _kind(self, c: str) -> tuple[str, str, str, str]:
         """Stem, subject, meaning and unit of a coordinate."""

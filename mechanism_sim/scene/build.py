@@ -11,7 +11,7 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.plan import check_times
-from mechanism_sim.scene.schema import Clearance, FourBarScene
+from mechanism_sim.scene.schema import FourBarScene, Play
 
 
 def build(name: str, scene: Scene) -> Machine:
@@ -179,7 +179,7 @@ def _check_joints(machine: Machine) -> None:
             )
 
 
-def _check_contact(where: str, clearance: Clearance, machine: Machine) -> None:
+def _check_contact(where: str, clearance: Play, machine: Machine) -> None:
     """What each law of contact needs, and no more."""
     contact = clearance.contact
     if contact is None:

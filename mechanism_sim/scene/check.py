@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, HIGHER, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import motion_notes
 
@@ -83,7 +83,7 @@ def check(machine: Machine) -> Report:
             )
     for name in machine.mechanism.cut:
         if name not in machine.clearances:
-            single = isinstance(machine.mechanism.joint(name), HIGHER)
+            single = isinstance(machine.mechanism.joint(name), HigherPair)
             relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):

@@ -7,23 +7,25 @@ from collections.abc import Callable, Mapping
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
-from mechanism_sim.linkages.closures import slotted
-from mechanism_sim.linkages.play import walls
-from mechanism_sim.planar.mechanism import HIGHER, Mechanism
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism
+from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
-from mechanism_sim.scene.schema import Clearance
+from mechanism_sim.scene.schema import Play
 
 
 def gaps_and_films(
-    mechanism: Mechanism, clearances: Mapping[str, Clearance]
+    mechanism: Mechanism, clearances: Mapping[str, Play]
 ) -> tuple[list[Gap], list[ForceElement]]:
     """The gaps of loose joints, and the oil films of those that have one instead."""
     gaps: list[Gap] = []
     films: list[ForceElement] = []
     for name, c in clearances.items():
         film = oil_film(c)
-        if isinstance(mechanism.joint(name), HIGHER):
-            gaps += walls(slotted(mechanism, name), c.radial, c.restitution)
+        joint = mechanism.joint(name)
+        if isinstance(joint, HigherPair):
+            gaps += walls(
+                joint.closure(mechanism), c.radial, c.restitution, c.hypothesis, force_law(c)
+            )
         elif film:
             films.append(FilmBearing(name, mechanism, film))
         else:
@@ -37,7 +39,7 @@ def gaps_and_films(
     return gaps, films
 
 
-def oil_film(clearance: Clearance) -> ShortBearing | None:
+def oil_film(clearance: Play) -> ShortBearing | None:
     """The film of a lubricated bearing; ``None`` for a dry one."""
     contact = clearance.contact
     if contact is None or contact.law != 'film':
@@ -47,7 +49,7 @@ def oil_film(clearance: Clearance) -> ShortBearing | None:
     return ShortBearing(viscosity, width, radius, clearance.radial)
 
 
-def force_law(clearance: Clearance) -> ForceLaw | None:
+def force_law(clearance: Play) -> ForceLaw | None:
     """The law of a compliant contact; ``None`` for a rigid one."""
     contact, e = clearance.contact, clearance.restitution
     if contact is None or contact.law == 'film' or contact.stiffness is None:

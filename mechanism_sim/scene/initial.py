@@ -11,7 +11,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import BearingClearance
-from mechanism_sim.linkages.closures import closures
+from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
@@ -124,7 +124,8 @@ def _check_inside(machine: Machine, q: Array, seated: bool) -> None:
     for gap, value in zip(machine.system.gaps, machine.system.gap_values(q), strict=True):
         clearance = machine.clearances[gap.joint].radial
         distance = float(gap.distance(value)[0])
-        if distance < -1e-6 * clearance and not (seated and gap.law):
+        rounding = 1e-12 * machine.mechanism.size
+        if distance < -max(1e-6 * clearance, rounding) and not (seated and gap.law):
             raise InputError(
                 f'{machine.name}: initial.position puts the pin of {gap.name} '
                 f'{clearance - distance:.6g} m from the centre of its bushing; the radial '

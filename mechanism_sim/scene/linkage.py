@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from mechanism_sim.numerics import formula
+from mechanism_sim.scene.cam_keys import CamKeys
+from mechanism_sim.scene.gear_keys import GearKeys
 from mechanism_sim.scene.schema import (
     AddedInertia,
     AffineTorque,
@@ -80,10 +82,10 @@ class PointMass(Part):
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
-KINDS = 'revolute', 'prismatic', 'slot', 'geneva', 'rack'
+KINDS = 'revolute', 'prismatic', 'slot', 'geneva', 'rack', 'cam', 'mesh', 'transmission'
 
 
-class LinkageJoint(Part):
+class LinkageJoint(CamKeys, GearKeys):
     """A joint between points of two links: of one kind."""
 
     revolute: Reference | None = None
@@ -91,6 +93,9 @@ class LinkageJoint(Part):
     slot: Reference | None = None
     geneva: Reference | None = None
     rack: Reference | None = None
+    cam: Reference | None = None
+    mesh: Reference | None = None
+    transmission: Reference | None = None
     slots: Annotated[int, Field(ge=3, le=24)] | None = None  #: of a Geneva wheel
     pitch: Length | None = None  #: of the slots of a rack
     axis: Angle = 0.0  #: of sliding: in the first link of a prismatic joint, in the second's slot

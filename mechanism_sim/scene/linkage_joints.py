@@ -6,16 +6,15 @@ import math
 from collections.abc import Iterable, Mapping
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.indexing import Geneva, SlottedRack
+from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import (
     GROUND,
     Body,
-    Geneva,
     Joint,
     Mechanism,
-    PinInSlot,
     Prismatic,
     Revolute,
-    SlottedRack,
     Vector2,
 )
 from mechanism_sim.scene.linkage import LinkageDrive, LinkageJoint

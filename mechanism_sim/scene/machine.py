@@ -21,10 +21,10 @@ from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.linkages.closures import closures
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
 from mechanism_sim.linkages.nominal import Guards, NominalPhysics, NominalRun
+from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
@@ -36,7 +36,7 @@ from mechanism_sim.scene.initial import initial_state
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
 from mechanism_sim.scene.plan import Plan, four_bar_plan
-from mechanism_sim.scene.schema import Clearance, FourBarScene
+from mechanism_sim.scene.schema import FourBarScene, Play
 
 Scene = FourBarScene | LinkageScene
 
@@ -141,7 +141,7 @@ class Machine:
         return {'crank': links.crank, 'coupler': links.coupler, 'rocker': links.rocker}
 
     @property
-    def clearances(self) -> dict[str, Clearance]:
+    def clearances(self) -> dict[str, Play]:
         """The joints with clearance."""
         return self.plan.clearances
 
@@ -312,7 +312,8 @@ class Machine:
         """Violation of a gap [m] that tolerance or rounding explain; beyond it a run fails."""
         solver = self.scene.solver
         allowed = max(1e3 * solver.rtol * self.mechanism.size, solver.atol, 1e-12)
-        return min([allowed, *(0.1 * c.radial for c in self.clearances.values())])
+        played = [c.radial for c in self.clearances.values() if c.radial]
+        return min([allowed, *(0.1 * radial for radial in played)])
 
     def start(self, law: Law | None = None) -> Run:
         """A new run of the machine, under the scene's laws or another of its main drive."""

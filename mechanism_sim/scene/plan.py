@@ -20,7 +20,7 @@ from mechanism_sim.planar.mechanism import (
     closing_joints,
 )
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.schema import Clearance, FourBarScene
+from mechanism_sim.scene.schema import FourBarScene, Play
 
 Elements = Callable[[Mechanism], list[ForceElement]]
 
@@ -49,7 +49,7 @@ class Plan:
     joints: tuple[Joint, ...]
     closing: tuple[str, ...]
     gravity: Vector2
-    clearances: dict[str, Clearance]
+    clearances: dict[str, Play]
     laws: dict[str, tuple[Law, ...]]
     begins: dict[str, tuple[float, float]]
     given: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
@@ -122,7 +122,9 @@ def four_bar_plan(scene: FourBarScene) -> Plan:
         Revolute('rocker_ground', 'rocker', GROUND, origin, ground),
     )
     given = scene.joints
-    clearances = {j.name: c for j in joints if (c := getattr(given, j.name).clearance)}
+    clearances: dict[str, Play] = {
+        j.name: c for j in joints if (c := getattr(given, j.name).clearance)
+    }
     angle = scene.initial.position.crank
     start = scene.drive.start_angle if angle is None else angle
     laws, begin = _four_bar_laws(scene, start)

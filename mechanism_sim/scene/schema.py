@@ -92,15 +92,21 @@ class Contact(Part):
     radius: Length | None = None  #: of the journal
 
 
-class Clearance(Part):
-    """A pin on the first-named link, loose in a bushing on the second-named one."""
+class Play(Part):
+    """How loose a joint is, and what its contacts are like."""
 
-    radial: Length
+    radial: Displacement  #: from the middle of the play; 0 for a contact that only lifts off
     restitution: Coefficient
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     friction: Friction = 0.0
     pin_radius: Radius = 0.0
     contact: Contact | None = None  #: without one the contact is rigid
+
+
+class Clearance(Play):
+    """A pin on the first-named link, loose in a bushing on the second-named one."""
+
+    radial: Length
 
 
 class Joint(Part):

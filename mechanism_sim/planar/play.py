@@ -1,9 +1,8 @@
-"""Play of a pin in a slot: two walls, each a gap. Geneva wheels and slotted racks have it too."""
+"""Play in a higher pair, such as of a pin in a slot: its walls, each a gap."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
 
 import heyoka as hy
 import numpy as np
@@ -13,32 +12,23 @@ from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.protocols import ForceLaw, Relation
+from mechanism_sim.planar.mechanism import Side
+from mechanism_sim.planar.protocols import ForceLaw, PairClosure
 
 Array = NDArray[np.float64]
 
 
-_SIDES: tuple[Literal['left', 'right'], ...] = ('left', 'right')
-
-
-class Slotted(Relation, Protocol):
-    """A closure of one row: how far the pin is off the slot's centre line."""
-
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Unit vector across the slot, on the pin's side for a positive offset."""
-
-
 @dataclass(frozen=True)
-class SlotWall:
-    """One wall of a slot with play, at a distance from where the pin's centre may go.
+class Wall:
+    """One wall of a higher pair with play.
 
-    With the offset h of the pin from the centre line, to the left of the slot's direction, the gap
-    is ``c - h`` at the left wall and ``c + h`` at the right one.
+    With the offset h of the closure, such as that of a pin from the centre line to the left of its
+    slot, the gap is ``c - h`` at the left wall and ``c + h`` at the right one.
     """
 
-    closure: Slotted
-    side: Literal['left', 'right']
-    play: float  #: [m] c, half of what the pin can move across the slot
+    closure: PairClosure
+    side: Side
+    play: float  #: [m] c, from where the offset is zero
     restitution: float
     friction: float = 0.0
     hypothesis: str = 'newton'
@@ -47,8 +37,9 @@ class SlotWall:
 
     @property
     def name(self) -> str:
-        """The joint's, with the side."""
-        return f'{self.closure.name}_{self.side}'
+        """The joint's, with the side where it has two."""
+        joint = self.closure.joint
+        return f'{joint.name}_{self.side}' if len(joint.sides) > 1 else joint.name
 
     @property
     def joint(self) -> str:
@@ -92,6 +83,15 @@ class SlotWall:
         return value
 
 
-def walls(closure: Slotted, play: float, restitution: float) -> list[SlotWall]:
-    """Both walls of a slot; `play` [m] is half of what the pin can move across it."""
-    return [SlotWall(closure, side, play, restitution) for side in _SIDES]
+def walls(
+    closure: PairClosure,
+    play: float,
+    restitution: float,
+    hypothesis: str = 'newton',
+    law: ForceLaw | None = None,
+) -> list[Wall]:
+    """All walls of a higher pair; `play` [m] is from where its offset is zero."""
+    return [
+        Wall(closure, side, play, restitution, hypothesis=hypothesis, law=law)
+        for side in closure.joint.sides
+    ]

@@ -6,20 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mechanism_sim.linkages.indexing import GenevaClosure, RackClosure
-from mechanism_sim.linkages.play import Slotted
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Wrench, moment_of
-from mechanism_sim.planar.mechanism import (
-    HIGHER,
-    Geneva,
-    Mechanism,
-    PinInSlot,
-    Prismatic,
-    SlottedRack,
-)
+from mechanism_sim.planar.loads import Wrench
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.protocols import Relation
 
 
@@ -79,60 +70,15 @@ class PrismaticClosure:
         return Wrench(mul(forces[0], nx.value), mul(forces[0], ny.value), moment)
 
 
-@dataclass(frozen=True)
-class SlotClosure:
-    """A pin in a slot: the first link's point stays on a line of the second link."""
-
-    name: str
-    mechanism: Mechanism
-
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Across the slot, 90 degrees counterclockwise from its axis.
-
-        Raises
-        ------
-        TypeError
-            If the joint is of another kind.
-        """
-        joint = self.mechanism.joint(self.name)
-        if not isinstance(joint, PinInSlot):
-            raise TypeError(f'{self.name} is not a pin in a slot')
-        normal = self.mechanism.direction(joint.second, joint.axis + 0.5 * math.pi)
-        return frames.position(normal, f'{self.name}.normal')
-
-    def values(self, frames: Frames) -> list[Jet]:
-        """Distance of the pin from the centre line [m]."""
-        x, y = frames.position(self.mechanism.separation(self.name), self.name)
-        nx, ny = self.normal(frames)
-        return [nx * x + ny * y]
-
-    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The slot's wall feels the pin where the pin is."""
-        x, y = frames.position(self.mechanism.separation(self.name), self.name)
-        nx, ny = self.normal(frames)
-        force = neg(mul(forces[0], nx.value)), neg(mul(forces[0], ny.value))
-        return Wrench(*force, moment_of((x.value, y.value), force))
-
-
 def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:
     """The relations of joints that close loops."""
     found: list[Relation] = []
     for name in joints:
         joint = mechanism.joint(name)
-        if isinstance(joint, HIGHER):
-            found.append(slotted(mechanism, name))
+        if isinstance(joint, HigherPair):
+            found.append(joint.closure(mechanism))
         elif isinstance(joint, Prismatic):
             found.append(PrismaticClosure(name, mechanism))
         else:
             found.append(Closure(name, mechanism))
     return found
-
-
-def slotted(mechanism: Mechanism, name: str) -> Slotted:
-    """The closure of a joint with a pin in a slot, such as that of a Geneva wheel."""
-    joint = mechanism.joint(name)
-    if isinstance(joint, Geneva):
-        return GenevaClosure(name, mechanism)
-    if isinstance(joint, SlottedRack):
-        return RackClosure(name, mechanism)
-    return SlotClosure(name, mechanism)

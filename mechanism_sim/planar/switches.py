@@ -1,0 +1,160 @@
+"""What changes from one part of a cycle to another: flags, and tables of numbers.
+
+The integrator knows the present row only, as runtime parameters; a guard ends a step where the
+next row begins. So a table of any length costs the same.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_FAR = 1e3  # times the length of a table that is not periodic: its outer rows reach so far
+
+
+class Switch(NamedTuple):
+    """Something that acts only where a function of the coordinates is positive."""
+
+    flag: hy.expression  #: symbol of 1 or 0
+    inside: hy.expression
+
+    @property
+    def symbols(self) -> tuple[hy.expression, ...]:
+        """The flag."""
+        return (self.flag,)
+
+    @property
+    def guard(self) -> hy.expression:
+        """Falls through zero where the flag changes."""
+        return (2.0 * self.flag - 1.0) * self.inside
+
+    @property
+    def place(self) -> hy.expression:
+        """What the present row follows from."""
+        return self.inside
+
+    @property
+    def edges(self) -> list[hy.expression]:
+        """What changes its sign where the row does."""
+        return [self.inside]
+
+    def row_at(self, place: float) -> int:
+        """1 inside, else 0."""
+        return int(place > 0.0)
+
+    def row_after(self, row: int, _: float) -> int:
+        """The other one."""
+        return 1 - row
+
+    def values(self, row: int) -> list[float]:
+        """Of the symbols."""
+        return [float(row)]
+
+    def evaluated(self) -> dict[hy.expression, hy.expression]:
+        """The symbols where a motion is known, for compiled functions."""
+        return {self.flag: hy.select(hy.gt(self.inside, hy.expression(0.0)), 1.0, 0.0)}
+
+
+class Table:
+    """Rows of numbers along a coordinate; see `Frames.table` for the parameters.
+
+    With the place x and the middle and the half length of the present row, the guard of a periodic
+    table is ``1 - (sin((x - middle)/2)/sin(half/2))^2``, whatever the turns in x; of a straight
+    one ``1 - ((x - middle)/half)^2``.
+
+    Attributes
+    ----------
+    symbols : of the n numbers of the present row, and of its bounds
+    local : the place from the middle of the row
+    guard : falls through zero where the next row begins
+    """
+
+    def __init__(
+        self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool
+    ) -> None:
+        self.place = place
+        self._breaks, self._rows, self._periodic = np.array(breaks), np.array(rows), periodic
+        ends = self._breaks.copy()
+        if not periodic:
+            far = _FAR * (ends[-1] - ends[0])
+            ends[0], ends[-1] = ends[0] - far, ends[-1] + far
+        self._middle, half = 0.5 * (ends[1:] + ends[:-1]), 0.5 * np.diff(ends)
+        if periodic:
+            turned = 0.5 * self._middle
+            bounds = [np.cos(turned), np.sin(turned), 1.0 / np.sin(0.5 * half)]
+        else:
+            bounds = [self._middle, 1.0 / half]
+        self._values = np.column_stack([self._rows, *bounds])
+        self.symbols = tuple(hy.make_vars(f'{name}_row_{k}') for k in range(len(self._values.T)))
+        own = self.symbols[self._rows.shape[1] :]
+        if periodic:
+            c, s = hy.cos(0.5 * place), hy.sin(0.5 * place)
+            sine = s * own[0] - c * own[1]
+            self.local = 2.0 * hy.atan(sine / (c * own[0] + s * own[1]))
+            share = sine * own[2]
+        else:
+            self.local = place - own[0]
+            share = self.local * own[1]
+        self.guard = 1.0 - share * share
+
+    @property
+    def numbers(self) -> tuple[hy.expression, ...]:
+        """Symbols of the numbers of the present row."""
+        return self.symbols[: self._rows.shape[1]]
+
+    @property
+    def edges(self) -> list[hy.expression]:
+        """What changes its sign where the row does."""
+        if self._periodic:
+            return [hy.sin(self.place - float(b)) for b in self._breaks[:-1]]
+        return [self.place - float(b) for b in self._breaks[1:-1]]
+
+    def row_at(self, place: float) -> int:
+        """The row at a place [rad, m]."""
+        if self._periodic:
+            first = self._breaks[0]
+            place = first + (place - first) % (2.0 * math.pi)
+        return int(np.searchsorted(self._breaks[1:-1], place, 'right'))
+
+    def row_after(self, row: int, place: float) -> int:
+        """The row that begins where another one ends, at a place near its end."""
+        away = place - float(self._middle[row])
+        if self._periodic:
+            return (row + (1 if math.sin(away) > 0.0 else -1)) % len(self._rows)
+        return row + (1 if away > 0.0 else -1)
+
+    def values(self, row: int) -> list[float]:
+        """Of the symbols in a row."""
+        found: list[float] = self._values[row].tolist()
+        return found
+
+    def evaluated(self) -> dict[hy.expression, hy.expression]:
+        """The symbols where a motion is known, for compiled functions."""
+        place = self.place
+        if self._periodic:
+            middle = float(self._breaks[0]) + math.pi
+            off = place - middle
+            place = middle + hy.atan2(hy.sin(off), hy.cos(off))
+        inner = self._breaks[1:-1]
+        return {
+            symbol: _chosen(place, inner, column)
+            for symbol, column in zip(self.symbols, self._values.T, strict=True)
+        }
+
+
+def _chosen(place: hy.expression, breaks: Array, column: Array) -> hy.expression:
+    """The number between the breaks around a place, by halves."""
+    if (column == column[0]).all():
+        return hy.expression(float(column[0]))
+    k = len(column) // 2
+    below, above = (
+        _chosen(place, breaks[: k - 1], column[:k]),
+        _chosen(place, breaks[k:], column[k:]),
+    )
+    return hy.select(hy.lt(place, hy.expression(float(breaks[k - 1]))), below, above)
