@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.messages import GenevaState, stamp
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.planar.mechanism import Geneva, Joint, SlottedRack
+from mechanism_sim.planar.mechanism import Joint
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.geneva import read_rack, read_wheel
 from mechanism_sim.sensing.joint_view import JointView
@@ -73,9 +74,8 @@ def integrator_of(machine: Machine) -> str:
 
     It is the node of a kind of parts if nothing but these closes loops, else ``linkage``.
     """
-    closing = {machine.mechanism.joint(name) for name in machine.mechanism.cut}
     for name, kind in kinds_of(machine).items():
-        if closing <= {*kind.joints(machine)}:
+        if {*machine.mechanism.cut} <= {joint.name for joint in kind.joints(machine)}:
             return name
     return 'linkage'
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.planar.mechanism import Geneva, SlottedRack
+from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.sensing.joint_view import Array, JointView
 
 
