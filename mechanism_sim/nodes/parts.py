@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
-from mechanism_sim.messages import GenevaState, stamp
+from mechanism_sim.messages import CamState, GearState, GenevaState, stamp
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -60,6 +60,8 @@ class Kind:
 
 #: by the name of the node
 KINDS = {
+    'cam': Kind('cam_state', CamState, {}),
+    'gear_train': Kind('gear_state', GearState, {}),
     'geneva': Kind('geneva_state', GenevaState, {Geneva: read_wheel, SlottedRack: read_rack}),
 }
 

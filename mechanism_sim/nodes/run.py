@@ -11,7 +11,9 @@ from dataclasses import asdict, dataclass
 from mechanism_sim.errors import RunError
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.accelerometer import Accelerometer
+from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.gear_train import GearTrain
 from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
@@ -24,6 +26,8 @@ from mechanism_sim.scene import Machine
 NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'crank_drive': CrankDrive,
     'linkage': Linkage,
+    'cam': Cam,
+    'gear_train': GearTrain,
     'geneva': Geneva,
     'accelerometer': Accelerometer,
     'recorder': Recorder,
