@@ -128,14 +128,24 @@ def reading(scene, overrides=(), count=499):
     return machine, view, kind.readers[type(joint)](joint, view)
 
 
+LOOSE = {'radial': '0.1 mm', 'restitution': 0.3}
+
+
 @pytest.mark.parametrize(
-    ('scene', 'share'), [('geneva', 0.25), ('linear_intermittent', 0.5)]
-)  # of a turn: 1/2 - 1/slots, and half
-def test_forces_of_intermittent_drives_balance(scene, share):
-    machine, view, r = reading(scene)
+    ('scene', 'share', 'overrides'),
+    [  # share of a turn: 1/2 - 1/slots, and half
+        ('geneva', 0.25, {}),
+        ('linear_intermittent', 0.5, {}),
+        ('geneva', 0.25, {'joints.crank_wheel.clearance': LOOSE}),
+        ('linear_intermittent', 0.5, {'joints.crank_rack.clearance': LOOSE}),
+    ],
+)
+def test_forces_of_intermittent_drives_balance(scene, share, overrides):
+    machine, view, r = reading(scene, overrides)
     assert r.engaged.mean() == pytest.approx(share, abs=0.003)
-    assert np.abs(r.driven_velocity[~r.engaged]).max() < 1e-12
-    # an ideal pair neither takes nor gives power
+    if not overrides:
+        assert np.abs(r.driven_velocity[~r.engaged]).max() < 1e-12
+    # pin and slot neither take nor give power between impacts
     given, taken = r.driver_torque * r.driver_speed, r.driven_effort * r.driven_velocity
     assert np.abs(given).max() > 0.1
     assert np.abs(given + taken).max() < 1e-13 * np.abs(given).max()
