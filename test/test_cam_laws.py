@@ -123,6 +123,53 @@ def test_peaks_are_those_of_the_literature(name, peaks):
     assert found == pytest.approx(peaks, rel=1e-5)
 
 
+def test_the_four_splines_solve_the_sixteen_conditions_of_the_book():
+    """[V] 4.38 to 4.41 for a quick rise and the same of a slow return, as a linear system."""
+    lift, spans = 0.03, [(0.2, 1.1), (2.0, 4.9)]
+    law = Diagram(
+        [
+            Segment(start, end, rise, CURVES['FOUR_SPLINE'])
+            for (start, end), rise in zip(spans, (lift, -lift), strict=True)
+        ]
+    )
+
+    def row(x, order):
+        return [math.perm(k, order) * x ** (k - order) if k >= order else 0.0 for k in range(4)]
+
+    for (start, end), levels in zip(spans, ((0.0, lift), (lift, 0.0)), strict=True):
+        middle = 0.5 * (start + end)
+        for outer, level in zip((start, end), levels, strict=True):
+            rows = [row(outer, 0), row(outer, 1), row(outer, 2), row(middle, 0)]
+            cubic = np.linalg.solve(rows, [level, 0.0, 0.0, 0.5 * lift])
+            x = np.linspace(outer, middle, 21)[1:-1]
+            for order in range(4):
+                wanted = [np.dot(row(a, order), cubic) for a in x]
+                assert law(x, order) == pytest.approx(wanted, abs=1e-11)
+
+
+def test_laws_of_a_sliding_cam_go_from_one_end_of_its_stroke_to_the_other():
+    curve = CURVES['HARMONIC']
+    law = Diagram(
+        [Segment(0.01, 0.03, 0.005, curve), Segment(0.05, 0.06, -0.002, curve)], reciprocating=True
+    )
+    assert law([0.01, 0.03, 0.05, 0.06]) == pytest.approx([0, 0.005, 0.005, 0.003])
+    assert law(0.06, 2, left=True) == pytest.approx(0.001 * (PI / 0.01) ** 2)
+    # what jumps inside the stroke only
+    jumps = [str(j) for j in check_smoothness(law)]
+    assert [j[: j.index(' from')] for j in jumps] == [
+        'at 30 mm the acceleration jumps',
+        'at 50 mm the acceleration jumps',
+    ]
+    with pytest.raises(InputError, match='65 mm lies beyond the stroke of the cam, from 10 to 60'):
+        law([0.02, 0.065])
+    with pytest.raises(InputError, match=r'segment from 10 to 30 mm overlaps .* begins at 20 mm'):
+        Diagram([Segment(0.01, 0.03, 1, curve), Segment(0.02, 0.04, 1, curve)], reciprocating=True)
+    x = np.linspace(0, 9, 12)  # longer than a turn is
+    measured, at = Measured(x, np.cos(x), degree=3, reciprocating=True), np.linspace(0, 9, 77)
+    assert measured(at) == pytest.approx(CubicSpline(x, np.cos(x))(at), abs=1e-12)
+    assert check_smoothness(measured, 2) == []
+
+
 def test_the_eccentric_is_a_slider_crank():
     """[V] 4.7: the loop of eccentricity, radius and displacement is closed."""
     law, angle = Eccentric(4.0, 1.0), np.linspace(-7, 7, 101)

@@ -26,7 +26,8 @@ from mechanism_sim.cams.profiles import (
     smallest_flat_base_radius,
 )
 from mechanism_sim.errors import InputError
-from mechanism_sim.report.cam_drawing import cam_svg
+from mechanism_sim.export.outlines import cam_outline
+from mechanism_sim.export.svg import to_svg
 
 DEG = math.pi / 180
 TURN = np.linspace(0, 2 * math.pi, 721)[:-1] + 1e-3
@@ -38,6 +39,25 @@ def law(lift=0.02, curve=CYCLOIDAL):
     )
 
 
+def stroke(lift=0.02):
+    """Of a cam that slides by 0.19 m; the follower ends higher than it begins."""
+    return Diagram(
+        [
+            Segment(-0.02, 0.0, 0.0, CYCLOIDAL),
+            Segment(0.0, 0.07, lift, CYCLOIDAL),
+            Segment(0.1, 0.15, -0.6 * lift, POLYNOMIAL_345),
+            Segment(0.15, 0.17, 0.0, CYCLOIDAL),
+        ],
+        reciprocating=True,
+    )
+
+
+def swing(rate, change):
+    """A reciprocating cam of 0.1 m under a face that swings one way."""
+    x = np.linspace(0.0, 0.1, 8)
+    return Measured(x, rate * x + change * x**2, reciprocating=True)
+
+
 ROLLERS = {
     'knife': (law(), Translating(), 0.04),
     'roller': (law(), Translating(roller=0.012), 0.04),
@@ -45,50 +65,67 @@ ROLLERS = {
     'offset the other way': (law(), Translating(offset=-0.015, roller=0.012), 0.04),
     'arm': (law(0.25), Oscillating(0.12, 0.1, roller=0.012), 0.045),
     'arm on the other side': (law(0.25), Oscillating(0.12, 0.1, roller=0.012, side=-1), 0.045),
+    'sliding, knife': (stroke(), Translating(), 0.03),
+    'sliding, roller': (stroke(), Translating(offset=0.005, roller=0.008), 0.03),
+    'sliding, arm': (stroke(0.2), Oscillating(0.07, 0.1, roller=0.008), 0.03),
+    'sliding, other arm': (stroke(0.2), Oscillating(0.07, 0.1, roller=0.008, side=-1), 0.03),
 }
 FACES = {
     'face': (law(0.01), FlatFaced(), 0.04),
+    'tilted face': (law(0.01), FlatFaced(25 * DEG), 0.04),
+    'face tilted the other way': (law(0.01), FlatFaced(-40 * DEG), 0.04),
     'swinging face': (law(0.1), OscillatingFlat(0.12), 0.04),
     'swinging face with an offset': (law(0.1), OscillatingFlat(0.12, 0.01, side=-1), 0.04),
+    'sliding, swinging face': (swing(7, 20), OscillatingFlat(0.2, -0.02), 0.06),
+    'sliding, falling face': (swing(-11, 20), OscillatingFlat(0.2, side=-1), 0.16),
+    'sliding, face turning clockwise': (swing(7, -20), OscillatingFlat(0.2, side=-1), 0.06),
 }
 CAMS = {name: Cam(*parts) for name, parts in (ROLLERS | FACES).items()}
 
 
-def seen_from_the_cam(points, angle):
-    """Points (2, ...) of the frame, turned by the cam angle: an independent route."""
-    z = (points[0] + 1j * points[1]) * np.exp(1j * angle)
+def all_along(cam, count=720):
+    """Angles or displacements of the cam, none of them at a break."""
+    start, end = cam.law.breaks[[0, -1]]
+    return np.linspace(start, end, count + 1)[:-1] + 1e-3 * (end - start) / (2 * math.pi)
+
+
+def seen_from_the_cam(points, angle, slides=False):
+    """Points (2, ...) of the frame, moved by the cam's angle or way: an independent route."""
+    z = points[0] + 1j * points[1]
+    z = z + 1j * angle if slides else z * np.exp(1j * angle)
     return np.array([z.real, z.imag])
 
 
 def roller_centre(cam, angle):
     """By complex numbers, from the description of the follower alone."""
     f, u, prime = cam.follower, cam.law(angle), cam.base_radius + cam.follower.roller
+    slides = cam.law.reciprocating
     if isinstance(f, Translating):
-        z = math.sqrt(prime**2 - f.offset**2) + u + 1j * f.offset
+        lowest = prime if slides else math.sqrt(prime**2 - f.offset**2)
+        z = lowest + u + 1j * f.offset
     else:
         a, b = f.pivot_distance, f.arm
-        on_base = math.acos((a * a + b * b - prime**2) / (2 * a * b))
-        z = a - b * np.exp(1j * f.side * (on_base + u))
-    z = z * np.exp(1j * angle)
-    return np.array([z.real, z.imag])
+        cosine = (a - prime) / b if slides else (a * a + b * b - prime**2) / (2 * a * b)
+        z = a - b * np.exp(1j * f.side * (math.acos(cosine) + u))
+    return seen_from_the_cam(np.array([z.real, z.imag]), angle, slides)
 
 
 @pytest.mark.parametrize('name', ROLLERS)
 def test_a_roller_rolled_over_the_drawn_profile_touches_it_everywhere(name):
     cam = CAMS[name]
-    drawn, radius = cam.at(TURN).profile, cam.follower.roller
-    for angle in TURN[::24]:
+    places = all_along(cam)
+    drawn, radius, near_by = cam.at(places).profile, cam.follower.roller, 10 * np.diff(places[:2])
+    for angle in places[::24]:
         centre = roller_centre(cam, angle)
 
         def distance(at, centre=centre):
             return math.hypot(*(cam.at(at).profile[:, 0] - centre))
 
         coarse = np.hypot(*(drawn - centre[:, None]))
-        near = TURN[coarse.argmin()]
+        near = places[coarse.argmin()]
         if radius:
-            best = minimize_scalar(
-                distance, bounds=(near - 0.01, near + 0.01), options={'xatol': 1e-9}
-            )
+            bounds = np.clip([near - near_by, near + near_by], places[0], places[-1]).ravel()
+            best = minimize_scalar(distance, bounds=bounds, options={'xatol': 1e-9})
             assert best.fun == pytest.approx(radius, abs=1e-9)
         assert distance(angle) == pytest.approx(radius, abs=1e-12)
         assert coarse.min() > radius - 1e-12
@@ -97,15 +134,19 @@ def test_a_roller_rolled_over_the_drawn_profile_touches_it_everywhere(name):
 @pytest.mark.parametrize('name', FACES)
 def test_a_face_swept_over_the_drawn_profile_touches_it_everywhere(name):
     cam = CAMS[name]
-    f, drawn = cam.follower, cam.at(np.linspace(0, 2 * math.pi, 40_001)).profile
-    for angle in TURN[::24]:
+    f, drawn = cam.follower, cam.at(np.linspace(*cam.law.breaks[[0, -1]], 40_001)).profile
+    for angle in all_along(cam)[::24]:
         if isinstance(f, FlatFaced):
-            normal, height = 1.0 + 0j, cam.base_radius + float(cam.law(angle))
+            normal = np.exp(1j * f.tilt)
+            height = cam.base_radius + float(cam.law(angle)) * math.cos(f.tilt)
         else:
             on_base = math.asin((cam.base_radius - f.face_offset) / f.pivot_distance)
             normal = np.exp(1j * f.side * (on_base + float(cam.law(angle)) - math.pi / 2))
             height = f.pivot_distance * normal.real + f.face_offset
-        normal = normal * np.exp(1j * angle)
+        if cam.law.reciprocating:
+            height += angle * normal.imag
+        else:
+            normal = normal * np.exp(1j * angle)
         heights = drawn[0] * normal.real + drawn[1] * normal.imag
         # between the points drawn the profile bulges by their distance squared over 8 radii
         assert heights.max() <= height + 1e-14
@@ -114,8 +155,9 @@ def test_a_face_swept_over_the_drawn_profile_touches_it_everywhere(name):
 
 @pytest.mark.parametrize('name', CAMS)
 def test_normal_and_curvature_are_those_of_the_drawn_profile(name):
-    cam, h = CAMS[name], 1e-4
-    x = TURN[np.abs(TURN[:, None] - cam.law.breaks).min(axis=1) > 5 * h]
+    cam, x = CAMS[name], all_along(CAMS[name])
+    h = 1e-3 * (x[-1] - x[0]) / (2 * math.pi) if cam.law.reciprocating else 1e-4
+    x = x[np.abs(x[:, None] - cam.law.breaks).min(axis=1) > 5 * h]
     profile = [cam.at(x + k * h).profile for k in range(-2, 3)]
     first = (profile[0] - 8 * profile[1] + 8 * profile[3] - profile[4]) / (12 * h)
     second = (-profile[0] + 16 * profile[1] - 30 * profile[2] + 16 * profile[3] - profile[4]) / (
@@ -125,16 +167,19 @@ def test_normal_and_curvature_are_those_of_the_drawn_profile(name):
     along = np.hypot(*first)
     assert (touch.normal * first).sum(axis=0) / along == pytest.approx(0 * x, abs=1e-9)
     curvature = (first[0] * second[1] - first[1] * second[0]) / along**3
-    assert curvature * touch.curvature_radius == pytest.approx(1 + 0 * x, abs=2e-5)
+    # a face may pass over the profile clockwise
+    curvature *= np.sign(touch.normal[0] * first[1] - touch.normal[1] * first[0])
+    # the straight parts of a sliding cam have an infinite radius
+    assert curvature == pytest.approx(1 / touch.curvature_radius, rel=2e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize('name', CAMS)
 def test_sliding_is_how_fast_the_follower_passes_the_cam(name):
     """A point fixed to the follower at the contact, followed in the cam's frame."""
-    cam, h, f = CAMS[name], 1e-5, CAMS[name].follower
-    x = TURN[::7]
+    cam, f, x = CAMS[name], CAMS[name].follower, all_along(CAMS[name])[::7]
+    slides, h = cam.law.reciprocating, 1e-5 * (x[-1] - x[0]) / (2 * math.pi)
     touch = cam.at(x)
-    contact = seen_from_the_cam(touch.profile, -x)
+    contact = seen_from_the_cam(touch.profile, -x, slides)
 
     def carried(step):
         u = cam.law(x + step) - cam.law(x)
@@ -143,12 +188,43 @@ def test_sliding_is_how_fast_the_follower_passes_the_cam(name):
         else:
             z = (contact[0] + 1j * contact[1] - f.pivot_distance) * np.exp(1j * f.side * u)
             moved = np.array([f.pivot_distance + z.real, z.imag])
-        return seen_from_the_cam(moved, x + step)
+        return seen_from_the_cam(moved, x + step, slides)
 
     velocity = (carried(h) - carried(-h)) / (2 * h)
     tangent = np.array([-touch.normal[1], touch.normal[0]])
-    assert (velocity * tangent).sum(axis=0) == pytest.approx(touch.sliding, rel=1e-7)
-    assert (velocity * touch.normal).sum(axis=0) == pytest.approx(0 * x, abs=1e-9)
+    speed = (velocity * tangent).sum(axis=0)
+    assert speed == pytest.approx(touch.sliding, rel=1e-7, abs=1e-8)
+    assert (velocity * touch.normal).sum(axis=0) == pytest.approx(0 * x, abs=1e-8)
+
+
+def test_a_sliding_cam_is_a_disk_of_infinite_radius():
+    roller = Translating(roller=0.008)
+
+    def parts(scale):
+        return [
+            Segment(0.0, 0.07 * scale, 0.02, CYCLOIDAL),
+            Segment(0.1 * scale, 0.15 * scale, -0.02, POLYNOMIAL_345),
+        ]
+
+    x = np.linspace(0.001, 0.149, 100)
+    exact = Cam(Diagram(parts(1.0), reciprocating=True), roller, 0.03).at(x)
+    errors = []
+    for radius in (1e2, 1e3, 1e4):
+        disk = Cam(Diagram(parts(1 / radius)), roller, radius).at(x / radius)
+        found = (
+            disk.profile - [[radius - 0.03], [0.0]],
+            disk.pressure_angle,
+            disk.sliding / radius,
+            disk.curvature,
+        )
+        limits = (exact.profile, exact.pressure_angle, exact.sliding, exact.curvature)
+        errors.append(
+            [np.abs(a - b).max() / np.abs(b).max() for a, b in zip(found, limits, strict=True)]
+        )
+    first, second, third = np.array(errors)
+    assert first == pytest.approx(10 * second, rel=0.05)
+    assert second == pytest.approx(10 * third, rel=0.05)
+    assert third.max() < 1e-4
 
 
 def test_pressure_angles_by_the_formulas_of_the_books():
@@ -166,20 +242,25 @@ def test_pressure_angles_by_the_formulas_of_the_books():
         expected = np.arctan(f.side * above / (a * np.sin(psi)))
         assert cam.at(TURN).pressure_angle == pytest.approx(expected, abs=1e-13)
     assert CAMS['face'].at(TURN).pressure_angle == pytest.approx(0 * TURN, abs=1e-15)
+    assert CAMS['tilted face'].at(TURN).pressure_angle == pytest.approx(0 * TURN + 25 * DEG)
+    sliding = CAMS['sliding, roller']
+    x = all_along(sliding)
+    assert sliding.at(x).pressure_angle == pytest.approx(-np.arctan(sliding.law(x, 1)), abs=1e-13)
     assert CAMS['swinging face'].at(TURN).pressure_angle == pytest.approx(0 * TURN, abs=1e-13)
 
 
 @pytest.mark.parametrize('name', CAMS)
 def test_pressure_angles_are_what_virtual_power_says(name):
-    """A unit force along the normal does the work of its moment about the camshaft."""
-    cam, f = CAMS[name], CAMS[name].follower
-    touch = cam.at(TURN)
-    arm, force = seen_from_the_cam(touch.pitch, -TURN), seen_from_the_cam(touch.normal, -TURN)
-    moment = force[0] * arm[1] - force[1] * arm[0]
+    """A unit force along the normal does the work of its moment, or its push, on the cam."""
+    cam, f, x = CAMS[name], CAMS[name].follower, all_along(CAMS[name])
+    touch, slides = cam.at(x), cam.law.reciprocating
+    arm = seen_from_the_cam(touch.pitch, -x, slides)
+    force = touch.normal if slides else seen_from_the_cam(touch.normal, -x)
+    moment = -force[1] if slides else force[0] * arm[1] - force[1] * arm[0]
     lever = 1.0
     if not isinstance(f, (Translating, FlatFaced)):
         lever = np.hypot(arm[0] - f.pivot_distance, arm[1])
-    work = np.cos(touch.pressure_angle) * lever * cam.law(TURN, 1)
+    work = np.cos(touch.pressure_angle) * lever * cam.law(x, 1)
     assert work == pytest.approx(moment * 1.0, abs=1e-14)
 
 
@@ -285,6 +366,9 @@ def test_under_a_face_the_smallest_base_circle_just_has_a_cusp():
     assert find_flaws(Cam(motion, FlatFaced(), 1.01 * radius)) == []
     assert {f.kind for f in find_flaws(Cam(motion, FlatFaced(), 0.9 * radius))} == {'undercut'}
     assert smallest_flat_base_radius(motion, 0.01) == pytest.approx(radius + 0.01)
+    tilted = smallest_flat_base_radius(motion, tilt=0.5)
+    assert [f.kind for f in find_flaws(Cam(motion, FlatFaced(0.5), tilted))] == ['cusp']
+    assert find_flaws(Cam(motion, FlatFaced(0.5), 1.01 * tilted)) == []
 
 
 def test_under_a_face_an_eccentric_moves_harmonically():
@@ -329,7 +413,7 @@ def test_a_groove_holds_the_roller_with_its_clearance():
 @pytest.mark.parametrize('name', ['offset', 'arm', 'swinging face'])
 def test_the_picture_has_the_size_of_the_cam(name):
     cam = CAMS[name]
-    root = ElementTree.fromstring(cam_svg(cam))
+    root = ElementTree.fromstring(to_svg(cam_outline(cam)))
     assert root.get('width').endswith('mm')
     box = [float(v) for v in root.get('viewBox').split()]
     assert box[2:] == [float(root.get(k).removesuffix('mm')) for k in ('width', 'height')]
@@ -346,8 +430,24 @@ def test_the_picture_has_the_size_of_the_cam(name):
 
 
 def test_a_picture_of_a_groove_has_both_walls():
-    root = ElementTree.fromstring(cam_svg(CAMS['roller'], clearance=1e-3))
+    root = ElementTree.fromstring(to_svg(cam_outline(CAMS['roller'], clearance=1e-3)))
     assert {'inner', 'outer', 'pitch'} <= {e.get('id') for e in root.iter()}
+
+
+def test_flaws_of_a_sliding_cam_are_named_in_millimetres():
+    motion = stroke()
+    sharp = Cam(motion, Translating(roller=0.05), 0.03)
+    flaws, found = find_flaws(sharp, 1e-3), find_cut_away(sharp)
+    assert {f.wall for f in flaws} == {'inner', 'outer'}
+    inner = next(f for f in flaws if f.wall == 'inner')
+    x = np.linspace(-0.0199, 0.1699, 20_001)
+    way = np.diff(sharp.at(x).profile[1])
+    # the profile runs backwards where it is undercut
+    assert any(inner.start < at < inner.end for at in x[:-1][way < 0])
+    assert str(inner).startswith('the inner profile is undercut from ')
+    assert str(inner).endswith(f'mm, most at {1e3 * inner.worst:g} mm')
+    assert found[0].start < inner.start < inner.end < found[0].end
+    assert ' mm the profile is cut away by the follower' in str(found[0])
 
 
 SUNK = Measured(np.arange(8) * math.pi / 4, 0.02 * np.sin(np.arange(8) * math.pi / 4))
@@ -365,6 +465,12 @@ SUNK = Measured(np.arange(8) * math.pi / 4, 0.02 * np.sin(np.arange(8) * math.pi
         (lambda: Cam(SUNK, Translating(), 0.01), 'below the camshaft'),
         (lambda: Cam(SUNK, FlatFaced(), 0.01), 'below the camshaft'),
         (lambda: Cam(law(2.0), OscillatingFlat(0.3), 0.04), 'faster than the cam turns'),
+        (lambda: FlatFaced(1.6), 'tilted by less than 90 deg'),
+        (lambda: Cam(stroke(), FlatFaced(0.3), 0.04), 'does not turn one way all along'),
+        (lambda: Cam(stroke(), OscillatingFlat(0.2), 0.04), 'does not turn one way all along'),
+        (lambda: CAMS['sliding, knife'].at(0.2), r'200 mm lies beyond .* from -20 to 170 mm'),
+        (lambda: smallest_base_radius(stroke(), Translating(), 0.5), 'has no base circle'),
+        (lambda: smallest_flat_base_radius(stroke()), 'has no base circle'),
     ],
 )
 def test_what_does_not_fit_is_refused(make, said):

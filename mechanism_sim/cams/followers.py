@@ -1,8 +1,6 @@
-"""Followers of a disk cam, and where and how each touches it ([V] 4.1, 4.5, 4.6).
+"""Followers of a cam, and where and how each touches it ([V] 4.1, 4.5, 4.6).
 
-The frame has the camshaft at its origin and the follower above it, on the x axis; the cam turns
-clockwise. Seen from the cam, the follower goes round counterclockwise by the cam angle, and the
-profile is the envelope of its positions. At angle 0 both frames agree.
+Frame and directions are those of `touch`.
 """
 
 from __future__ import annotations
@@ -10,40 +8,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import inf
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.cams.laws import Law
+from mechanism_sim.cams.touch import Passage, Touch, angle_between, cross, turned
 from mechanism_sim.errors import InputError
 
 Array = NDArray[np.float64]
-
-
-class Touch(NamedTuple):
-    """Where a follower touches its cam at cam angles (N,), in the cam's frame.
-
-    Parameters
-    ----------
-    pitch : centre of the roller, tip of the knife or point of contact of a face, (2, N) [m]
-    profile : the point of contact, (2, N) [m]
-    normal : out of the cam, (2, N)
-    pressure_angle : from the direction in which the follower moves at a positive rate, at its
-        `pitch` point, to the normal, counterclockwise, (N,) [rad]
-    curvature : of the pitch curve, positive where it bulges, (N,) [1/m]
-    curvature_radius : of the profile, negative where it is hollow, (N,) [m]
-    sliding : along the face or at the knife; what the rolling of a roller has to take up; per
-        radian of the cam, counterclockwise in the cam's frame, (N,) [m]
-    """
-
-    pitch: Array
-    profile: Array
-    normal: Array
-    pressure_angle: Array
-    curvature: Array
-    curvature_radius: Array
-    sliding: Array
 
 
 class _Rolling(ABC):
@@ -60,29 +34,30 @@ class _Rolling(ABC):
         """Direction of motion (2, N) of the roller's centre; rate (N,) of the follower's angle."""
 
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
-        """Contact with a cam of this base radius [m] at angles (N,) [rad].
+        """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].
 
         The pitch curve is the path of the roller's centre seen from the cam; the profile lies
         inside of it by the roller's radius. A knife is a roller of radius 0.
         """
-        angle = np.atleast_1d(np.asarray(angle, dtype=float))
+        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), Passage.of(law)
         p, p1, p2 = self.path(law, base_radius, angle)
-        along = p1 + _turned(p)
+        along = p1 + seen.velocities(p)
         speed = np.hypot(*along)
         tangent = along / speed
-        normal = -_turned(tangent)
-        curvature = _cross(along, p2 + 2.0 * _turned(p1) - p) / speed**3
+        normal = -turned(tangent)
+        w = seen.turning
+        curvature = cross(along, p2 + 2.0 * w * turned(p1) - w**2 * p) / speed**3
         with np.errstate(divide='ignore'):
             radius = np.where(curvature == 0.0, inf, 1.0 / curvature - self.roller)
         direction, turning = self.motion(law, base_radius, angle)
         return Touch(
-            _rotated(p, angle),
-            _rotated(p - self.roller * normal, angle),
-            _rotated(normal, angle),
-            _angle(direction, normal),
+            seen.places(p, angle),
+            seen.places(p - self.roller * normal, angle),
+            seen.directions(normal, angle),
+            angle_between(direction, normal),
             curvature,
             radius,
-            speed - self.roller * (1.0 + turning),
+            speed - self.roller * (w + turning),
         )
 
 
@@ -105,12 +80,14 @@ class Translating(_Rolling):
     def path(self, law: Law, base_radius: float, angle: Array) -> Array:
         """As of any follower with a roller; [V] 4.66 with an offset."""
         prime = base_radius + self.roller
+        u, u1, u2 = (law(angle, k) for k in range(3))
+        nothing = np.zeros_like(u)
+        if law.reciprocating:
+            return np.array([(prime + u, nothing + self.offset), (u1, nothing), (u2, nothing)])
         _require(
             abs(self.offset) < prime,
             f'an offset of {self.offset:g} m misses the base circle of {base_radius:g} m',
         )
-        u, u1, u2 = (law(angle, k) for k in range(3))
-        nothing = np.zeros_like(u)
         lowest = np.sqrt(prime**2 - self.offset**2)
         _require(bool((lowest + u > 0).all()), 'the law takes the follower below the camshaft')
         return np.array([(lowest + u, nothing + self.offset), (u1, nothing), (u2, nothing)])
@@ -144,10 +121,10 @@ class Oscillating(_Rolling):
         _require(self.roller >= 0, 'the radius of a roller is not negative')
         _require(self.pivot_distance > 0 < self.arm, 'pivot distance and arm are positive')
 
-    def lowest(self, base_radius: float) -> float:
-        """Angle between arm and line of centres on the base circle [rad]."""
+    def lowest(self, base_radius: float, reciprocating: bool = False) -> float:
+        """Angle between arm and line of centres on the base circle, or base line [rad]."""
         a, b, prime = self.pivot_distance, self.arm, base_radius + self.roller
-        cosine = (a**2 + b**2 - prime**2) / (2.0 * a * b)
+        cosine = (a - prime) / b if reciprocating else (a**2 + b**2 - prime**2) / (2.0 * a * b)
         _require(
             abs(cosine) < 1,
             f'an arm of {b:g} m with its pivot at {a:g} m does not reach the base circle of '
@@ -158,7 +135,7 @@ class Oscillating(_Rolling):
     def path(self, law: Law, base_radius: float, angle: Array) -> Array:
         """As of any follower with a roller."""
         u, u1, u2 = (law(angle, k) for k in range(3))
-        psi = self.lowest(base_radius) + u
+        psi = self.lowest(base_radius, law.reciprocating) + u
         c, s = self.arm * np.cos(psi), self.arm * np.sin(psi)
         _require(bool((s > 0).all()), 'the law takes the arm past the line of centres')
         return np.array(
@@ -171,7 +148,7 @@ class Oscillating(_Rolling):
 
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """Across the arm."""
-        psi = self.lowest(base_radius) + law(angle)
+        psi = self.lowest(base_radius, law.reciprocating) + law(angle)
         return np.array([np.sin(psi), -self.side * np.cos(psi)]), self.side * law(angle, 1)
 
 
@@ -179,11 +156,11 @@ class _Flat(ABC):
     """What flat-faced followers have in common."""
 
     @abstractmethod
-    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
+    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """The face's distance from the camshaft and the angle of its normal, with derivatives.
 
         Distance and its two derivatives by the cam angle (3, N) [m]; the normal's angle in the
-        frame (N,) [rad]; first and second derivative of its angle seen from the cam (2, N).
+        frame and its two derivatives (3, N) [rad].
         """
 
     @abstractmethod
@@ -191,50 +168,69 @@ class _Flat(ABC):
         """Direction of motion and velocity by the angle of a point of the follower, (2, N)."""
 
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> Touch:
-        """Contact with a cam of this base radius [m] at angles (N,) [rad].
+        """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].
 
         The distance of the face over the angle of its normal is the support function h of the
         profile: h along the normal, h' across, radius of curvature h + h''.
         """
-        angle = np.atleast_1d(np.asarray(angle, dtype=float))
-        (h, h1, h2), turned, (b1, b2) = self.face(law, base_radius, angle)
+        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), Passage.of(law)
+        (h, h1, h2), (bearing, b1, b2) = self.face(law, base_radius, angle)
+        b1 = b1 + seen.turning
         _require(
-            bool((b1 > 0).all()), 'the face of the follower swings back faster than the cam turns'
+            bool((b1 > 0).all() or (law.reciprocating and (b1 < 0).all())),
+            'a face that does not turn one way all along gives a reciprocating cam no shape: take '
+            'a knife edge or a roller'
+            if law.reciprocating
+            else 'the face of the follower swings back faster than the cam turns',
         )
-        normal = np.array([np.cos(turned), np.sin(turned)])
-        tangent = _turned(normal)
+        normal = np.array([np.cos(bearing), np.sin(bearing)])
+        tangent = turned(normal)
+        # the distance from the cam's origin grows by the frame's passage too
+        h1 = h1 + (normal * seen.velocity).sum(axis=0)
+        h2 = h2 + 2.0 * b1 * (tangent * seen.velocity).sum(axis=0)
         across = h1 / b1
         radius = h + (h2 * b1 - h1 * b2) / b1**3
         point = h * normal + across * tangent
         direction, velocity = self.motion_at(point, law(angle, 1))
         with np.errstate(divide='ignore'):
             curvature = 1.0 / radius
-        place = _rotated(point, angle)
+        place = seen.places(point, angle)
         return Touch(
             place,
             place,
-            _rotated(normal, angle),
-            _angle(direction, normal),
+            seen.directions(normal, angle),
+            angle_between(direction, normal),
             curvature,
             radius,
-            ((velocity + _turned(point)) * tangent).sum(axis=0),
+            ((velocity + seen.velocities(point)) * tangent).sum(axis=0),
         )
 
 
 @dataclass(frozen=True)
 class FlatFaced(_Flat):
-    """A translating follower with a face across its direction.
+    """A translating follower with a face across its direction, or tilted.
 
     Where its axis is does not matter to the cam: the contact moves along the face by the
-    velocity du/dtheta.
+    velocity du/dtheta times the cosine of the tilt.
+
+    Parameters
+    ----------
+    tilt : from the direction of motion to the normal of the face, counterclockwise [rad]; it is
+        the pressure angle
     """
 
-    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
-        """Base radius and displacement, straight above."""
-        h = np.array([base_radius + law(angle), law(angle, 1), law(angle, 2)])
+    tilt: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(abs(self.tilt) < 0.5 * np.pi, 'a face is tilted by less than 90 deg')
+
+    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
+        """Base radius, and the part of the displacement along the normal."""
+        h = np.cos(self.tilt) * np.array([law(angle, k) for k in range(3)])
+        h[0] += base_radius
         _require(bool((h[0] > 0).all()), 'the law takes the follower below the camshaft')
         nothing = np.zeros_like(angle)
-        return h, nothing, np.array([nothing + 1.0, nothing])
+        return h, np.array([nothing + self.tilt, nothing, nothing])
 
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Outwards."""
@@ -262,7 +258,7 @@ class OscillatingFlat(_Flat):
     def __post_init__(self) -> None:
         _require(self.pivot_distance > 0, 'a pivot distance is positive')
 
-    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array, Array]:
+    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """The line past the pivot."""
         a, sine = self.pivot_distance, (base_radius - self.face_offset) / self.pivot_distance
         _require(
@@ -273,13 +269,12 @@ class OscillatingFlat(_Flat):
         psi = np.arcsin(sine) + u
         c, s = a * np.cos(psi), a * np.sin(psi)
         h = np.array([s + self.face_offset, c * u1, c * u2 - s * u1**2])
-        turning = np.array([1.0 + self.side * u1, self.side * u2])
-        return h, self.side * (psi - np.pi / 2), turning
+        return h, self.side * np.array([psi - np.pi / 2, u1, u2])
 
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Across the line from the pivot."""
         arm = point - np.array([[self.pivot_distance], [0.0]])
-        direction = self.side * _turned(arm)
+        direction = self.side * turned(arm)
         return direction, direction * rate
 
 
@@ -289,22 +284,3 @@ Follower = Translating | Oscillating | FlatFaced | OscillatingFlat
 def _require(holds: bool, sentence: str) -> None:
     if not holds:
         raise InputError(sentence)
-
-
-def _turned(vectors: Array) -> Array:
-    """Vectors (2, N) turned by a right angle, counterclockwise."""
-    return np.array([-vectors[1], vectors[0]])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[0] * b[1] - a[1] * b[0])
-
-
-def _angle(a: Array, b: Array) -> Array:
-    """From the first to the second vectors (2, N) [rad]."""
-    return np.asarray(np.arctan2(_cross(a, b), (a * b).sum(axis=0)))
-
-
-def _rotated(vectors: Array, angle: Array) -> Array:
-    """Vectors (2, N) of the frame, seen from the cam."""
-    return np.cos(angle) * vectors + np.sin(angle) * _turned(vectors)

@@ -7,15 +7,15 @@ Where the point of contact is lost the follower comes lower than its law wants i
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from mechanism_sim.cams.followers import Touch
-from mechanism_sim.cams.profiles import Cam, drawing_angles
+from mechanism_sim.cams.laws import spelled
+from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
+from mechanism_sim.cams.touch import Touch
 
 Array = NDArray[np.float64]
 
@@ -29,31 +29,35 @@ class CutAway:
     start, end : [rad], to the step of the search
     worst : where the point of contact lies deepest within what is cut away [rad]
     depth : how deep [m]
+    reciprocating : the cam slides; all places are in metres
     """
 
     start: float
     end: float
     worst: float
     depth: float
+    reciprocating: bool = False
 
     def __str__(self) -> str:
-        start, end, worst = (f'{math.degrees(a):.5g}' for a in (self.start, self.end, self.worst))
+        ends = spelled(self.start, self.end, reciprocating=self.reciprocating)
+        worst = spelled(self.worst, reciprocating=self.reciprocating)
         return (
-            f'from {start} to {end} deg the profile is cut away by the follower at other angles, '
-            f'by {1e3 * self.depth:.3g} mm at {worst} deg'
+            f'from {ends} the profile is cut away by the follower elsewhere, '
+            f'by {1e3 * self.depth:.3g} mm at {worst}'
         )
 
 
-def find_cut_away(cam: Cam, step: float = math.radians(0.25)) -> list[CutAway]:
+def find_cut_away(cam: Cam, step: float | None = None) -> list[CutAway]:
     """Where the follower, swept over the profile, cuts its points of contact away.
 
     A knife edge never does. What is less deep than a millionth of the base radius does not count.
 
     Parameters
     ----------
-    step : between the points of the profile, and between the positions tried [rad]
+    step : between the points of the profile, and between the positions tried [rad] or [m]; without
+        it a 1440th of the turn or stroke
     """
-    x = drawing_angles(cam.law, step)
+    x = drawing_angles(cam.law, step or extent(cam.law) / 1440)
     touch, roller = cam.at(x), getattr(cam.follower, 'roller', None)
     depth = _beyond_faces(touch) if roller is None else roller - _distance(touch)
     bad = np.flatnonzero(depth > 1e-6 * cam.base_radius)
@@ -62,7 +66,8 @@ def find_cut_away(cam: Cam, step: float = math.radians(0.25)) -> list[CutAway]:
         if len(run):
             worst = run[np.argmax(depth[run])]
             start, end, deepest = (float(x[k]) for k in (run[0], run[-1], worst))
-            found.append(CutAway(start, end, deepest, float(depth[worst])))
+            deep = float(depth[worst])
+            found.append(CutAway(start, end, deepest, deep, cam.law.reciprocating))
     return found
 
 

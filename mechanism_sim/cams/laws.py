@@ -1,6 +1,8 @@
 """Laws of motion of a follower: its displacement over the angle of the cam ([V] 4.3).
 
-A displacement is in metres, or in radians for a follower that oscillates.
+A displacement is in metres, or in radians for a follower that oscillates. The laws of a
+reciprocating cam go over its own displacement in metres, from one end of its stroke to the other;
+what is said of angles holds for it.
 """
 
 from __future__ import annotations
@@ -8,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -25,16 +27,25 @@ DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')
 
 
 class Law(Protocol):
-    """A displacement as a periodic function of the cam angle."""
+    """A displacement as a function of the cam angle: periodic, unless the cam reciprocates."""
+
+    @property
+    def reciprocating(self) -> bool:
+        """Whether it goes over the displacement of a cam [m] instead of its angle [rad]."""
 
     @property
     def breaks(self) -> Array:
-        """Angles (n,) [rad] where derivatives may jump, over a turn, both its ends among them."""
+        """Angles (n,) where derivatives may jump, over a turn or stroke, both ends among them."""
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """The displacement (order 0) or a derivative by the angle at angles of any shape [rad].
+        """The displacement (order 0) or a derivative by the angle at angles of any shape.
 
         At a break it is the limit from the right, or from the left if `left`.
+
+        Raises
+        ------
+        InputError
+            If a reciprocating cam is asked for what lies beyond its stroke.
         """
 
 
@@ -44,7 +55,7 @@ class Segment:
 
     Parameters
     ----------
-    start, end : [rad], less than a turn apart
+    start, end : [rad], less than a turn apart; of a reciprocating cam [m]
     rise : [m] or [rad]; zero is a dwell
     curve : the normalised rise; a return runs it backwards
     """
@@ -74,6 +85,8 @@ class Diagram:
     Parameters
     ----------
     segments : in the order of their angles
+    reciprocating : the cam slides; its stroke is from the first segment to the last, and the
+        follower need not come back
 
     Raises
     ------
@@ -81,13 +94,13 @@ class Diagram:
         If a segment has no length, overlaps the next one, or the follower does not come back.
     """
 
-    def __init__(self, segments: Sequence[Segment]) -> None:
+    def __init__(self, segments: Sequence[Segment], reciprocating: bool = False) -> None:
         if not segments:
             raise InputError('a displacement diagram needs a segment')
         rises = [s.rise for s in segments]
         if not all(math.isfinite(v) for s in segments for v in (s.start, s.end, s.rise)):
             raise InputError('angles and rises of a displacement diagram are finite numbers')
-        if abs(sum(rises)) > 1e-12 * max(map(abs, rises)):
+        if not reciprocating and abs(sum(rises)) > 1e-12 * max(map(abs, rises)):
             raise InputError(
                 f'the follower does not come back: its rises add up to {sum(rises):g}'
             )
@@ -96,19 +109,21 @@ class Diagram:
         self.segments = tuple(segments)
         #: between the highest and the lowest level [m] or [rad]
         self.lift = float(levels.max())
+        self.reciprocating = reciprocating
         first = segments[0].start
-        starts = [s.start for s in segments[1:]] + [first + TURN]
+        last = segments[-1].end if reciprocating else first + TURN
+        starts = [s.start for s in segments[1:]] + [last]
         pieces: list[Piece] = []
         for segment, following, low, high in zip(
             segments, starts, levels[:-1], levels[1:], strict=True
         ):
             if segment.end <= segment.start:
-                raise InputError(f'the segment {_span(segment)} has no positive length')
+                raise InputError(f'the segment {self._span(segment)} has no positive length')
             dwell = following - segment.end
             if dwell < -1e-12:
                 raise InputError(
-                    f'the segment {_span(segment)} overlaps the next one, which begins at '
-                    f'{math.degrees(following):g} deg'
+                    f'the segment {self._span(segment)} overlaps the next one, which begins at '
+                    f'{spelled(following, reciprocating=reciprocating)}'
                 )
             pieces += segment.pieces(float(low))
             if dwell > 1e-12:
@@ -117,12 +132,12 @@ class Diagram:
 
     @property
     def breaks(self) -> Array:
-        """Ends of segments, and joints of the pieces of their curves [rad]."""
+        """Ends of segments, and joints of the pieces of their curves."""
         return self.function.breaks
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
         """As `Law`."""
-        return self.function(_in_turn(angle, self.breaks, left), order, left)
+        return self.function(_within(self, angle, left), order, left)
 
     def normalised(self, angle: ArrayLike, order: int = 0) -> Array:
         """What does not depend on sizes ([V] 4.21 to 4.26): of the displacement, u over the lift.
@@ -133,23 +148,30 @@ class Diagram:
         u = self(angle, order)
         if order == 0:
             return u / self.lift if self.lift else u
-        x, scale = _in_turn(angle, self.breaks, left=False), np.zeros(np.shape(angle))
+        x, scale = _within(self, angle, left=False), np.zeros(np.shape(angle))
         for s in self.segments:
             span = (s.end - s.start) * (1 if s.rise > 0 else -1)
             if s.rise:
                 scale = np.where((x >= s.start) & (x < s.end), span**order / abs(s.rise), scale)
         return u * scale
 
+    def _span(self, segment: Segment) -> str:
+        ends = spelled(segment.start, segment.end, reciprocating=self.reciprocating)
+        return f'from {ends}'
+
 
 class Measured:
-    """The periodic spline through measured points.
+    """The spline through measured points: periodic, or for a reciprocating cam with free ends.
 
-    Of odd degree; the default 5 leaves the jerk smooth.
+    Of odd degree; the default 5 leaves the jerk smooth. Free ends are those of the spline that has
+    no knot at the outermost points inside ("not-a-knot").
 
     Parameters
     ----------
-    angle : [rad], shape (n,), increasing, over less than a turn; n > degree
+    angle : [rad], shape (n,), increasing, over less than a turn; n > degree; of a reciprocating
+        cam [m]
     displacement : [m] or [rad], shape (n,)
+    reciprocating : the cam slides; its stroke is from the first point to the last
 
     Raises
     ------
@@ -157,7 +179,13 @@ class Measured:
         If there are too few points, or they are not in order.
     """
 
-    def __init__(self, angle: ArrayLike, displacement: ArrayLike, degree: int = 5) -> None:
+    def __init__(
+        self,
+        angle: ArrayLike,
+        displacement: ArrayLike,
+        degree: int = 5,
+        reciprocating: bool = False,
+    ) -> None:
         x, y = np.asarray(angle, dtype=float), np.asarray(displacement, dtype=float)
         if x.ndim != 1 or x.shape != y.shape or len(x) <= degree:
             raise InputError(
@@ -168,23 +196,24 @@ class Measured:
             raise InputError('the degree of a measured law is odd')
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
             raise InputError('measured angles and displacements are finite numbers')
-        if not (np.diff(x) > 0).all() or x[-1] - x[0] >= TURN:
+        if not (np.diff(x) > 0).all() or (x[-1] - x[0] >= TURN and not reciprocating):
             raise InputError('measured angles increase, and end before the turn is full')
-        spline = make_interp_spline(
-            np.append(x, x[0] + TURN), np.append(y, y[0]), k=degree, bc_type='periodic'
-        )
+        self.reciprocating = reciprocating
+        if not reciprocating:
+            x, y = np.append(x, x[0] + TURN), np.append(y, y[0])
+        spline = make_interp_spline(x, y, k=degree, bc_type=None if reciprocating else 'periodic')
         whole = PPoly.from_spline(spline)
         inside = slice(degree, -degree)
         self.function = from_spline(PPoly(whole.c[:, inside], whole.x[inside]))
 
     @property
     def breaks(self) -> Array:
-        """The knots of the spline [rad]."""
+        """The knots of the spline."""
         return self.function.breaks
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
         """As `Law`."""
-        return self.function(_in_turn(angle, self.breaks, left), order, left)
+        return self.function(_within(self, angle, left), order, left)
 
 
 @dataclass(frozen=True)
@@ -200,6 +229,8 @@ class Eccentric:
 
     radius: float
     eccentricity: float
+
+    reciprocating: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if not 0 < self.eccentricity < self.radius < math.inf:
@@ -228,19 +259,22 @@ class Jump:
 
     Parameters
     ----------
-    angle : [rad]
+    angle : [rad] or [m]
     order : 0 for the displacement, up to 3 for the jerk
-    before, after : limits from the left and the right, by radians of the cam
+    before, after : limits from the left and the right, by radians or metres of the cam
+    reciprocating : the cam slides
     """
 
     angle: float
     order: int
     before: float
     after: float
+    reciprocating: bool = False
 
     def __str__(self) -> str:
+        at = spelled(self.angle, reciprocating=self.reciprocating)
         return (
-            f'at {math.degrees(self.angle):g} deg the {DERIVATIVES[self.order]} jumps from '
+            f'at {at} the {DERIVATIVES[self.order]} jumps from '
             f'{self.before:.6g} to {self.after:.6g}, by {self.after - self.before:.6g}'
         )
 
@@ -254,28 +288,40 @@ def check_smoothness(law: Law, order: int = 2, tolerance: float = 1e-9) -> list[
     tolerance : of the greatest value of a derivative over a turn, what counts as a jump
     """
     x = law.breaks
-    start = np.append(x[0], x[1:-1])
-    end = np.append(x[-1], x[1:-1])
+    # where a turn ends the next one begins; the ends of a stroke join nothing
+    seam = [] if law.reciprocating else [0]
+    start, end = np.append(x[seam], x[1:-1]), np.append(x[::-1][seam], x[1:-1])
     jumps: list[Jump] = []
     for k in range(order + 1):
         after, before = law(start, k), law(end, k, left=True)
         grid = np.linspace(x[0], x[-1], 1001)
-        greatest = max(np.abs(a).max() for a in (after, before, law(grid, k)))
+        greatest = max(np.abs(a).max(initial=0.0) for a in (after, before, law(grid, k)))
         jumps += [
-            Jump(float(start[i]), k, float(before[i]), float(after[i]))
+            Jump(float(start[i]), k, float(before[i]), float(after[i]), law.reciprocating)
             for i in np.flatnonzero(np.abs(after - before) > tolerance * greatest)
         ]
     return sorted(jumps, key=lambda j: (j.angle, j.order))
 
 
-def _in_turn(angle: ArrayLike, breaks: Array, left: bool) -> Array:
+def spelled(*places: float, reciprocating: bool) -> str:
+    """Places of a cam as they stand in sentences: in degrees, or in millimetres if it slides."""
+    numbers = (1e3 * x if reciprocating else math.degrees(x) for x in places)
+    return ' to '.join(f'{x:g}' for x in numbers) + (' mm' if reciprocating else ' deg')
+
+
+def _within(law: Law, angle: ArrayLike, left: bool) -> Array:
     """Angles moved into the turn that begins at the first break; from the left, its end."""
-    angle, start, end = np.asarray(angle, dtype=float), breaks[0], breaks[-1]
+    angle, start, end = np.asarray(angle, dtype=float), law.breaks[0], law.breaks[-1]
+    if law.reciprocating:
+        beyond = np.maximum(start - angle, angle - end)
+        if (beyond > 1e-9 * (end - start)).any():
+            at = float(angle.flat[int(beyond.argmax())])
+            raise InputError(
+                f'{spelled(at, reciprocating=True)} lies beyond the stroke of the cam, from '
+                f'{spelled(float(start), float(end), reciprocating=True)}'
+            )
+        return angle
     # what lies in the turn already keeps its last bit, so that it still meets the breaks
     inside = (angle >= start) & (angle <= end)
     x = np.where(inside, angle, start + np.mod(angle - start, TURN))
     return np.where(x == start, end, x) if left else np.where(x == end, start, x)
-
-
-def _span(segment: Segment) -> str:
-    return f'from {math.degrees(segment.start):g} to {math.degrees(segment.end):g} deg'

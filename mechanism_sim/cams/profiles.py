@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from mechanism_sim.cams.followers import Follower, Oscillating, Touch, Translating
-from mechanism_sim.cams.laws import Law
+from mechanism_sim.cams.followers import Follower, Oscillating, Translating
+from mechanism_sim.cams.laws import Law, spelled
+from mechanism_sim.cams.touch import Touch
 from mechanism_sim.errors import InputError
 
 Array = NDArray[np.float64]
@@ -23,18 +24,19 @@ SAMPLES = 181
 
 @dataclass(frozen=True)
 class Cam:
-    """A disk cam.
+    """A disk cam, or a reciprocating one if its law is that of one.
 
     Parameters
     ----------
     law : of the follower
     follower : what touches the cam
-    base_radius : the least distance of the profile from the camshaft, on the base circle [m]
+    base_radius : the least distance of the profile from the camshaft, on the base circle, or from
+        the line that takes its place [m]
 
     Raises
     ------
     InputError
-        If follower, law and base circle do not fit, tried at every degree.
+        If follower, law and base circle do not fit, tried at 360 angles at least.
     """
 
     law: Law
@@ -44,10 +46,10 @@ class Cam:
     def __post_init__(self) -> None:
         if not 0 < self.base_radius < math.inf:
             raise InputError('a base radius is positive')
-        self.at(drawing_angles(self.law, math.radians(1.0)))
+        self.at(drawing_angles(self.law, extent(self.law) / 360))
 
     def at(self, angle: ArrayLike) -> Touch:
-        """Contact at cam angles (N,) [rad]."""
+        """Contact at cam angles (N,) [rad] or displacements [m]."""
         return self.follower.touch(self.law, self.base_radius, angle)
 
     @property
@@ -77,6 +79,7 @@ class Flaw:
     wall : which side of the roller or face; only grooves have an outer wall
     start, end : cam angles between which the profile is cut away, to the distance of samples [rad]
     worst : where it is worst [rad]
+    reciprocating : the cam slides; all three are in metres
     """
 
     kind: Literal['undercut', 'cusp']
@@ -84,14 +87,14 @@ class Flaw:
     start: float
     end: float
     worst: float
+    reciprocating: bool = False
 
     def __str__(self) -> str:
-        start, end, worst = (f'{math.degrees(a):.5g}' for a in (self.start, self.end, self.worst))
+        worst = spelled(self.worst, reciprocating=self.reciprocating)
         if self.kind == 'cusp':
-            return f'the {self.wall} profile has a cusp at {worst} deg'
-        return (
-            f'the {self.wall} profile is undercut from {start} to {end} deg, most at {worst} deg'
-        )
+            return f'the {self.wall} profile has a cusp at {worst}'
+        ends = spelled(self.start, self.end, reciprocating=self.reciprocating)
+        return f'the {self.wall} profile is undercut from {ends}, most at {worst}'
 
 
 def find_flaws(cam: Cam, clearance: float | None = None) -> list[Flaw]:
@@ -137,8 +140,10 @@ def smallest_base_radius(
     Raises
     ------
     InputError
-        If no base circle is small or large enough, or the limit is no such angle.
+        If no base circle is small or large enough, the cam has none, or the limit is no such
+        angle.
     """
+    _needs_circle(law)
     if not 0 < pressure_angle < 0.5 * math.pi:
         raise InputError('a limit of the pressure angle is between 0 and 90 deg')
     if isinstance(follower, Translating):
@@ -170,22 +175,40 @@ def _smallest_oscillating(law: Law, follower: Oscillating, limit: float) -> floa
     return math.sqrt(a**2 + b**2 - 2.0 * a * b * math.cos(least)) - follower.roller
 
 
-def smallest_flat_base_radius(law: Law, curvature_radius: float = 0.0) -> float:
+def smallest_flat_base_radius(law: Law, curvature_radius: float = 0.0, tilt: float = 0.0) -> float:
     """The smallest base radius [m] under a translating flat face.
 
     Parameters
     ----------
     curvature_radius : the least the profile may have [m]; at 0 it just has a cusp
+    tilt : of the face [rad], as in `followers.FlatFaced`
+
+    Raises
+    ------
+    InputError
+        If the cam has no base circle.
     """
-    return curvature_radius + greatest(law, lambda x: -law(x) - law(x, 2))[1]
+    _needs_circle(law)
+    deepest = greatest(law, lambda x: -law(x) - law(x, 2))[1]
+    return curvature_radius + math.cos(tilt) * deepest
+
+
+def _needs_circle(law: Law) -> None:
+    if law.reciprocating:
+        raise InputError('a reciprocating cam has no base circle')
+
+
+def extent(law: Law) -> float:
+    """A turn [rad], or the stroke of a reciprocating cam [m]."""
+    return float(law.breaks[-1] - law.breaks[0])
 
 
 def drawing_angles(law: Law, step: float) -> Array:
-    """Angles (n,) [rad] of a turn to draw a profile from, both sides of all breaks among them.
+    """Angles (n,) of a turn or stroke to draw a profile from, both sides of all breaks among them.
 
     Parameters
     ----------
-    step : the largest distance [rad]
+    step : the largest distance [rad] or [m]
     """
     pieces = _pieces(law)
     counts = [math.ceil((end - start) / step) + 1 for start, end in pieces]
@@ -195,7 +218,7 @@ def drawing_angles(law: Law, step: float) -> Array:
 
 
 def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float, float]:
-    """Angle [rad] and value of the greatest value over a turn, to nearly all digits.
+    """Angle and value of the greatest value over a turn or stroke, to nearly all digits.
 
     Parameters
     ----------
@@ -226,7 +249,7 @@ def _sampled(function: Callable[[Array], Array], start: float, end: float) -> Ar
             lambda a: -float(function(np.array([a]))[0]),
             bounds=(x[i - 1], x[i + 1]),
             method='bounded',
-            options={'xatol': 1e-9},
+            options={'xatol': 1e-9 * min(end - start, 1.0)},
         )
         k = i + int(best.x > x[i])
         x, y = np.insert(x, k, best.x), np.insert(y, k, -best.fun)
@@ -238,15 +261,15 @@ def _flaws(
 ) -> list[Flaw]:
     """Runs of angles in which a number is not below zero; pieces of a law stay apart."""
     flaws = []
-    for start, end in _pieces(law):
-        x, y = _sampled(excess, start, end)
+    for first, last in _pieces(law):
+        x, y = _sampled(excess, first, last)
         bad = np.flatnonzero(y >= -1e-9)
         for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
             if len(run):
                 worst = run[np.argmax(y[run])]
                 kind: Literal['undercut', 'cusp'] = 'cusp' if y[worst] <= 1e-9 else 'undercut'
-                ends = (float(x[k]) for k in (run[0], run[-1], worst))
-                flaws.append(Flaw(kind, wall, *ends))
+                start, end, deepest = (float(x[k]) for k in (run[0], run[-1], worst))
+                flaws.append(Flaw(kind, wall, start, end, deepest, law.reciprocating))
     return flaws
 
 

@@ -241,13 +241,40 @@ class Gear:
             radii, angles = radii[::-1], angles[::-1]
         return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
 
-    def outline(self, points: int = 25, angle: float = 0.0) -> Array:
-        """All teeth, counterclockwise, one of them at an angle [rad]: x, y [m], (2 N points, 2).
+    def outline(self, points: int = 25, angle: float = 0.0, arc: int = 0) -> Array:
+        """All teeth, counterclockwise, one of them at an angle [rad]: x, y [m], (n, 2).
 
-        Root and tip are joined by straight lines.
+        Tips and roots have `arc` points between flanks, n = 2 N (points + arc); without, they are
+        straight lines.
         """
-        upper = self.flank(points)
-        tooth = np.concatenate([upper * (1.0, -1.0), upper[::-1]]) @ (1.0, 1.0j)
+        flank = self.flank(points) @ (1.0, 1.0j)
+        inside = np.linspace(-1.0, 1.0, arc + 2)[1:-1]
+        half_space, half_tip = math.pi / self.teeth - np.angle(flank[0]), np.angle(flank[-1])
+        tip = abs(flank[-1]) * np.exp(1j * half_tip * inside)
+        root = abs(flank[0]) * np.exp(1j * (math.pi / self.teeth + half_space * inside))
+        tooth = np.concatenate([flank.conj(), tip, flank[::-1], root])
         turns = np.exp(1j * (angle + 2.0 * math.pi * np.arange(self.teeth) / self.teeth))
         ring = np.outer(turns, tooth).ravel()
         return np.stack([ring.real, ring.imag], axis=1)
+
+
+def rack_teeth(teeth: int, module: float, system: ToothSystem = FULL_DEPTH) -> Array:
+    """Teeth of a rack towards x, counterclockwise, from y = 0 upwards: x, y [m], (4 teeth, 2).
+
+    The pitch line is the y axis; the first tooth is about the x axis. [V] figure 5.11.
+
+    Raises
+    ------
+    InputError
+        If there is no tooth, no module, or no space between the teeth.
+    """
+    slope = math.tan(system.pressure_angle)
+    if teeth < 1 or not 0.0 < module < math.inf:
+        raise InputError('a rack has a tooth or more, and a positive module')
+    if math.pi / 4 <= system.dedendum * slope:
+        raise InputError('a rack with this dedendum has no space between its teeth')
+    x = module * np.array([-system.dedendum, system.addendum, system.addendum, -system.dedendum])
+    half = math.pi * module / 4.0 - x * slope
+    y = half * (-1.0, -1.0, 1.0, 1.0)
+    places = math.pi * module * np.arange(teeth)
+    return np.stack([np.tile(x, teeth), (places[:, None] + y).ravel()], axis=1)

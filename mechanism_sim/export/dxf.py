@@ -1,0 +1,52 @@
+"""Outlines as DXF for the workshop: millimetres, true size, each curve on a layer of its own."""
+
+from __future__ import annotations
+
+from io import StringIO
+from typing import Any
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.export.outlines import Circle, Curve, Outline
+
+#: half the length of a line of the mark at the shaft [mm]
+CROSS = 3.0
+
+
+def to_dxf(outline: Outline) -> str:
+    """The text of a DXF file (release 2010) with the outline.
+
+    Edges and guides are polylines and circles on layers named after them, in capitals; guides are
+    dashed. The layer SHAFT has two lines that cross at the origin.
+
+    Raises
+    ------
+    InputError
+        If the package ezdxf is missing.
+    """
+    try:
+        import ezdxf  # noqa: PLC0415 - an optional package
+        from ezdxf import units  # noqa: PLC0415
+    except ImportError as error:
+        raise InputError(
+            "drawings as DXF need the package 'ezdxf': pip install 'mechanism_sim[dxf]'"
+        ) from error
+    document = ezdxf.new('R2010', setup=['linetypes'], units=units.MM)
+    space = document.modelspace()
+    for parts, linetype in ((outline.edges, 'CONTINUOUS'), (outline.guides, 'DASHED')):
+        for part in parts:
+            document.layers.add(part.name.upper(), linetype=linetype)
+            _draw(space, part)
+    document.layers.add('SHAFT')
+    for x, y in ((CROSS, 0.0), (0.0, CROSS)):
+        space.add_line((-x, -y), (x, y), dxfattribs={'layer': 'SHAFT'})
+    text = StringIO()
+    document.write(text)
+    return text.getvalue()
+
+
+def _draw(space: Any, part: Curve | Circle) -> None:
+    layer = {'layer': part.name.upper()}
+    if isinstance(part, Circle):
+        space.add_circle((0.0, 0.0), 1e3 * part.radius, dxfattribs=layer)
+    else:
+        space.add_lwpolyline(1e3 * part.points.T, close=part.closed, dxfattribs=layer)

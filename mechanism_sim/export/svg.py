@@ -1,0 +1,56 @@
+"""Outlines as SVG, in true size."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.export.outlines import Circle, Curve, Outline
+
+Array = NDArray[np.float64]
+
+#: [mm]
+MARGIN = 5.0
+LINE = 0.25
+CROSS = 3.0
+
+
+def to_svg(outline: Outline) -> str:
+    """The outline in millimetres: edges drawn through, guides dashed, a cross at the shaft.
+
+    Elements have the names of the curves as their ids. Curves are polygons.
+    """
+    low, high = 1e3 * outline.box
+    left, top = low[0] - MARGIN, -high[1] - MARGIN  # the picture's y axis points down
+    width, height = high - low + 2.0 * MARGIN
+    root = ElementTree.Element(
+        'svg',
+        xmlns='http://www.w3.org/2000/svg',
+        width=f'{width:.3f}mm',
+        height=f'{height:.3f}mm',
+        viewBox=f'{left:.3f} {top:.3f} {width:.3f} {height:.3f}',
+    )
+    lines = ElementTree.SubElement(root, 'g', {'fill': 'none', 'stroke': 'black'})
+    thin = {'stroke-width': f'{LINE / 2}', 'stroke-dasharray': '2 1'}
+    for edge in outline.edges:
+        _draw(lines, edge, {'stroke-width': f'{LINE}'})
+    for guide in outline.guides:
+        _draw(lines, guide, thin)
+    cross = {'id': 'shaft', 'd': f'M-{CROSS},0L{CROSS},0M0,-{CROSS}L0,{CROSS}'}
+    ElementTree.SubElement(lines, 'path', {**cross, 'stroke-width': f'{LINE / 2}'})
+    return ElementTree.tostring(root, encoding='unicode')
+
+
+def _draw(parent: ElementTree.Element, part: Curve | Circle, style: dict[str, str]) -> None:
+    if isinstance(part, Circle):
+        shape = {'id': part.name, 'r': f'{1e3 * part.radius:.6f}'}
+        ElementTree.SubElement(parent, 'circle', {**shape, **style})
+    else:
+        ElementTree.SubElement(parent, 'path', {'id': part.name, 'd': _path(part), **style})
+
+
+def _path(curve: Curve) -> str:
+    points = 'L'.join(f'{1e3 * x:.6f},{-1e3 * y:.6f}' for x, y in curve.points.T)
+    return f'M{points}{"Z" if curve.closed else ""}'

@@ -1,0 +1,200 @@
+"""Drawings for the workshop, read back and measured: followers and gears roll on them."""
+
+from __future__ import annotations
+
+import io
+import math
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from mechanism_sim.cams.curves import CYCLOIDAL, HALF_HARMONIC
+from mechanism_sim.cams.followers import FlatFaced, Translating
+from mechanism_sim.cams.laws import Diagram, Segment
+from mechanism_sim.cams.profiles import Cam
+from mechanism_sim.errors import InputError
+from mechanism_sim.export.dxf import to_dxf
+from mechanism_sim.export.outlines import cam_outline, gear_outline, rack_outline
+from mechanism_sim.export.svg import to_svg
+from mechanism_sim.gears.involute import FULL_DEPTH, Gear, ToothSystem, rack_teeth
+
+SEGMENTS = [Segment(0.0, 1.8, 0.02, CYCLOIDAL), Segment(2.6, 4.7, -0.02, CYCLOIDAL)]
+ROLLER = Cam(Diagram(SEGMENTS), Translating(offset=0.01, roller=0.012), 0.04)
+TILTED = Cam(Diagram(SEGMENTS), FlatFaced(tilt=0.3), 0.06)
+SLIDING = Cam(
+    Diagram([Segment(0.0, 0.07, 0.02, CYCLOIDAL)], reciprocating=True),
+    Translating(roller=0.012),
+    0.03,
+)
+
+
+def read(outline):
+    """The drawing as a program of others takes it, without a complaint."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.read(io.StringIO(to_dxf(outline)))
+    assert document.units == ezdxf.units.MM
+    audit = document.audit()
+    assert not audit.errors
+    assert not audit.fixes
+    return document
+
+
+def polyline(document, layer):
+    """Points (2, n) in metres, and whether it is closed."""
+    [line] = document.modelspace().query(f'LWPOLYLINE[layer=="{layer}"]')
+    return 1e-3 * np.array(line.get_points('xy')).T, line.closed
+
+
+def circles(document):
+    return {c.dxf.layer: 1e-3 * c.dxf.radius for c in document.modelspace().query('CIRCLE')}
+
+
+def from_segments(points, centre, closed=True):
+    """Least distance of a point from a polygon's sides."""
+    ends = np.roll(points, -1, axis=1) if closed else points[:, 1:]
+    starts = points if closed else points[:, :-1]
+    side, to = ends - starts, np.asarray(centre)[:, None] - starts
+    share = np.clip((side * to).sum(axis=0) / (side * side).sum(axis=0), 0.0, 1.0)
+    return np.hypot(*(to - share * side)).min()
+
+
+def test_a_roller_rolls_over_the_profile_that_was_read_back():
+    document = read(cam_outline(ROLLER))
+    points, closed = polyline(document, 'PROFILE')
+    pitch, _ = polyline(document, 'PITCH')
+    assert closed
+    assert circles(document) == {'BASE': pytest.approx(0.04)}
+    height = math.sqrt(0.052**2 - 0.01**2)
+    for angle in np.linspace(0.0, 2 * math.pi, 24):
+        z = (height + float(ROLLER.law(angle)) + 0.01j) * np.exp(1j * angle)
+        assert from_segments(points, (z.real, z.imag)) == pytest.approx(0.012, abs=6e-8)
+        assert from_segments(pitch, (z.real, z.imag)) < 6e-8
+
+
+def test_a_face_lies_on_the_profile_that_was_read_back():
+    points, _ = polyline(read(cam_outline(TILTED)), 'PROFILE')
+    for angle in np.linspace(0.0, 2 * math.pi, 24):
+        normal = np.exp(1j * (angle + 0.3))
+        height = 0.06 + float(TILTED.law(angle)) * math.cos(0.3)
+        reach = (points[0] * normal.real + points[1] * normal.imag).max()
+        assert reach == pytest.approx(height, abs=6e-8)
+
+
+def test_a_groove_that_was_read_back_is_as_wide_as_roller_and_clearance():
+    document = read(cam_outline(ROLLER, clearance=4e-4))
+    inner, outer = (polyline(document, layer)[0] for layer in ('INNER', 'OUTER'))
+    for point in inner.T[::150]:
+        assert from_segments(outer, point) == pytest.approx(0.0244, abs=1.2e-7)
+    assert not document.modelspace().query('*[layer=="PROFILE"]')
+
+
+def test_a_sliding_cam_is_drawn_open_over_its_stroke():
+    document = read(cam_outline(SLIDING))
+    points, closed = polyline(document, 'PROFILE')
+    base, _ = polyline(document, 'BASE')
+    assert not closed
+    assert points[:, [0, -1]] == pytest.approx(np.array([(0.03, 0.05), (0.0, 0.07)]), abs=1e-9)
+    assert base == pytest.approx(np.array([(0.03, 0.03), (0.0, 0.07)]), abs=1e-9)
+    for x in np.linspace(0.01, 0.06, 11):
+        centre = 0.042 + float(SLIDING.law(x)), x
+        assert from_segments(points, centre, closed=False) == pytest.approx(0.012, abs=1e-8)
+
+
+def test_no_two_points_of_a_drawing_are_one_and_corners_keep_both():
+    cornered = Diagram([Segment(0, 1.8, 0.02, HALF_HARMONIC), Segment(2, 4, -0.02, HALF_HARMONIC)])
+    for law in (cornered, ROLLER.law):
+        profile = cam_outline(Cam(law, FlatFaced(), 0.06)).edges[0].points
+        steps = np.hypot(*np.diff(profile, append=profile[:, :1]))
+        assert steps.min() > 1e-9
+    # the contact leaps along the face where the velocity of the follower does
+    leaps = np.hypot(*np.diff(cam_outline(Cam(cornered, FlatFaced(), 0.06)).edges[0].points))
+    velocity = 0.02 * math.pi / 2 / np.array([1.8, 2.0])
+    assert np.sort(leaps)[-2:] == pytest.approx(np.sort(velocity), rel=1e-6)
+
+
+def test_the_text_holds_the_coordinates_in_full():
+    """By the pairs of group codes and values, without any library."""
+    pytest.importorskip('ezdxf')
+    outline = cam_outline(ROLLER)
+    lines = to_dxf(outline).splitlines()
+    pairs = list(zip(map(int, lines[::2]), lines[1::2], strict=True))
+    lines_begin = [i for i, pair in enumerate(pairs) if pair == (0, 'LWPOLYLINE')]
+    start = next(i for i in lines_begin if (8, 'PROFILE') in pairs[i : i + 9])
+    end = next(i for i in range(start + 1, len(pairs)) if pairs[i][0] == 0)
+    x, y = ([float(v) for code, v in pairs[start:end] if code == c] for c in (10, 20))
+    assert 1e-3 * np.array([x, y]) == pytest.approx(outline.edges[0].points, rel=1e-14, abs=1e-16)
+
+
+@pytest.mark.parametrize('internal', [False, True])
+def test_teeth_that_were_read_back_are_as_thick_as_they_should_be(internal):
+    gear = Gear(31, 2.5e-3, shift=0.2, internal=internal)
+    document = read(gear_outline(gear))
+    points, closed = polyline(document, 'PROFILE')
+    z, (name, radius) = points[0] + 1j * points[1], ('PITCH', gear.pitch_radius)
+    assert closed
+    assert circles(document) == {
+        name: pytest.approx(radius),
+        'BASE': pytest.approx(gear.base_radius),
+        'TIP': pytest.approx(gear.tip_radius),
+        'ROOT': pytest.approx(gear.root_radius),
+    }
+    # where the polygon goes through the pitch circle, by the intersections of its sides
+    r, after = np.abs(z), np.roll(z, -1)
+    cut = np.flatnonzero((r - radius) * (np.abs(after) - radius) < 0)
+    share = (radius - r[cut]) / (np.abs(after[cut]) - r[cut])
+    angles = np.sort(np.angle(z[cut] + share * (after[cut] - z[cut])))
+    assert len(cut) == 2 * gear.teeth
+    tooth = 2 * angles[angles > 0][0]  # about the x axis
+    assert tooth * radius == pytest.approx(gear.thickness(radius), abs=1e-7)
+    # tips and roots are arcs: no point of any side is further in or out
+    sides = np.abs(0.5 * (z + after))
+    low, high = sorted((gear.tip_radius, gear.root_radius))
+    assert sides.min() > low - 5e-8
+    assert sides.max() < high + 1e-12
+    assert np.abs(sides - gear.tip_radius).min() < 5e-8
+
+
+def test_a_gear_rolls_between_the_teeth_of_its_rack():
+    """Without backlash: at no place do they overlap, on both sides they touch."""
+    gear = Gear(22, 2e-3)
+    points, closed = polyline(read(rack_outline(1, 2e-3)), 'PROFILE')
+    assert not closed
+    (x1, x0), (y1, y0) = points[:, 2:]  # the tip and the root of the upper flank
+    pitch = math.pi * 2e-3
+    for moved in np.linspace(0.0, pitch, 13):
+        teeth = gear.outline(200, math.pi + math.pi / 22 - moved / gear.pitch_radius, arc=32).T
+        x, y = teeth[0] + gear.pitch_radius, teeth[1] - moved
+        aside, deep = (y + pitch / 2) % pitch - pitch / 2, (x < x1) & (x > x0)
+        room = np.abs(aside) - np.interp(x, (x0, x1), (y0, y1))
+        for flank in (aside > 0, aside < 0):
+            assert -1e-12 < room[deep & flank].min() < 1e-7
+    assert rack_teeth(3, 2e-3)[::4, 1] == pytest.approx(pitch * np.arange(3) - y0)
+
+
+def test_gears_are_drawn_as_svg_too():
+    gear = Gear(24, 3e-3)
+    root = ElementTree.fromstring(to_svg(gear_outline(gear)))
+    shapes = {e.get('id'): e for e in root.iter() if e.get('id')}
+    assert set(shapes) == {'profile', 'pitch', 'base', 'tip', 'root', 'shaft'}
+    assert float(shapes['pitch'].get('r')) == pytest.approx(36.0)
+    x, y = np.array([p.split(',') for p in shapes['profile'].get('d')[1:-1].split('L')], float).T
+    assert np.hypot(x, y).max() == pytest.approx(39.0, abs=1e-5)
+    assert float(root.get('width').removesuffix('mm')) == pytest.approx(2 * 39.0 + 10.0, abs=1e-3)
+    rack = ElementTree.fromstring(to_svg(rack_outline(4, 3e-3)))
+    [line] = [e.get('d') for e in rack.iter() if e.get('id') == 'profile']
+    assert line.count('L') == 15
+    assert not line.endswith('Z')
+
+
+def test_what_cannot_be_drawn_is_refused(monkeypatch):
+    with pytest.raises(InputError, match='a tooth or more'):
+        rack_outline(0, 2e-3)
+    with pytest.raises(InputError, match='no space between its teeth'):
+        rack_outline(3, 2e-3, ToothSystem(FULL_DEPTH.pressure_angle, 1.0, 2.2))
+    with pytest.raises(InputError, match='needs a follower with a roller'):
+        cam_outline(TILTED, clearance=1e-4)
+    monkeypatch.setitem(sys.modules, 'ezdxf', None)
+    with pytest.raises(InputError, match=r"pip install 'mechanism_sim\[dxf\]'"):
+        to_dxf(cam_outline(TILTED))
