@@ -143,6 +143,27 @@ class Motion:
         return sum(impact.loss for impact in self.impacts)
 
 
+def apart(motion, impacts, joints, hard):
+    """How far another solution's impacts are from those here, both in order of time.
+
+    Parameters
+    ----------
+    impacts : with `t`, `joint`, `normal_impulse` and `approach_speed`
+    joints : names of the other solution's gaps by name of wall
+    hard : approach [m/s] above which impacts are compared; the others end bounces
+
+    Returns
+    -------
+    times [s] and impulses, relative to the greatest: the greatest differences
+    """
+    here = [i for i in motion.impacts if i.approach > hard]
+    there = [i for i in impacts if i.approach_speed > hard]
+    assert [joints[i.wall] for i in here] == [i.joint for i in there]
+    times = [abs(a.t - b.t) for a, b in zip(here, there, strict=True)]
+    impulses = [abs(a.impulse - b.normal_impulse) for a, b in zip(here, there, strict=True)]
+    return max(times), max(impulses) / max(i.impulse for i in here)
+
+
 def falls(guard, a, b):
     """Times in (a, b] at which a smooth function falls through zero, and its slopes there."""
     series = Chebyshev.interpolate(guard, DEGREE, domain=[a, b])

@@ -127,7 +127,9 @@ class CycloidalLaw:
 
 @dataclass(frozen=True)
 class SprungFollower:
-    """A translating follower pressed on a cam of constant speed by a spring with preload.
+    """A translating follower pressed on a cam by a spring with preload.
+
+    The cam has a constant speed; or, with an inertia, a motor drives it.
 
     m u'' = -k u - c u' - P + force; P is the preload at u = 0, with weight and other loads. A flat
     face under any law; a knife or a roller too, since the gap u - s(x) vanishes where they touch,
@@ -141,12 +143,15 @@ class SprungFollower:
     damping: float = 0.0  #: [N s/m]
     speed: float = 300.0  #: [rad/s] of the cam
     restitution: float = 0.3
+    cam_inertia: float = math.inf  #: [kg m^2]; finite: a motor drives, for laws without breaks
+    stall_torque: float = 0.0  #: [N m]
+    no_load_speed: float = math.inf  #: [rad/s]
 
     def acceleration(self, _, q, v):
         """Of cam and follower without contact."""
-        u, rate = q[1], v[1]
-        push = self.stiffness * u + self.damping * rate + self.preload
-        return np.array([0.0 * u, -push / self.mass])
+        torque = self.stall_torque * (1 - v[0] / self.no_load_speed)
+        push = self.stiffness * q[1] + self.damping * v[1] + self.preload
+        return np.array([torque / self.cam_inertia, -push / self.mass])
 
     def machine(self, turns):
         """For `event_solution`, from x = 0 on."""
@@ -159,7 +164,7 @@ class SprungFollower:
         )
         stops = [(b + 2 * math.pi * n) / self.speed for n in range(turns) for b in law.breaks]
         return Machine(
-            (math.inf, self.mass),
+            (self.cam_inertia, self.mass),
             self.acceleration,
             (wall,),
             self.restitution,

@@ -8,8 +8,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from event_solution import solve
+from event_solution import Machine, Wall, apart, solve
 from rattling import CycloidalLaw, EccentricLaw, GrooveCam, SprungFollower
+
+import mechanism_sim as ms
+from mechanism_sim.hybrid.events import Mode
 
 TURN = 2 * math.pi
 CYCLOIDAL = CycloidalLaw(8e-3, 1.2, 0.5, 1.4)
@@ -19,6 +22,7 @@ FOLLOWERS = {
     'damped beyond its critical value': SprungFollower(damping=70.0, speed=400.0),
     'cycloidal': SprungFollower(CYCLOIDAL, damping=10.0, speed=110.0),
 }
+MOTOR = SprungFollower(cam_inertia=4e-3, stall_torque=20.0, no_load_speed=320.0, damping=5.0)
 followers = pytest.mark.parametrize('name', FOLLOWERS)
 
 
@@ -75,6 +79,35 @@ def test_energy_closes_through_bounces(name):
     gained = motion.drive_work(0) - motion.loss - damped
     assert motion.loss > 1e-3
     assert after - before == pytest.approx(gained, abs=1e-12)
+
+
+def test_energy_closes_where_the_cam_is_driven_by_a_motor():
+    """Each bounce changes the speed of the cam; in contact the follower stays on it."""
+    follower = MOTOR
+    motion = run(follower, 4)
+    ends = motion.sample([0.0, motion.steps[-1].end])
+    before, after = (
+        follower.energy(*np.split(y, 2)) + follower.cam_inertia * y[2] ** 2 / 2 for y in ends.T
+    )
+
+    def power(t, q, v, *_):
+        pull = follower.cam_inertia * follower.acceleration(t, q, v)[0]
+        return pull * v[0] - follower.damping * v[1] ** 2
+
+    assert len(motion.impacts) > 8
+    assert after - before == pytest.approx(motion.integral(power) - motion.loss, abs=1e-11)
+    (wall,) = motion.machine.walls
+    for step in motion.steps:
+        q = step.dense(np.linspace(step.start, step.end, 7))[:2]
+        assert wall.value(q).min() > -1e-14
+        assert step.wall is None or wall.value(q).max() < 1e-14
+    times = [i.t for i in motion.impacts]
+    impact = motion.impacts[0]
+    x, _, w, v = motion.sample([times[0] - 1e-12])[:, 0]
+    slope = float(follower.law(x, 1))
+    assert slope * w - v == pytest.approx(impact.approach, rel=1e-8)
+    mass = 1 / (1 / follower.mass + slope**2 / follower.cam_inertia)
+    assert impact.impulse == pytest.approx(1.3 * mass * impact.approach, rel=1e-10)
 
 
 @followers
@@ -221,3 +254,43 @@ def test_a_small_error_of_the_start_shrinks_in_the_groove():
     )
     assert 0.0 < abs(first[0] - second[0]) < 1e-7
     assert np.abs(first - second)[first > 3 * TURN / cam.speed].max() < 1e-10
+
+
+# what the engine can do already: a yoke with play, as a groove without pressure angle
+
+
+@pytest.mark.parametrize('restitution', [0.3, 0.6])
+def test_a_loose_scotch_yoke_is_the_engines(restitution):
+    radius, mass, pull, play = 0.05, 1.5, 12.0, 1e-4
+    scene = ms.load_scene(
+        'scotch_yoke',
+        {
+            'joints.crank_yoke.clearance': {'radial': play, 'restitution': restitution},
+            'loads': {'pull': {'at': 'yoke', 'force': [-pull, 0]}},
+        },
+    )
+    solution = ms.simulate(scene, revolutions=4)
+
+    def wall(name, sign):
+        return Wall(
+            name,
+            lambda q: play + sign * (q[1] - radius * np.cos(q[0])),
+            lambda q: sign * np.array([radius * np.sin(q[0]), 1.0 + 0.0 * q[1]]),
+            lambda q, v: sign * radius * np.cos(q[0]) * v[0] ** 2,
+        )
+
+    def acceleration(_t, q, _v):
+        return np.array([0.0, -pull / mass]).reshape(2, *(1,) * (q.ndim - 1)) + 0.0 * q
+
+    machine = Machine(
+        (math.inf, mass), acceleration, (wall('near', 1.0), wall('far', -1.0)), restitution, 4e-3
+    )
+    w = 10 * math.pi
+    motion = solve(machine, (0.0, radius), (w, 0.0), solution.duration)
+    names = {'near': 'crank_yoke_right', 'far': 'crank_yoke_left'}
+    times, impulses = apart(motion, solution.impacts, names, 1e-4)
+    assert times < 1e-10
+    assert impulses < 1e-8
+    here = [c.t for c in motion.changes if not c.touches]
+    there = [m.t for m in solution.modes if m.t > 0.0 and m.mode == Mode.FREE_FLIGHT]
+    assert there == pytest.approx(here, abs=1e-12)

@@ -1,13 +1,6 @@
 """Followers of a cam, and where and how each touches it ([V] 4.1, 4.5, 4.6).
 
-The frame has the camshaft at its origin and the follower above it, on the x axis; the cam turns
-clockwise. Seen from the cam, the follower goes round counterclockwise by the cam angle, and the
-profile is the envelope of its positions. At angle 0 both frames agree.
-
-A reciprocating cam ([V] figures 4.5, 4.6) slides along the negative y axis, as the part of a disk
-cam under the follower does; seen from it, the follower moves along the y axis by the cam's
-displacement. Its base radius is the height of zero displacement above the y axis, which takes the
-camshaft's place.
+Frame and directions are those of `touch`.
 """
 
 from __future__ import annotations
@@ -15,66 +8,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import inf
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.cams.laws import Law
+from mechanism_sim.cams.touch import Passage, Touch, angle_between, cross, turned
 from mechanism_sim.errors import InputError
 
 Array = NDArray[np.float64]
-
-
-class Touch(NamedTuple):
-    """Where a follower touches its cam at cam angles or displacements (N,), in the cam's frame.
-
-    Parameters
-    ----------
-    pitch : centre of the roller, tip of the knife or point of contact of a face, (2, N) [m]
-    profile : the point of contact, (2, N) [m]
-    normal : out of the cam, (2, N)
-    pressure_angle : from the direction in which the follower moves at a positive rate, at its
-        `pitch` point, to the normal, counterclockwise, (N,) [rad]
-    curvature : of the pitch curve, positive where it bulges, (N,) [1/m]
-    curvature_radius : of the profile, negative where it is hollow, (N,) [m]
-    sliding : along the face or at the knife; what the rolling of a roller has to take up; per
-        radian [m] or metre of the cam, counterclockwise in the cam's frame, (N,)
-    """
-
-    pitch: Array
-    profile: Array
-    normal: Array
-    pressure_angle: Array
-    curvature: Array
-    curvature_radius: Array
-    sliding: Array
-
-
-class _Passage(NamedTuple):
-    """How the frame passes the cam, seen from it: per radian, or per metre if the cam slides."""
-
-    turning: float
-    velocity: Array  #: without the turning, (2, 1)
-
-    @classmethod
-    def of(cls, law: Law) -> _Passage:
-        """The one that goes with a law."""
-        slides = float(law.reciprocating)
-        return cls(1.0 - slides, np.array([[0.0], [slides]]))
-
-    def velocities(self, points: Array) -> Array:
-        """Of points (2, N) fixed to the frame."""
-        return self.turning * _turned(points) + self.velocity
-
-    def directions(self, vectors: Array, angle: Array) -> Array:
-        """Vectors (2, N) of the frame, seen from the cam."""
-        x = self.turning * angle
-        return np.cos(x) * vectors + np.sin(x) * _turned(vectors)
-
-    def places(self, points: Array, angle: Array) -> Array:
-        """Points (2, N) of the frame, seen from the cam."""
-        return self.directions(points, angle) + self.velocity * angle
 
 
 class _Rolling(ABC):
@@ -96,14 +39,14 @@ class _Rolling(ABC):
         The pitch curve is the path of the roller's centre seen from the cam; the profile lies
         inside of it by the roller's radius. A knife is a roller of radius 0.
         """
-        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), _Passage.of(law)
+        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), Passage.of(law)
         p, p1, p2 = self.path(law, base_radius, angle)
         along = p1 + seen.velocities(p)
         speed = np.hypot(*along)
         tangent = along / speed
-        normal = -_turned(tangent)
+        normal = -turned(tangent)
         w = seen.turning
-        curvature = _cross(along, p2 + 2.0 * w * _turned(p1) - w**2 * p) / speed**3
+        curvature = cross(along, p2 + 2.0 * w * turned(p1) - w**2 * p) / speed**3
         with np.errstate(divide='ignore'):
             radius = np.where(curvature == 0.0, inf, 1.0 / curvature - self.roller)
         direction, turning = self.motion(law, base_radius, angle)
@@ -111,7 +54,7 @@ class _Rolling(ABC):
             seen.places(p, angle),
             seen.places(p - self.roller * normal, angle),
             seen.directions(normal, angle),
-            _angle(direction, normal),
+            angle_between(direction, normal),
             curvature,
             radius,
             speed - self.roller * (w + turning),
@@ -230,8 +173,8 @@ class _Flat(ABC):
         The distance of the face over the angle of its normal is the support function h of the
         profile: h along the normal, h' across, radius of curvature h + h''.
         """
-        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), _Passage.of(law)
-        (h, h1, h2), (turned, b1, b2) = self.face(law, base_radius, angle)
+        angle, seen = np.atleast_1d(np.asarray(angle, dtype=float)), Passage.of(law)
+        (h, h1, h2), (bearing, b1, b2) = self.face(law, base_radius, angle)
         b1 = b1 + seen.turning
         _require(
             bool((b1 > 0).all() or (law.reciprocating and (b1 < 0).all())),
@@ -240,8 +183,8 @@ class _Flat(ABC):
             if law.reciprocating
             else 'the face of the follower swings back faster than the cam turns',
         )
-        normal = np.array([np.cos(turned), np.sin(turned)])
-        tangent = _turned(normal)
+        normal = np.array([np.cos(bearing), np.sin(bearing)])
+        tangent = turned(normal)
         # the distance from the cam's origin grows by the frame's passage too
         h1 = h1 + (normal * seen.velocity).sum(axis=0)
         h2 = h2 + 2.0 * b1 * (tangent * seen.velocity).sum(axis=0)
@@ -256,7 +199,7 @@ class _Flat(ABC):
             place,
             place,
             seen.directions(normal, angle),
-            _angle(direction, normal),
+            angle_between(direction, normal),
             curvature,
             radius,
             ((velocity + seen.velocities(point)) * tangent).sum(axis=0),
@@ -336,7 +279,7 @@ class OscillatingFlat(_Flat):
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Across the line from the pivot."""
         arm = point - np.array([[self.pivot_distance], [0.0]])
-        direction = self.side * _turned(arm)
+        direction = self.side * turned(arm)
         return direction, direction * rate
 
 
@@ -346,17 +289,3 @@ Follower = Translating | Oscillating | FlatFaced | OscillatingFlat
 def _require(holds: bool, sentence: str) -> None:
     if not holds:
         raise InputError(sentence)
-
-
-def _turned(vectors: Array) -> Array:
-    """Vectors (2, N) turned by a right angle, counterclockwise."""
-    return np.array([-vectors[1], vectors[0]])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[0] * b[1] - a[1] * b[0])
-
-
-def _angle(a: Array, b: Array) -> Array:
-    """From the first to the second vectors (2, N) [rad]."""
-    return np.asarray(np.arctan2(_cross(a, b), (a * b).sum(axis=0)))

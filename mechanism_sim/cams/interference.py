@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from mechanism_sim.cams.followers import Touch
 from mechanism_sim.cams.laws import spelled
 from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
+from mechanism_sim.cams.touch import Touch
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from mechanism_sim.cams.followers import Follower, Oscillating, Touch, Translating
+from mechanism_sim.cams.followers import Follower, Oscillating, Translating
 from mechanism_sim.cams.laws import Law, spelled
+from mechanism_sim.cams.touch import Touch
 from mechanism_sim.errors import InputError
 
 Array = NDArray[np.float64]

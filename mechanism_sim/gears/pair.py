@@ -1,8 +1,8 @@
 """Two involute gears, or a gear and a rack, in mesh: centre distance, path of contact, losses.
 
 Along the line of action places are counted from the pitch point, in the direction in which the
-contact moves: it starts (negative) at a tip of the wheel and ends at a tip of the pinion, which
-drives.
+contact moves: it starts (negative, but for large profile shifts) at a tip of the wheel and ends at
+a tip of the pinion, which drives.
 """
 
 from __future__ import annotations

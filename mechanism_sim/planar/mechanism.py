@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from mechanism_sim.planar.protocols import PairClosure
+    from mechanism_sim.planar.protocols import ForceElement, PairClosure
 
 GROUND = 'ground'
 
@@ -83,6 +83,11 @@ class HigherPair(ABC):
     #: in words, what may move between them
     parts: ClassVar[str] = 'pin between the walls of a slot'
 
+    @property
+    def elastic(self) -> bool:
+        """Whether it has forces of its own, `elements`, instead of a closure and walls."""
+        return False
+
     @abstractmethod
     def closure(self, mechanism: Mechanism) -> PairClosure:
         """The relation that keeps it closed."""
@@ -90,6 +95,10 @@ class HigherPair(ABC):
     @abstractmethod
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Its row at the poses of links, whatever the tree."""
+
+    def elements(self, _: Mechanism) -> Sequence[ForceElement]:
+        """The forces of an elastic pair."""
+        return ()
 
 
 Joint: TypeAlias = Revolute | Prismatic | HigherPair

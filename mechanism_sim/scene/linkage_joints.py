@@ -19,6 +19,7 @@ from mechanism_sim.planar.mechanism import (
 )
 from mechanism_sim.scene.cam_joints import read_cam
 from mechanism_sim.scene.cam_keys import CamKeys
+from mechanism_sim.scene.gear_joints import read_mesh, read_transmission
 from mechanism_sim.scene.linkage import LinkageDrive, LinkageJoint
 from mechanism_sim.scene.places import Places
 
@@ -28,7 +29,12 @@ _BELONGS = {
     'slots': ('geneva',),
     'pitch': ('rack',),
     **{key: ('cam',) for key in CamKeys.model_fields},
+    'backlash': ('mesh',),
+    'elasticity': ('mesh',),
+    'error': ('mesh',),
+    'ratio': ('transmission',),
     'phase': ('cam', 'transmission'),
+    'carrier': ('transmission',),
 }
 
 
@@ -52,17 +58,21 @@ def _joint(places: Places, name: str, joint: LinkageJoint) -> Joint:
             f"{places.name}: {where}: the name '{name}' cannot be used; names are letters, "
             'digits and _'
         )
+    for key, kinds in _BELONGS.items():
+        if getattr(joint, key) and joint.kind not in kinds:
+            raise InputError(
+                f'{places.name}: {where}.{key} has no meaning in a {joint.kind} joint'
+            )
+    if joint.kind == 'mesh':
+        return read_mesh(places, name, joint)
     (a, on_a), (b, on_b) = (places.find(f'{where}.{joint.kind}', p) for p in joint.points)
     if a == b:
         raise InputError(
             f'{places.name}: {where}.{joint.kind} ties the link {a} to itself: give points of '
             'two links'
         )
-    for key, kinds in _BELONGS.items():
-        if getattr(joint, key) and joint.kind not in kinds:
-            raise InputError(
-                f'{places.name}: {where}.{key} has no meaning in a {joint.kind} joint'
-            )
+    if joint.kind == 'transmission':
+        return read_transmission(places, name, joint)
     if joint.kind == 'revolute':
         return Revolute(name, a, b, on_a, on_b)
     if joint.kind == 'slot':

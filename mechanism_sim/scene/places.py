@@ -78,8 +78,10 @@ class Places:
     def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
         """Where a link turns on the ground, in the world and in its own frame."""
         for name, joint in self.scene.joints.items():
+            if not joint.revolute:
+                continue
             ends = dict(self.find(f'joints.{name}', p) for p in joint.points)
-            if joint.revolute and ends.keys() == {GROUND, link}:
+            if ends.keys() == {GROUND, link}:
                 return ends[GROUND], ends[link]
         raise InputError(
             f'{self.name}: {where}: {link} must turn on the ground: add a revolute joint of both'
