@@ -28,7 +28,7 @@ _BELONGS = {
     'angle': ('prismatic',),
     'slots': ('geneva',),
     'pitch': ('rack',),
-    **{key: ('cam',) for key in CamKeys.model_fields},
+    **dict.fromkeys(CamKeys.model_fields, ('cam',)),
     'backlash': ('mesh',),
     'elasticity': ('mesh',),
     'error': ('mesh',),

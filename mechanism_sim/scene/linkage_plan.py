@@ -45,7 +45,7 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
         joints,
         closing,
         scene.gravity,
-        {name: c for name, j in scene.joints.items() if (c := j.clearance or cam_play(j))}
+        {n: play for n, j in scene.joints.items() if (play := j.clearance or cam_play(j))}
         | backlashes(places, joints),
         laws or {free: (TorqueLaw(free),)},
         begins,
