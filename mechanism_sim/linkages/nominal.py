@@ -177,20 +177,19 @@ class NominalRun:
         times = h * np.array([*_NODES, 1.0])
         q = place(times)
         present = edges.present(q[:, 0])
-
         seen = edges.left(q, present)
         over = np.flatnonzero((seen < 0.0).any(axis=0))
         if not over.size or over[0] == 0:
             return h
-        ends = []
+        ends, rounding = [], 1e-15 * max(self.time + h, 1.0)
         for i in np.flatnonzero(seen[:, over[0]] < 0.0):
 
             def guard(t: float, i: int = int(i)) -> float:
                 return float(edges.left(place(np.array([t])), present)[i, 0])
 
             span = times[over[0] - 1], times[over[0]]
-            ends.append(brentq(guard, *span, xtol=1e-15 * max(self.time + h, 1.0)))
-        return float(min(ends))
+            ends.append(float(brentq(guard, *span, xtol=rounding)))
+        return min(ends) if min(ends) > rounding else h
 
     def _values(self, times: Array) -> Array:
         """The coordinates at times [s] from now: (n, N)."""
