@@ -151,11 +151,7 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
 def _check_joints(machine: Machine) -> None:
     shortest = _shortest(machine) if machine.plan.rigid else 0.0
     for joint, clearance in machine.plan.rigid.items():
-        given = getattr(machine.scene.joints, joint, None) or machine.scene.joints[joint]
-        keys = (
-            k for k in ('clearance', 'lift_off', 'groove', 'backlash') if getattr(given, k, None)
-        )
-        where = f'{machine.name}: joints.{joint}.{next(keys, "clearance")}'
+        where = f'{machine.name}: joints.{joint}.{_key_of_play(machine, joint)}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
@@ -181,6 +177,14 @@ def _check_joints(machine: Machine) -> None:
                 f'{where}.friction = {clearance.friction:g} is more than 10: for contacts that '
                 "never slip write 'friction: rough'"
             )
+
+
+def _key_of_play(machine: Machine, joint: str) -> str:
+    """The key under which a scene says how loose a joint is."""
+    joints = machine.scene.joints
+    given = joints[joint] if isinstance(joints, dict) else getattr(joints, joint)
+    keys = ('lift_off', 'groove', 'backlash')
+    return next((k for k in keys if getattr(given, k, None)), 'clearance')
 
 
 def _check_contact(where: str, clearance: Play, machine: Machine) -> None:
