@@ -89,10 +89,14 @@ class Plan:
             cut += guides
 
     @property
+    def elastic(self) -> list[str]:
+        """The joints that have forces of their own instead of constraints."""
+        return [j.name for j in self.joints if isinstance(j, HigherPair) and j.elastic]
+
+    @property
     def rigid(self) -> dict[str, Play]:
         """The clearances of joints whose contacts the engine opens and closes."""
-        elastic = [j.name for j in self.joints if isinstance(j, HigherPair) and j.elastic]
-        return {name: c for name, c in self.clearances.items() if name not in elastic}
+        return {name: c for name, c in self.clearances.items() if name not in self.elastic}
 
     @property
     def prescribed(self) -> list[str]:
