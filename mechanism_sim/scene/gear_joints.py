@@ -145,7 +145,7 @@ def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
         name, one.link, two.link, one.at, two.at, placed.carrier, placed.waves,
         one.gear.base_pitch, placed.pressure_angle, placed.towards, placed.reach,
         placed.facing, placed.guide, play=play, errors=_errors(where, joint, placed),
-        elasticity=elasticity,
+        elasticity=elasticity, helix_angle=abs(one.part.helix_angle),
     )  # fmt: skip
 
 
