@@ -156,6 +156,17 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
     sub.add_argument('--over', metavar='PATH', help='draw them over this one')
+    sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
+    sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
+    sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs in series')
+    sub.add_argument(
+        '--tolerance', type=float, default=0.0, metavar='X', help='largest relative error'
+    )
+    sub.add_argument('--teeth', default='18:120', metavar='A:B', help='fewest and most of a gear')
+    sub.add_argument(
+        '--centre-distance', metavar='C', help="of every stage, as '60 mm'; with --modules"
+    )
+    sub.add_argument('--modules', metavar='M,...', help="to choose from, as '2 mm,2.5 mm'")
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
@@ -518,6 +529,29 @@ def _sweep(options: argparse.Namespace) -> int:
         _print_json(summary.to_json())
     else:
         print(report.render(summary, plan, rows))
+    return 0
+
+
+def _teeth(options: argparse.Namespace) -> int:
+    from mechanism_sim.gears.teeth import choose, ratio_of  # noqa: PLC0415
+    from mechanism_sim.report import teeth  # noqa: PLC0415
+
+    fewest, colon, most = options.teeth.partition(':')
+    if not (colon and fewest.isdecimal() and most.isdecimal()):
+        raise InputError(f"--teeth '{options.teeth}': write for example 18:120")
+    distance, modules = options.centre_distance, options.modules
+    found = choose(
+        ratio_of(options.ratio),
+        stages=options.stages,
+        tolerance=options.tolerance,
+        teeth=(int(fewest), int(most)),
+        centre_distance=_quantity('--centre-distance', distance, 'm')[0] if distance else None,
+        modules=[_quantity('--modules', m, 'm')[0] for m in modules.split(',')] if modules else (),
+    )
+    if options.json:
+        _print_json(teeth.to_json(found))
+    else:
+        print(teeth.render(found))
     return 0
 
 
