@@ -5,7 +5,7 @@ from glob import glob
 from setuptools import find_packages, setup
 
 NAME = 'mechanism_sim'
-NODES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
+NODES = ('crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'accelerometer', 'recorder')
 
 setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),

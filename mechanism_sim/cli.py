@@ -16,7 +16,9 @@ from mechanism_sim.errors import InputError, RunError
 if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
 
-NODE_NAMES = ('crank_drive', 'linkage', 'accelerometer', 'recorder')
+NODE_NAMES = (
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'accelerometer', 'recorder',
+)  # fmt: skip
 
 
 def main(args: Sequence[str] | None = None) -> None:

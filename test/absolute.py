@@ -10,6 +10,8 @@ import math
 
 import numpy as np
 
+from mechanism_sim.gears.mesh import GearMesh
+from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
@@ -111,8 +113,52 @@ class Absolute:
                 row = u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.second)
                 return [row], [(u, cross(a - b, u))]
             return [u @ Jb], [(u, 0.0)]
+        if isinstance(j, GearMesh):
+            place, n, _ = self.pitch_point(x, j)
+            t = across(n)
+            row = t @ (self.carried(x, j.second, place) - self.carried(x, j.first, place))
+            return [row], [(t, cross(place - b, t))]
+        if isinstance(j, Transmission):
+            p, c = float(j.ratio), self.spin(x, j.carrier)
+            row = self.spin(x, j.second) - c - p * (self.spin(x, j.first) - c)
+            return [row], [(np.zeros(2), 1.0)]
         D = Jb - Ja
         return [D[0], D[1]], [(np.array([1.0, 0.0]), 0.0), (np.array([0.0, 1.0]), 0.0)]
+
+    def carried(self, x, name, place):
+        """Jacobian (2, n) of the point of a link that is at a place just now."""
+        J = np.zeros((2, len(x)), dtype=x.dtype)
+        if name != GROUND:
+            i = 3 * self.names.index(name)
+            J[0, i] = J[1, i + 1] = 1.0
+            J[:, i + 2] = across(place - x[i : i + 2])
+        return J
+
+    def pitch_point(self, x, j):
+        """Where gears roll on each other, the line of centres, and the tangent of their angle.
+
+        The pitch point divides the centre distance as the numbers of teeth, inside or outside;
+        the normal of the flanks is tangent to the base circle.
+        """
+        a, b = self.point(x, j.first, j.on_first)[0], self.point(x, j.second, j.on_second)[0]
+        base = j.base_pitch * abs(j.waves[0]) / (2.0 * np.pi)
+        if j.guide is not None:
+            way = turned(self.link(x, j.guide.first)[1] + j.guide.axis, (1.0, 0.0))
+            n = across(way) * np.sign((across(way) @ (b - a)).real)
+            radius = n @ (b - a)  # without play
+        else:
+            n = (b - a) / np.sqrt((b - a) @ (b - a))
+            radius = n @ (b - a) * j.waves[0] / sum(j.waves)
+        return a + radius * n, n, np.sqrt(radius**2 - base**2) / base
+
+    def parting(self, x, j, force):
+        """What flanks that press with a tangential force do to the second along the centres.
+
+        It presses an external gear towards its axis, an internal one away from it.
+        """
+        place, n, slope = self.pitch_point(x, j)
+        from_first = np.sign(n @ (place - self.point(x, j.first, j.on_first)[0]))
+        return place, abs(force) * slope * np.sign(j.waves[0]) * from_first * n
 
     def drive_row(self, x, coordinate):
         """How a driven coordinate changes with the poses."""
@@ -156,8 +202,20 @@ class Absolute:
         right = np.concatenate([self.applied(x, rates, t, loads), gamma])
         found = np.linalg.solve(A / scale[:, None], right / scale)
         reactions, k = {}, n
+        apart = {}
+        for j in self.joints:
+            if isinstance(j, GearMesh):
+                place, force = apart[j.name] = self.parting(x, j, found[k])
+                pushed = self.carried(x, j.second, place) - self.carried(x, j.first, place)
+                right[:n] += force @ pushed
+            k += len(self.joint_rows(x, j)[0])
+        found, k = np.linalg.solve(A / scale[:, None], right / scale), n
         for j in self.joints:
             total = np.zeros(3)
+            if j.name in apart:
+                place, force = apart[j.name]
+                arm = place - self.point(x, j.second, j.on_second)[0]
+                total += [*force, cross(arm, force)]
             for force, moment in self.joint_rows(x, j)[1]:
                 total += found[k] * np.array([*force, moment])
                 k += 1

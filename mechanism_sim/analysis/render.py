@@ -9,6 +9,7 @@ from mechanism_sim.analysis.impacts import ImpactSummary
 from mechanism_sim.analysis.ledger import Ledger
 from mechanism_sim.analysis.loads import EnergySummary, LoadSummary, Peak
 from mechanism_sim.analysis.modes import JointModes
+from mechanism_sim.analysis.parts import PARTS, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
 
@@ -26,6 +27,7 @@ def render(summary: Summary) -> str:
         parts.append(_loads(summary.loads))
     if summary.energy is not None:
         parts.append(_energy(summary.energy))
+    parts += [_parts(PARTS[topic].title, found) for topic, found in summary.parts.items()]
     if summary.vibration is not None:
         parts.append(_vibration(summary.vibration))
     if summary.ledger is not None:
@@ -128,6 +130,16 @@ def _energy(e: EnergySummary) -> str:
             f'({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s',
         ]
     )
+
+
+def _parts(title: str, parts: tuple[PartSummary, ...]) -> str:
+    lines = [f'{title}: among {sum(p.samples for p in parts)} instants, in SI units']
+    for p in parts:
+        share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
+        rows = ((r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges)
+        lines += [f'  {p.joint}: {share}']
+        lines += _table(('quantity', 'lowest', 'at [s]', 'highest', 'at [s]'), rows)
+    return '\n'.join(lines)
 
 
 def _vibration(sensors: tuple[SensorSummary, ...]) -> str:

@@ -21,6 +21,7 @@ from mechanism_sim.analysis.loads import (
 )
 from mechanism_sim.analysis.modes import JointModes, ModeCollector
 from mechanism_sim.analysis.motion import MotionCollector
+from mechanism_sim.analysis.parts import PARTS, PartCollector, PartSummary
 from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.hybrid.digest import MotionDigest
@@ -45,6 +46,7 @@ class Summary:
     modes: tuple[JointModes, ...] | None
     loads: LoadSummary | None
     energy: EnergySummary | None
+    parts: dict[str, tuple[PartSummary, ...]]  #: by the topic of their states
     vibration: tuple[SensorSummary, ...] | None
     ledger: Ledger | None
     digest: str | None
@@ -79,6 +81,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         'joint_reactions': run.loads.add,
         'linkage_state': run.energy.add,
         'accelerometer': run.vibration.add,
+        **{topic: collector.add for topic, collector in run.parts.items()},
         'progress': run.ledger.add,
     }
     by_topic = {name: handlers[kind] for kind in handlers for name in topics[kind]}
@@ -109,6 +112,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         modes=run.modes.summary(start, end) if present['mode_changes'] else None,
         loads=run.loads.summary(crank.angle),
         energy=run.energy.summary(),
+        parts={k: c.summary() for k, c in run.parts.items() if present[k]},
         vibration=run.vibration.summary() if present['accelerometer'] else None,
         ledger=run.ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
         digest=run.digest.hexdigest() if motion is not None else None,
@@ -126,6 +130,7 @@ class _Run:
         self.digest = MotionDigest()
         self.impacts, self.modes, self.loads = ImpactCollector(), ModeCollector(), LoadCollector()
         self.energy, self.vibration = EnergyCollector(), VibrationCollector()
+        self.parts = {topic: PartCollector(kind) for topic, kind in PARTS.items()}
         self.ledger = LedgerCollector()
 
     def add_motion(self, message: Any) -> None:

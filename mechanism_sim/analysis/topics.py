@@ -13,6 +13,9 @@ KINDS = {
     'mode_changes': 'mechanism_sim/msg/ModeChange',
     'joint_reactions': 'mechanism_sim/msg/JointReactions',
     'linkage_state': 'mechanism_sim/msg/LinkageState',
+    'cam_state': 'mechanism_sim/msg/CamState',
+    'gear_state': 'mechanism_sim/msg/GearState',
+    'geneva_state': 'mechanism_sim/msg/GenevaState',
     'accelerometer': 'mechanism_sim/msg/AccelerometerBlock',
     'progress': 'mechanism_sim/msg/Progress',
 }

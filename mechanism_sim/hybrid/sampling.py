@@ -44,8 +44,7 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
         For a time outside of the motion.
     """
     curve = motion.curve
-    k = curve.locate(t)
-    dt = (t - curve.start[k]) - curve.start_low[k]
+    k, dt = curve.find(t)
     observed = physics.observe(motion, k, dt)
     work, lost = np.full(len(t), books.drive_work), np.full(len(t), books.dissipated)
     if physics.has_forces:

@@ -24,7 +24,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_sy
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 
 Array = NDArray[np.float64]
@@ -118,6 +118,8 @@ class System:
         self.elements = tuple(elements)
         self.equations = self.dynamics.equations
         p = self.equations.parameters
+        # all that is looked at in a run must have its parameters before they are counted
+        self._normals = [gap.normal(self.equations.frames) for gap in self.gaps]
         self._laws = {
             c: [p.reserve(f'{c}.law.{k}') for k in range(degree + 1)] for c in self.prescribed
         }
@@ -314,7 +316,6 @@ class System:
     def contact_function(self) -> hy.cfunc_dbl:
         """Terms of the gaps, to be read by `contact_terms`; of the same vector as `watch`."""
         d, rows = self.dynamics, self.dynamics.rows
-        normals = [gap.normal(self.equations.frames) for gap in self.gaps]
         return self._on_now(
             [
                 *(jet.value for jet in d.normal),
@@ -324,7 +325,7 @@ class System:
                 *(x for W in d.response for x in W),
                 *(x for row in d.compliance for x in row),
                 *(x for row in d.drive_response for x in row),
-                *(hy.atan2(dense(y.value), dense(x.value)) for x, y in normals),
+                *(hy.atan2(dense(y.value), dense(x.value)) for x, y in self._normals),
             ]
         )
 
@@ -397,9 +398,9 @@ class System:
             cut[gap.joint] = together(before, pressed) if before else pressed
         loads = []
         for element in self.elements:
-            if element.name in self.mechanism.cut:
-                on_second = element.loads(eq.frames)[1]
-                cut[element.name] = Wrench(*on_second.force, on_second.moment)
+            if isinstance(element, JointForce):
+                cut[element.name] = element.wrench(eq.frames)
+                loads += element.loads(eq.frames)[2:]
             else:
                 loads += element.loads(eq.frames)
         forces = list(solved.closing_forces)

@@ -128,6 +128,11 @@ class FilmBearing:
             Load(f'{name}.second', joint.second, joint.on_second, (neg(fx), neg(fy)), on_bushing),
         ]
 
+    def wrench(self, frames: Frames) -> Wrench:
+        """On the bushing's link, about the bushing's centre."""
+        on_bushing = self.loads(frames)[1]
+        return Wrench(*on_bushing.force, on_bushing.moment)
+
     def energy(self, _: Frames) -> Term:
         """A film stores none."""
         return None

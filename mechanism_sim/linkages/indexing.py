@@ -146,9 +146,13 @@ class GenevaClosure:
         return self.pressed(frames, forces[0])
 
     def pressed(self, frames: Frames, force: Term) -> Wrench:
-        """What a force along the offset does to the wheel."""
-        joint, on = self.joint, self.engaged(frames)
-        moment = mul(force, self.offset(frames).gradient[self.mechanism.frame(joint.second)[0]])
+        """What a force along the offset does to the wheel.
+
+        With play the slot is not quite along the pin's direction: there is a part of the force
+        towards the wheel's centre, by the offset over the pin's distance.
+        """
+        joint, on, offset = self.joint, self.engaged(frames), self.offset(frames)
+        moment = mul(force, offset.gradient[self.mechanism.frame(joint.second)[0]])
         x, y = self._pin(frames)
         r = hy.sqrt(dense((x * x + y * y).value))
         off = 1.0 - on
@@ -157,9 +161,14 @@ class GenevaClosure:
         sx, cx = p(f'{self.name}.towards.y', math.sin(t)), p(f'{self.name}.towards.x', math.cos(t))
         # across the slot lies the pin's direction turned by 90 degrees
         across, arc = mul(on, moment) / r, mul(off, moment) / distance
+        along = neg(mul(on, mul(force, offset.value))) / r
         return Wrench(
-            add(neg(mul(across, dense(y.value) / r)), neg(mul(arc, sx))),
-            add(mul(across, dense(x.value) / r), mul(arc, cx)),
+            add(
+                neg(mul(across, dense(y.value) / r)),
+                mul(along, dense(x.value) / r),
+                neg(mul(arc, sx)),
+            ),
+            add(mul(across, dense(x.value) / r), mul(along, dense(y.value) / r), mul(arc, cx)),
             moment,
         )
 

@@ -1,4 +1,4 @@
-"""Motion messages and the piecewise polynomials they carry."""
+"""Motion messages and the motion they carry."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages.classes import (
     float64_array,
     int64_array,
@@ -67,13 +68,21 @@ def curve_of(segments: Segments) -> PiecewisePolynomial:
     )
 
 
-def pack(
-    curve: PiecewisePolynomial,
-    modes: NDArray[np.uint8],
-    coordinates: Sequence[str],
-    joints: Sequence[str],
-) -> Any:
-    """A Motion message of m segments; `modes` (m, r) are those of ModeChange."""
+def motion_of(message: Any) -> Motion:
+    """The motion of a message as the engine has it. InputError: as for `unpack`."""
+    segments = unpack(message)
+    m = len(segments.start)
+    try:
+        approach = np.asarray(message.approach_speeds, np.float64).reshape(m, -1)
+        torques = np.asarray(message.torque_laws, np.float64).reshape(m, -1, 3)
+    except ValueError as error:
+        raise InputError(f'a Motion message contradicts its own counts: {error}.') from error
+    return Motion(curve_of(segments), segments.modes, approach, torques)
+
+
+def pack(motion: Motion, coordinates: Sequence[str], joints: Sequence[str]) -> Any:
+    """A Motion message of a motion of m segments; the names are those of its columns."""
+    curve = motion.curve
     message = message_class('mechanism_sim/msg/Motion')(
         coordinates=list(coordinates),
         segments=len(curve),
@@ -84,7 +93,9 @@ def pack(
         turns=int64_array(curve.turns.ravel()),
         coefficients=float64_array(curve.coefficients.ravel()),
         joints=list(joints),
-        modes=uint8_array(modes.ravel()),
+        modes=uint8_array(motion.modes.ravel()),
+        approach_speeds=float64_array(motion.approach.ravel()),
+        torque_laws=float64_array(motion.torques.ravel()),
     )
     message.header.stamp = stamp(float(curve.start[0]))
     return message

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.messages import AccelerometerBlock, Motion, float64_array, stamp
-from mechanism_sim.messages.segments import curve_of, unpack
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.messages import AccelerometerBlock, float64_array, stamp
 from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -74,33 +75,23 @@ class Accelerometer(SimulationNode):
             )
             for name, scene in self.machine.scene.sensors.items()
         ]
-        self._time = 0.0
-        self.create_subscription(Motion, 'motion', self.once_ready(self._on_motion), RESULTS)
+        self._following = Following(self, self._take, self._rest)
         self.join()
 
-    def _on_motion(self, message: Any) -> None:
-        curve = curve_of(unpack(message))
-        self._time = curve.end
+    def on_progress(self, message: Any) -> None:
+        """The last report of who publishes the motion says how much there is to sample."""
+        self._following.look()
+
+    def _take(self, motion: Motion) -> None:
         for sensor, publisher in self._sensors:
-            sensor.take(curve)
+            sensor.take(motion.curve)
             for block in sensor.blocks(all_of_it=False):
                 self.send(publisher, block)
-        self.report_soon(self._time)
-        self._finish()
 
-    def on_progress(self, message: Any) -> None:
-        """The linkage's last report says how much motion there is to sample."""
-        self._finish()
-
-    def _finish(self) -> None:
-        linkage = self.progress_of.get('linkage')
-        if self.done or not linkage or not linkage.finished or self._time < linkage.time:
-            return
+    def _rest(self) -> None:
         for sensor, publisher in self._sensors:
             for block in sensor.blocks(all_of_it=True):
                 self.send(publisher, block)
-        self.report(self._time, finished=True)
-        self.done = True
 
 
 def main(args: list[str] | None = None) -> None:

@@ -26,6 +26,7 @@ from mechanism_sim.messages import (
     type_name,
 )
 from mechanism_sim.middleware import Parameter, QoSProfile
+from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -75,6 +76,7 @@ class Recorder(SimulationNode):
             (f'accelerometer/{name}', AccelerometerBlock, RESULTS)
             for name in self.machine.scene.sensors
         ]
+        topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
         for topic, kind, qos in topics:
             self._record(topic, kind, qos)
         self._add_topic(self.resolve_topic_name('progress'), Progress, RESULTS)

@@ -11,9 +11,13 @@ from dataclasses import asdict, dataclass
 from mechanism_sim.errors import RunError
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.accelerometer import Accelerometer
+from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.gear_train import GearTrain
+from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
+from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import run_nodes, tell
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -22,6 +26,9 @@ from mechanism_sim.scene import Machine
 NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'crank_drive': CrankDrive,
     'linkage': Linkage,
+    'cam': Cam,
+    'gear_train': GearTrain,
+    'geneva': Geneva,
     'accelerometer': Accelerometer,
     'recorder': Recorder,
 }
@@ -53,7 +60,9 @@ class Plan:
     @property
     def nodes(self) -> list[str]:
         """Names of the nodes the scene needs."""
-        names = ['crank_drive', 'linkage']
+        integrator = integrator_of(self.machine)
+        parts = [name for name in kinds_of(self.machine) if name != integrator]
+        names = ['crank_drive', integrator, *parts]
         names += ['accelerometer'] if self.machine.scene.sensors else []
         return [*names, 'recorder'] if self.record else names
 

@@ -72,6 +72,11 @@ class PiecewisePolynomial:
             )
         return np.clip(np.searchsorted(self.start, t, side='right') - 1, 0, len(self) - 1)
 
+    def find(self, t: Array) -> tuple[NDArray[np.intp], Array]:
+        """Segments that hold times `t` (N,) [s], as `locate`, and times since their starts [s]."""
+        k = self.locate(t)
+        return k, (t - self.start[k]) - self.start_low[k]
+
     def at(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
         """Value of a derivative at times `dt` after the start of given segments.
 
@@ -128,8 +133,7 @@ class PiecewisePolynomial:
     def __call__(self, t: Array, derivative: int = 0) -> Array:
         """Value of a derivative at times `t` (N,) [s]: (N, n)."""
         t = np.atleast_1d(np.asarray(t, dtype=float))
-        k = self.locate(t)
-        return self.at(k, (t - self.start[k]) - self.start_low[k], derivative)
+        return self.at(*self.find(t), derivative)
 
 
 def chebyshev_nodes(count: int) -> Array:

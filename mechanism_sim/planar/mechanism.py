@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from mechanism_sim.planar.protocols import PairClosure
+    from mechanism_sim.planar.protocols import ForceElement, PairClosure
 
 GROUND = 'ground'
 
@@ -81,6 +81,11 @@ class HigherPair(ABC):
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
 
+    @property
+    def elastic(self) -> bool:
+        """Whether it has forces of its own, `elements`, instead of a closure and walls."""
+        return False
+
     @abstractmethod
     def closure(self, mechanism: Mechanism) -> PairClosure:
         """The relation that keeps it closed."""
@@ -88,6 +93,10 @@ class HigherPair(ABC):
     @abstractmethod
     def equation(self, pose: Callable[[str], Pose]) -> Equation:
         """Its row at the poses of links, whatever the tree."""
+
+    def elements(self, _: Mechanism) -> Sequence[ForceElement]:
+        """The forces of an elastic pair."""
+        return ()
 
 
 Joint: TypeAlias = Revolute | Prismatic | HigherPair

@@ -62,9 +62,9 @@ class Wall:
         raise NotImplementedError('walls of slots are without friction')
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Towards the wall."""
-        x, y = self.closure.normal(frames)
-        return (x, y) if self.side == 'left' else (-x, -y)
+        """Along the force of the wall."""
+        pressed = self.wrench(frames, hy.expression(1.0), None)
+        return lift(dense(pressed.x)), lift(dense(pressed.y))
 
     def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
         """What the closure would do with the wall's force along its row."""

@@ -7,7 +7,7 @@ their derivatives along, so that Jacobian rows and curvature terms follow by the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +42,6 @@ class PairClosure(Relation, Protocol):
     def joint(self) -> HigherPair:
         """The pair."""
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Unit vector of the contact, along which a positive offset moves the first link."""
-
 
 class ForceElement(Protocol):
     """Forces on links that need no gap, such as those of an oil film or a spring."""
@@ -61,6 +58,17 @@ class ForceElement(Protocol):
 
     def energy(self, frames: Frames) -> Term:
         """What it stores [J]."""
+
+
+@runtime_checkable
+class JointForce(ForceElement, Protocol):
+    """A force element in the place of a joint."""
+
+    def wrench(self, frames: Frames) -> Wrench:
+        """What the first-named does to the second-named link.
+
+        Any loads beyond those on these two act on other links. It need not have a Taylor series.
+        """
 
 
 class ForceLaw(Protocol):
@@ -129,7 +137,7 @@ class Gap(Protocol):
         """
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Unit vector along which the first-named link presses on the second, when closed."""
+        """Along this the first-named link presses on the second, when closed; only a direction."""
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """What the first-named does to the second-named link, by normal force and friction [N].

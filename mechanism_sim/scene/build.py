@@ -149,8 +149,8 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
 
 
 def _check_joints(machine: Machine) -> None:
-    shortest = _shortest(machine) if machine.clearances else 0.0
-    for joint, clearance in machine.clearances.items():
+    shortest = _shortest(machine) if machine.plan.rigid else 0.0
+    for joint, clearance in machine.plan.rigid.items():
         where = f'{machine.name}: joints.{joint}.clearance'
         if clearance.radial >= shortest:
             raise InputError(
@@ -193,7 +193,7 @@ def _check_contact(where: str, clearance: Play, machine: Machine) -> None:
     if film and clearance.friction:
         raise InputError(f'{where}.friction has no meaning with a film: its oil has its own')
     films = [
-        c.contact is not None and c.contact.law == 'film' for c in machine.clearances.values()
+        c.contact is not None and c.contact.law == 'film' for c in machine.plan.rigid.values()
     ]
     if any(films) and not all(films):
         raise InputError(f'{where}: either all loose joints have a film or none has')

@@ -16,16 +16,17 @@ from mechanism_sim.scene.schema import Play
 def gaps_and_films(
     mechanism: Mechanism, clearances: Mapping[str, Play]
 ) -> tuple[list[Gap], list[ForceElement]]:
-    """The gaps of loose joints, and the oil films of those that have one instead."""
+    """The gaps of loose joints, and what those have instead that are elastic or full of oil."""
     gaps: list[Gap] = []
     films: list[ForceElement] = []
     for name, c in clearances.items():
         film = oil_film(c)
         joint = mechanism.joint(name)
         if isinstance(joint, HigherPair):
-            gaps += walls(
-                joint.closure(mechanism), c.radial, c.restitution, c.hypothesis, force_law(c)
-            )
+            films += joint.elements(mechanism)
+            if not joint.elastic:
+                closure, law = joint.closure(mechanism), force_law(c)
+                gaps += walls(closure, c.radial, c.restitution, c.hypothesis, law)
         elif film:
             films.append(FilmBearing(name, mechanism, film))
         else:

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from mechanism_sim.numerics import formula
 from mechanism_sim.scene.cam_keys import CamKeys
-from mechanism_sim.scene.gear_keys import GearKeys
+from mechanism_sim.scene.gear_keys import GearKeys, GearPart
 from mechanism_sim.scene.schema import (
     AddedInertia,
     AffineTorque,
@@ -111,6 +111,8 @@ class LinkageJoint(CamKeys, GearKeys):
                 '[crank.end, rod.start]'
             )
         c = self.clearance
+        if c and kinds[0] in ('mesh', 'transmission'):
+            raise ValueError("cannot have a clearance: the play of teeth is their 'backlash'")
         if c and kinds == ['prismatic']:
             raise ValueError('cannot have a clearance: guides have none here')
         if c and kinds != ['revolute'] and (c.friction or c.pin_radius or c.contact):
@@ -211,6 +213,7 @@ class LinkageScene(AnyScene):
     mechanism: Literal['linkage']
     links: dict[str, LinkageLink]
     joints: dict[str, LinkageJoint]
+    gears: dict[str, GearPart] = {}
     masses: dict[str, PointMass] = {}
     drive: LinkageDrive | None = None
     drives: dict[str, LinkageDrive] = {}

@@ -17,6 +17,7 @@ from mechanism_sim.planar.mechanism import (
     Revolute,
     Vector2,
 )
+from mechanism_sim.scene.gear_joints import read_mesh, read_transmission
 from mechanism_sim.scene.linkage import LinkageDrive, LinkageJoint
 from mechanism_sim.scene.places import Places
 
@@ -25,6 +26,12 @@ _BELONGS = {
     'angle': ('prismatic',),
     'slots': ('geneva',),
     'pitch': ('rack',),
+    'backlash': ('mesh',),
+    'elasticity': ('mesh',),
+    'error': ('mesh',),
+    'ratio': ('transmission',),
+    'phase': ('transmission',),
+    'carrier': ('transmission',),
 }
 
 
@@ -48,17 +55,21 @@ def _joint(places: Places, name: str, joint: LinkageJoint) -> Joint:
             f"{places.name}: {where}: the name '{name}' cannot be used; names are letters, "
             'digits and _'
         )
+    for key, kinds in _BELONGS.items():
+        if getattr(joint, key) and joint.kind not in kinds:
+            raise InputError(
+                f'{places.name}: {where}.{key} has no meaning in a {joint.kind} joint'
+            )
+    if joint.kind == 'mesh':
+        return read_mesh(places, name, joint)
     (a, on_a), (b, on_b) = (places.find(f'{where}.{joint.kind}', p) for p in joint.points)
     if a == b:
         raise InputError(
             f'{places.name}: {where}.{joint.kind} ties the link {a} to itself: give points of '
             'two links'
         )
-    for key, kinds in _BELONGS.items():
-        if getattr(joint, key) and joint.kind not in kinds:
-            raise InputError(
-                f'{places.name}: {where}.{key} has no meaning in a {joint.kind} joint'
-            )
+    if joint.kind == 'transmission':
+        return read_transmission(places, name, joint)
     if joint.kind == 'revolute':
         return Revolute(name, a, b, on_a, on_b)
     if joint.kind == 'slot':
@@ -73,8 +84,10 @@ def _joint(places: Places, name: str, joint: LinkageJoint) -> Joint:
 def _pivot(places: Places, where: str, link: str) -> tuple[Vector2, Vector2]:
     """Where a link turns on the ground, in the world and in its own frame."""
     for name, joint in places.scene.joints.items():
+        if not joint.revolute:
+            continue
         ends = dict(places.find(f'joints.{name}', p) for p in joint.points)
-        if joint.revolute and ends.keys() == {GROUND, link}:
+        if ends.keys() == {GROUND, link}:
             return ends[GROUND], ends[link]
     raise InputError(
         f'{places.name}: {where}: {link} must turn on the ground: add a revolute joint of both'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.mechanism import Body, Mechanism, closing_joints
+from mechanism_sim.scene.gear_joints import backlashes, in_mesh
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_drives import is_straight, read_drives, read_laws
 from mechanism_sim.scene.linkage_forces import read_forces
@@ -32,6 +33,10 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
     begins: dict[str, tuple[float, float]] = {}
     for c, drive in drives.items():
         laws[c], begins[c] = read_laws(places, c, drive, tree)
+    guess = places.values('guess', scene.guess, tree, _PLACES)
+    given = places.values('initial.position', scene.initial.position, tree, _PLACES)
+    begun = {c: x for c, (x, _) in begins.items()}
+    joints = in_mesh(places, joints, tree, {**guess, **given, **begun})
     free = tree.coordinates[0]
     weighing = {mass.at.partition('.')[0] for mass in scene.masses.values()}
     return Plan(
@@ -39,14 +44,15 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
         joints,
         closing,
         scene.gravity,
-        {name: j.clearance for name, j in scene.joints.items() if j.clearance},
+        {name: j.clearance for name, j in scene.joints.items() if j.clearance}
+        | backlashes(places, joints),
         laws or {free: (TorqueLaw(free),)},
         begins,
         (
-            places.values('initial.position', scene.initial.position, tree, _PLACES),
+            given,
             places.values('initial.velocity', scene.initial.velocity, tree, _PACES),
         ),
-        places.values('guess', scene.guess, tree, _PLACES),
+        guess,
         places.points,
         read_forces(places, tree),
         all(scene.links[x].mass is not None or x in weighing for x in places.links),

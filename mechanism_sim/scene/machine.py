@@ -113,7 +113,8 @@ class Machine:
     def level(self) -> Level:
         """The cheapest level that is exact for the scene."""
         if self.clearances:
-            asked = any(c.contact for c in self.clearances.values())
+            contacts = self.plan.rigid.values()
+            asked = any(c.contact for c in contacts) or not contacts
             return Level.COMPLIANT if asked else Level.NONSMOOTH
         if self.torque_driven:
             return Level.SMOOTH

@@ -13,6 +13,7 @@ from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import (
     GROUND,
     Body,
+    HigherPair,
     Joint,
     Mechanism,
     Revolute,
@@ -86,6 +87,12 @@ class Plan:
             if not guides:
                 return found
             cut += guides
+
+    @property
+    def rigid(self) -> dict[str, Play]:
+        """The clearances of joints whose contacts the engine opens and closes."""
+        elastic = [j.name for j in self.joints if isinstance(j, HigherPair) and j.elastic]
+        return {name: c for name, c in self.clearances.items() if name not in elastic}
 
     @property
     def prescribed(self) -> list[str]:

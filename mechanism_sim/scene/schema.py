@@ -198,6 +198,7 @@ class Outputs(Part):
     linkage_state: Rate = 100.0
     joint_reactions: Rate = 100.0
     transforms: Rate = 50.0
+    part_states: Rate = 100.0  #: of each cam, pair of gears and Geneva wheel
 
 
 class Solver(Part):

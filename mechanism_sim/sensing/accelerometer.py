@@ -51,8 +51,7 @@ class IdealAccelerometer:
 
     def read(self, motion: PiecewisePolynomial, t: Array) -> Array:
         """Acceleration [m/s^2] at times `t` (N,) [s]; at an event, what holds after it."""
-        k = motion.locate(t)
-        dt = (t - motion.start[k]) - motion.start_low[k]
+        k, dt = motion.find(t)
         q, v, a = (motion.at(k, dt, d).T for d in (0, 1, 2))
         rest = np.zeros(len(t))
         axis = self._turn + (rest if self._frame is None else q[self._frame])

@@ -1,0 +1,91 @@
+"""Two links whose angles keep a ratio, by whatever means: a belt, a chain, bevel gears, a box."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import ClassVar
+
+import heyoka as hy
+import numpy as np
+
+from mechanism_sim.numerics.symbolic import Term, dense, mul
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Wrench
+from mechanism_sim.planar.mechanism import GROUND, Equation, HigherPair, Mechanism, Pose, Side
+
+
+@dataclass(frozen=True)
+class Transmission(HigherPair):
+    """``second = phase + ratio first``, both angles counted from the carrier.
+
+    It passes on moments only: what a belt or a mesh does to the shafts is left out.
+    """
+
+    sides: ClassVar[tuple[Side, ...]] = ()
+
+    ratio: Fraction = Fraction(1)
+    phase: float = 0.0  #: [rad]
+    carrier: str = GROUND
+
+    def closure(self, mechanism: Mechanism) -> TransmissionClosure:
+        """Without play."""
+        return TransmissionClosure(self, mechanism)
+
+    @property
+    def waves(self) -> tuple[int, int]:
+        """Whole numbers p, q: ``q second - p first`` is the same after whole turns of either."""
+        return -self.ratio.numerator, self.ratio.denominator
+
+    def equation(self, pose: Callable[[str], Pose]) -> Equation:
+        """How far the second is off, times one metre [m]."""
+        p, q = self.waves
+        angles = [pose(link)[2] - pose(self.carrier)[2] for link in (self.first, self.second)]
+        off = math.remainder(p * angles[0] + q * (angles[1] - self.phase), 2.0 * math.pi) / q
+        unit = np.array([0.0, 0.0, 1.0])
+        by = {self.first: p / q * unit, self.second: unit}
+        by[self.carrier] = by.get(self.carrier, 0.0 * unit) - (p / q + 1.0) * unit
+        return off, by
+
+
+@dataclass(frozen=True)
+class TransmissionClosure:
+    """A ratio that is kept."""
+
+    joint: Transmission
+    mechanism: Mechanism
+
+    @property
+    def name(self) -> str:
+        """The joint's."""
+        return self.joint.name
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """How far the second is off [rad], times the size of the mechanism [m].
+
+        Counted without whole turns: ``wrap(q (second - phase) - p first)/q``.
+        """
+        joint, m = self.joint, self.mechanism
+        p, q = joint.waves
+        (first, a), (second, b), (carrier, c) = (
+            m.frame(link) for link in (joint.first, joint.second, joint.carrier)
+        )
+        rest = q * (b - c - joint.phase) + p * (a - c)
+        u = frames.angle(second) * float(q) + frames.angle(first) * float(p)
+        if carrier != GROUND:
+            u = u - frames.angle(carrier) * float(p + q)
+        constant = frames.parameters(f'{self.name}.phase', math.remainder(rest, 2.0 * math.pi))
+        u = u if constant is None else u + constant
+        size = dense(frames.parameters(f'{self.name}.size', m.size / q))
+        return [u.chain(size * hy.atan2(hy.sin(u.value), hy.cos(u.value)), size, None)]
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """The moment on the second."""
+        return Wrench(
+            None,
+            None,
+            mul(forces[0], frames.parameters(f'{self.name}.lever', self.mechanism.size)),
+        )

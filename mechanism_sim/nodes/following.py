@@ -1,0 +1,55 @@
+"""Following a motion that another node publishes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from mechanism_sim.hybrid.tape import Motion as MotionBatch
+from mechanism_sim.messages import Motion
+from mechanism_sim.messages.segments import motion_of
+from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.simulation_node import SimulationNode
+
+
+class Following:
+    """What a node does that takes in all motion of a run and ends with it.
+
+    Parameters
+    ----------
+    take : called with every piece of motion
+    end : called once, after the last
+    """
+
+    def __init__(
+        self,
+        node: SimulationNode,
+        take: Callable[[MotionBatch], None],
+        end: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._node, self._take, self._end = node, take, end
+        self._time = 0.0
+        node.create_subscription(Motion, 'motion', node.once_ready(self._on_motion), RESULTS)
+        self._topic = node.resolve_topic_name('motion')
+
+    def begin(self) -> None:
+        """All partners are there: the motion will come by itself."""
+
+    def _on_motion(self, message: Any) -> None:
+        motion = motion_of(message)
+        self._time = motion.curve.end
+        self._take(motion)
+        self._node.report_soon(self._time)
+        self.look()
+
+    def look(self) -> None:
+        """End if all motion is here: the last report of who publishes it says how much it is."""
+        node = self._node
+        sources = [p for p in node.progress_of.values() if self._topic in p.topics]
+        if node.done or not sources or not all(
+            p.finished and self._time >= p.time for p in sources
+        ):  # fmt: skip
+            return
+        self._end()
+        node.report(self._time, finished=True)
+        node.done = True

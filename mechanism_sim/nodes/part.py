@@ -1,0 +1,35 @@
+"""A node of the parts of one kind, such as all cams of a machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.integration import Integration
+from mechanism_sim.nodes.parts import States
+from mechanism_sim.nodes.simulation_node import SimulationNode
+
+
+class Part(SimulationNode):
+    """Publishes the states of its parts, of a motion that it integrates itself or follows.
+
+    It follows if ``linkage`` is among its partners. Without, it is the integrator of the run and
+    publishes all that ``linkage`` would.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
+        super().__init__(name, parameters)
+        states = States(self, name)
+        role = Following if 'linkage' in self.partners else Integration
+        self._role: Following | Integration = role(self, states.publish)
+        self.join()
+
+    def on_ready(self) -> None:
+        """All partners are there."""
+        self._role.begin()
+
+    def on_progress(self, message: Any) -> None:
+        """A partner has moved on."""
+        self._role.look()

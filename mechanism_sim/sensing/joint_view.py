@@ -1,0 +1,100 @@
+"""One joint of a machine at many instants: what the readings of all kinds of joints begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Vector2
+
+Array = NDArray[np.float64]
+
+
+class Course(NamedTuple):
+    """An angle or a displacement at N instants, with its rates."""
+
+    position: Array  #: (N,) [rad] or [m]
+    velocity: Array  #: (N,) [rad/s] or [m/s]
+    acceleration: Array  #: (N,) [rad/s^2] or [m/s^2]
+
+
+@dataclass(frozen=True)
+class JointView:
+    """A joint at N instants of an observed machine.
+
+    Attributes
+    ----------
+    modes : (m, N) of the gaps of the machine, see `mechanism_sim.hybrid.events.Mode`
+    """
+
+    mechanism: Mechanism
+    joint: Joint
+    physics: Physics
+    observed: Observation
+    modes: NDArray[np.uint8]
+
+    def course(self, link: str) -> Course:
+        """How a link moves: its displacement if a guide carries it, else its angle."""
+        return self._coordinate(link) if link in self.mechanism.sliding else self.turning(link)
+
+    def turning(self, link: str) -> Course:
+        """Angle of a link in the world, with its rates."""
+        frame, offset = self.mechanism.frame(link)
+        turn = self._coordinate(frame)
+        return turn._replace(position=turn.position + offset)
+
+    def place(self, link: str, at: Vector2) -> Array:
+        """World coordinates (2, N) [m] of a point of a link."""
+        found = np.zeros((2, self.observed.position.shape[1]))
+        for (frame, slide), (x, y) in self.mechanism.point(link, at).items():
+            angle = self._coordinate(frame).position
+            c, s = np.cos(angle), np.sin(angle)
+            arm = np.array([c * x - s * y, s * x + c * y])
+            found += arm if slide is None else arm * self._coordinate(slide).position
+        return found
+
+    @cached_property
+    def force(self) -> Array:
+        """Force (2, N) [N] of the first-named on the second-named link; NaN if not known."""
+        return self._of_forces(self.observed.reaction, (2,))
+
+    @cached_property
+    def moment(self) -> Array:
+        """Moment (N,) [N m] likewise, about the joint's point on the second-named link."""
+        return self._of_forces(self.observed.reaction_moment, ())
+
+    def moment_on_first(self, centre: Array) -> Array:
+        """Moment (N,) [N m] of the second-named on the first-named link, about points (2, N)."""
+        x, y = self.place(self.joint.second, self.joint.on_second) - centre
+        fx, fy = self.force
+        moment: Array = -(self.moment + x * fy - y * fx)
+        return moment
+
+    def gap(self, side: str = '') -> tuple[Array, NDArray[np.bool_]] | None:
+        """Distance (N,) [m] and whether it is closed (N,), of the joint's gap at that side."""
+        name = f'{self.joint.name}_{side}' if side else self.joint.name
+        if name not in self.physics.clearances:
+            return None
+        k = self.physics.clearances.index(name)
+        return self.observed.gap[k], self.modes[k] > Mode.FREE_FLIGHT
+
+    def _coordinate(self, name: str) -> Course:
+        o = self.observed
+        if name == GROUND:
+            return Course(*np.zeros((3, o.position.shape[1])))
+        i = self.physics.coordinates.index(name)
+        return Course(o.position[i], o.velocity[i], o.acceleration[i])
+
+    def _of_forces(self, rows: Array, shape: Sequence[int]) -> Array:
+        if not self.physics.has_forces:
+            return np.full((*shape, self.observed.position.shape[1]), np.nan)
+        chosen: Array = rows[self.physics.joints.index(self.joint.name)]
+        return chosen
