@@ -147,6 +147,12 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
+    sub = command('profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh')
+    _scene_options(sub)
+    sub.add_argument('joint', metavar='JOINT', help='with a cam or teeth')
+    sub.add_argument('-o', '--output', metavar='FILE', help='.svg or .dxf for the outlines')
+    sub.add_argument('--gear', metavar='NAME', help='the outline of this gear only')
+    sub.add_argument('--friction', type=float, default=0.05, metavar='MU', help='between teeth')
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
     sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
@@ -439,6 +445,23 @@ def _draw(options: argparse.Namespace) -> int:
         _print_json({'scene': machine.name, 'file': str(file), 't': t})
     else:
         print(file)
+    return 0
+
+
+def _profile(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import profile  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    file = profile.check_file(options.output) if options.output else None
+    machine = load_scene(options.scene, _overrides(options))
+    sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
+    if file:
+        profile.write(outline, file)
+    if options.json:
+        where = {'file': str(file)} if file else {}
+        _print_json({'scene': machine.name, 'joint': options.joint, **sheet.to_json(), **where})
+    else:
+        print(sheet.render())
     return 0
 
 

@@ -16,7 +16,7 @@ def to_dxf(outline: Outline) -> str:
     """The text of a DXF file (release 2010) with the outline.
 
     Edges and guides are polylines and circles on layers named after them, in capitals; guides are
-    dashed. The layer SHAFT has two lines that cross at the origin.
+    dashed. The layer SHAFT has two lines that cross at every shaft.
 
     Raises
     ------
@@ -37,8 +37,10 @@ def to_dxf(outline: Outline) -> str:
             document.layers.add(part.name.upper(), linetype=linetype)
             _draw(space, part)
     document.layers.add('SHAFT')
-    for x, y in ((CROSS, 0.0), (0.0, CROSS)):
-        space.add_line((-x, -y), (x, y), dxfattribs={'layer': 'SHAFT'})
+    for place in outline.shafts:
+        u, v = (1e3 * c for c in place)
+        for x, y in ((CROSS, 0.0), (0.0, CROSS)):
+            space.add_line((u - x, v - y), (u + x, v + y), dxfattribs={'layer': 'SHAFT'})
     text = StringIO()
     document.write(text)
     return text.getvalue()
@@ -47,6 +49,7 @@ def to_dxf(outline: Outline) -> str:
 def _draw(space: Any, part: Curve | Circle) -> None:
     layer = {'layer': part.name.upper()}
     if isinstance(part, Circle):
-        space.add_circle((0.0, 0.0), 1e3 * part.radius, dxfattribs=layer)
+        centre = 1e3 * part.centre[0], 1e3 * part.centre[1]
+        space.add_circle(centre, 1e3 * part.radius, dxfattribs=layer)
     else:
         space.add_lwpolyline(1e3 * part.points.T, close=part.closed, dxfattribs=layer)
