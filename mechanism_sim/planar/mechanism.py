@@ -80,6 +80,8 @@ class HigherPair(ABC):
 
     #: where it can open: on which sides of its closure there are walls
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+    #: in words, what may move between them
+    parts: ClassVar[str] = 'pin between the walls of a slot'
 
     @property
     def elastic(self) -> bool:

@@ -151,7 +151,11 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
 def _check_joints(machine: Machine) -> None:
     shortest = _shortest(machine) if machine.plan.rigid else 0.0
     for joint, clearance in machine.plan.rigid.items():
-        where = f'{machine.name}: joints.{joint}.clearance'
+        given = getattr(machine.scene.joints, joint, None) or machine.scene.joints[joint]
+        keys = (
+            k for k in ('clearance', 'lift_off', 'groove', 'backlash') if getattr(given, k, None)
+        )
+        where = f'{machine.name}: joints.{joint}.{next(keys, "clearance")}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
@@ -238,7 +242,7 @@ def _shortest(machine: Machine) -> float:
         places.setdefault(j.first, []).append(j.on_first)
         places.setdefault(j.second, []).append(j.on_second)
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
-    return min(x for x in between if x > 0.0)
+    return min((x for x in between if x > 0.0), default=math.inf)
 
 
 def _check_masses(machine: Machine, without: list[str]) -> None:

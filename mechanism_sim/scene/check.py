@@ -64,10 +64,12 @@ def check(machine: Machine) -> Report:
     coordinates |= {c: _drive(machine, c) for c in machine.plan.laws}
     relations, gaps, warnings = [], [], []
     for joint, c in machine.clearances.items():
-        if not isinstance(machine.mechanism.joint(joint), Revolute):
+        pair = machine.mechanism.joint(joint)
+        if isinstance(pair, HigherPair):
+            room = f'play {c.radial:g} m to either side' if len(pair.sides) > 1 else 'may lift off'
             gaps.append(
-                f'{joint}: pin between the walls of a slot, play {c.radial:g} m to either side, '
-                f'Newton restitution {c.restitution:g}'
+                f'{joint}: {pair.parts}, {room}, {c.hypothesis.capitalize()} restitution '
+                f'{c.restitution:g}'
             )
             continue
         friction = f', friction {c.friction:g}' if c.friction else ''

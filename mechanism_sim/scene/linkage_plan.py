@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.mechanism import Body, Mechanism, closing_joints
+from mechanism_sim.scene.cam_joints import cam_play
 from mechanism_sim.scene.gear_joints import backlashes, in_mesh
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_drives import is_straight, read_drives, read_laws
@@ -44,7 +45,7 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
         joints,
         closing,
         scene.gravity,
-        {name: j.clearance for name, j in scene.joints.items() if j.clearance}
+        {name: c for name, j in scene.joints.items() if (c := j.clearance or cam_play(j))}
         | backlashes(places, joints),
         laws or {free: (TorqueLaw(free),)},
         begins,
