@@ -147,7 +147,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
-    sub = command('profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh')
+    sub = command(
+        'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
+    )
     _scene_options(sub)
     sub.add_argument('joint', metavar='JOINT', help='with a cam or teeth')
     sub.add_argument('-o', '--output', metavar='FILE', help='.svg or .dxf for the outlines')

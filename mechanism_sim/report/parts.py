@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -49,33 +49,54 @@ class Sheet:
     reciprocating: bool = False
 
     def render(self) -> str:
-        """For people: degrees and millimetres."""
-        rows = []
-        for name, value, unit, at in self.figures:
-            shown, scale = for_people(unit)
-            place = '' if at is None else f'at {self._spelled(at)}'
-            rows.append((name.replace('_', ' '), f'{scale * value:.6g}', shown, place))
-        widths = [max(len(row[i]) for row in rows) for i in range(4)]
-        lines = [
-            f'  {name:{widths[0]}}  {value:>{widths[1]}}  {unit:{widths[2]}}  {at}'.rstrip()
-            for name, value, unit, at in rows
-        ]
-        return '\n'.join([self.title, *lines, *self.remarks])
+        """For people: degrees and millimetres, and a column for each gear."""
+        common = [_shown(f, self._place(f)) for f in self.figures if '.' not in f.name]
+        own: dict[str, dict[str, Figure]] = {}
+        for figure in self.figures:
+            gear, dot, name = figure.name.partition('.')
+            if dot:
+                own.setdefault(name, {})[gear] = figure
+        gears = list(dict.fromkeys(gear for row in own.values() for gear in row))
+        columns = [('', *gears, '')] if gears else []
+        for name, row in own.items():
+            cells = [_shown(row[gear]) if gear in row else ('',) * 3 for gear in gears]
+            unit = next(iter(cell[2] for cell in cells if cell[2]), '')
+            columns.append((name.replace('_', ' '), *(cell[1] for cell in cells), unit))
+        return '\n'.join([self.title, *_table(common), *_table(columns), *self.remarks])
 
-    def _spelled(self, at: float) -> str:
+    def _place(self, figure: Figure) -> str:
+        if figure.at is None:
+            return ''
         # extremes at breaks of a law are found a hair beside them
-        return spelled(round(at, 9) + 0.0, reciprocating=self.reciprocating)
+        at = round(figure.at, 9) + 0.0
+        return f'at {spelled(at, reciprocating=self.reciprocating)}'
 
     def to_json(self) -> dict[str, object]:
         """In SI units."""
         return {
             'figures': {
-                f.name: {'value': f.value, 'unit': f.unit}
-                | ({} if f.at is None else {'at': f.at})
+                f.name: {'value': f.value, 'unit': f.unit} | ({} if f.at is None else {'at': f.at})
                 for f in self.figures
             },
             'remarks': list(self.remarks),
         }
+
+
+def _shown(figure: Figure, *more: str) -> tuple[str, ...]:
+    unit, scale = for_people(figure.unit)
+    return figure.name.replace('_', ' '), f'{scale * figure.value:.6g}', unit, *more
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """Lines, with numbers to the right; units and what follows them to the left."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    numbers = [any(cell[:1].isdecimal() for cell in column) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (
+            cell.rjust(width) if number else cell.ljust(width)
+            for cell, width, number in zip(row, widths, numbers, strict=True)
+        )
+        yield '  ' + '  '.join(cells).rstrip()
 
 
 def cam_sheet(
@@ -156,6 +177,7 @@ def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
     yield Figure('pressure_angle', pair.pinion.system.pressure_angle, 'rad')
     yield Figure('working_pressure_angle', pair.pressure_angle, 'rad')
     yield Figure('contact_ratio', pair.contact_ratio)
-    yield Figure('backlash', max(pair.backlash, 0.0), 'm')
+    play = pair.backlash
+    yield Figure('backlash', play if play > 1e-12 * pair.pinion.module else 0.0, 'm')
     yield Figure('tip_clearance', min(pair.clearances), 'm')
     yield Figure('efficiency', pair.efficiency(friction))

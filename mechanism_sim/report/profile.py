@@ -20,7 +20,8 @@ from mechanism_sim.export.outlines import (
 from mechanism_sim.export.svg import to_svg
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.pair import Pair, Path as ContactPath, path_with_rack
+from mechanism_sim.gears.pair import Pair, path_with_rack
+from mechanism_sim.gears.pair import Path as ContactPath
 from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.gear_joints import Wheel, read_wheel
@@ -174,7 +175,11 @@ class _Mesh:
         """The pinion first, and their names."""
         pinion, wheel = sorted(self.wheels, key=lambda w: w.part.internal)
         one, two = pinion.gear, wheel.gear
-        bases = two.base_radius - one.base_radius if two.internal else two.base_radius + one.base_radius
+        bases = (
+            two.base_radius - one.base_radius
+            if two.internal
+            else two.base_radius + one.base_radius
+        )
         pair = Pair(one, two, bases / math.cos(self.joint.pressure_angle))
         return pair, (pinion.name, wheel.name)
 
