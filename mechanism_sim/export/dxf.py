@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from io import StringIO
 from typing import Any
 
@@ -34,7 +35,8 @@ def to_dxf(outline: Outline) -> str:
     space = document.modelspace()
     for parts, linetype in ((outline.edges, 'CONTINUOUS'), (outline.guides, 'DASHED')):
         for part in parts:
-            document.layers.add(part.name.upper(), linetype=linetype)
+            if not document.layers.has_entry(_layer(part)):
+                document.layers.add(_layer(part), linetype=linetype)
             _draw(space, part)
     document.layers.add('SHAFT')
     for place in outline.shafts:
@@ -46,8 +48,13 @@ def to_dxf(outline: Outline) -> str:
     return text.getvalue()
 
 
+def _layer(part: Curve | Circle) -> str:
+    """Named after the part; some characters may not be in it."""
+    return re.sub(r'[<>/\\":;?*|=`]', '_', part.name.upper())
+
+
 def _draw(space: Any, part: Curve | Circle) -> None:
-    layer = {'layer': part.name.upper()}
+    layer = {'layer': _layer(part)}
     if isinstance(part, Circle):
         centre = 1e3 * part.centre[0], 1e3 * part.centre[1]
         space.add_circle(centre, 1e3 * part.radius, dxfattribs=layer)
