@@ -123,8 +123,8 @@ title: Groove
 mechanism: linkage
 links:
   ground: {points: {pivot: [80 mm, 0 mm]}}
-  camshaft: {}
-  lever: {length: 70 mm}
+  camshaft: {mass: 1 kg, inertia: 500 kg mm^2}
+  lever: {length: 70 mm, mass: 0.2 kg, inertia: 90 kg mm^2, cog: 35 mm}
 joints:
   bearing: {revolute: [ground, camshaft]}
   pivot: {revolute: [ground.pivot, lever.start]}
