@@ -89,7 +89,6 @@ class GearMesh(HigherPair):
     errors: tuple[Harmonic, ...] = ()
     play: float = 0.0  #: [m] along the line of action, to either side
     elasticity: Elasticity | None = None
-    helix_angle: float = 0.0  #: [rad] of either, without its hand
 
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""

@@ -10,7 +10,7 @@ from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
-from mechanism_sim.scene.plan import check_times
+from mechanism_sim.scene.plan import check_motor, check_times
 from mechanism_sim.scene.schema import FourBarScene, Play
 
 
@@ -144,8 +144,8 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
             f"{name}: 'drive.speed' is missing: the speed of the crank, or with a torque or a "
             "motor its speed at the start, for example '350 rpm'"
         )
-    if drive.motor and drive.motor.no_load_speed == 0.0:
-        raise InputError(f'{name}: drive.motor.no_load_speed must not be zero')
+    if drive.motor:
+        check_motor(f'{name}: drive', drive.motor)
 
 
 def _check_joints(machine: Machine) -> None:
