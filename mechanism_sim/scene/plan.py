@@ -204,8 +204,8 @@ def check_motor(where: str, motor: Motor) -> None:
     if motor.stall_torque * motor.no_load_speed < 0.0:
         raise InputError(
             f'{where}.motor: stall_torque {motor.stall_torque:g} N m and no_load_speed '
-            f'{motor.no_load_speed:g} rad/s have opposite signs, so that the motor would run away; '
-            'give both the sign in which it turns'
+            f'{motor.no_load_speed:g} rad/s have opposite signs: it would run away; give both the '
+            'sign in which it turns'
         )
 
 
