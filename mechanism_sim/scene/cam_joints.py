@@ -157,8 +157,10 @@ class _Reader:
     def _guide(self, link: str, at: Vector2) -> _Guide:
         places = self.places
         for name, joint in places.scene.joints.items():
+            if joint.kind not in ('revolute', 'prismatic'):
+                continue
             (a, on_a), (b, on_b) = (places.find(f'joints.{name}', p) for p in joint.points)
-            if {a, b} != {GROUND, link} or joint.kind not in ('revolute', 'prismatic'):
+            if {a, b} != {GROUND, link}:
                 continue
             if joint.clearance:
                 raise InputError(f'{self.where}: the joint {name} of its follower cannot be loose')
