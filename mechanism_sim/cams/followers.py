@@ -258,15 +258,20 @@ class OscillatingFlat(_Flat):
     def __post_init__(self) -> None:
         _require(self.pivot_distance > 0, 'a pivot distance is positive')
 
-    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
-        """The line past the pivot."""
+    def lowest(self, base_radius: float) -> float:
+        """Angle between face and line of centres on the base circle [rad]."""
         a, sine = self.pivot_distance, (base_radius - self.face_offset) / self.pivot_distance
         _require(
             abs(sine) < 1,
             f'a pivot at {a:g} m is too near for a base circle of {base_radius:g} m',
         )
+        return float(np.arcsin(sine))
+
+    def face(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
+        """The line past the pivot."""
+        a = self.pivot_distance
         u, u1, u2 = (law(angle, k) for k in range(3))
-        psi = np.arcsin(sine) + u
+        psi = self.lowest(base_radius) + u
         c, s = a * np.cos(psi), a * np.sin(psi)
         h = np.array([s + self.face_offset, c * u1, c * u2 - s * u1**2])
         return h, self.side * np.array([psi - np.pi / 2, u1, u2])

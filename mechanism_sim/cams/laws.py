@@ -254,6 +254,36 @@ class Eccentric:
 
 
 @dataclass(frozen=True)
+class Raised:
+    """The circular cam under a flat face across its motion: ``e (1 + sin(angle))``.
+
+    Above the lowest position, as `Eccentric`; the base radius is that of the circle less e.
+
+    Parameters
+    ----------
+    eccentricity : e [m]
+    """
+
+    eccentricity: float
+
+    reciprocating: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.eccentricity < math.inf:
+            raise InputError('the eccentricity of a circular cam is positive')
+
+    @property
+    def breaks(self) -> Array:
+        """The ends of the turn only: everything is smooth."""
+        return np.array([0.0, TURN])
+
+    def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
+        """As `Law`, for all orders."""
+        wave = np.sin(np.asarray(angle, dtype=float) + order * math.pi / 2)
+        return np.asarray(self.eccentricity * (wave + (order == 0)))
+
+
+@dataclass(frozen=True)
 class Jump:
     """A derivative of a law that jumps.
 

@@ -65,7 +65,7 @@ def assemble(machine: Machine) -> Assembly:
     hard = scaled[[row not in plan.elastic for row in moving.rows]]
     rank, full = (_rank(x) for x in (scaled[:, moving.sought], scaled))
     rates = {c: w for c, (_, w) in held.items()} | plan.given[1]
-    v = nearest_rates(kinematics, q, ideal.coordinates, rates)
+    v = nearest_rates(kinematics, q, ideal.coordinates, rates, {})
     return Assembly(q, v, len(moving.sought) - rank, full - rank, len(hard) - _rank(hard))
 
 
@@ -103,10 +103,14 @@ def closed_near(
 
 
 def nearest_rates(
-    kinematics: Kinematics, q: Array, coordinates: Sequence[str], given: Mapping[str, float]
+    kinematics: Kinematics,
+    q: Array,
+    coordinates: Sequence[str],
+    given: Mapping[str, float],
+    near: Mapping[str, float],
 ) -> Array:
-    """Rates (n,) that keep all loops closed, nearest to those given; the held ones are kept."""
-    v = np.array([given.get(c, 0.0) for c in coordinates])
+    """Rates (n,) that keep all loops closed: of those not given, the nearest to others."""
+    v = np.array([given.get(c, near.get(c, 0.0)) for c in coordinates])
     _, J = kinematics.closure(q[:, None])
     if J.shape[1]:
         rest = [i for i in kinematics.sought if coordinates[i] not in given]

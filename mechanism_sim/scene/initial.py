@@ -14,7 +14,7 @@ from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
 from mechanism_sim.scene.assembly import closed_near, nearest_rates
 from mechanism_sim.scene.four_bar_start import four_bar
 from mechanism_sim.scene.seats import seats
@@ -77,7 +77,12 @@ def _linkage(machine: Machine) -> tuple[Values, Values]:
     turning = [c for c in loose.coordinates if c not in loose.displacements]
     given = {c: known.get(plan.ideal.frame(c)[0], 0.0) for c in turning}
     given |= {c: known[c] for c in held}
-    rates = nearest_rates(kinematics, placed, loose.coordinates, given)
+    alike = {
+        c: known[c]
+        for c in loose.sliding
+        if c in plan.ideal.sliding and loose.tree_joints[c] == plan.ideal.tree_joints[c]
+    }
+    rates = nearest_rates(kinematics, placed, loose.coordinates, given, alike)
     names = loose.coordinates
     return dict(zip(names, placed.tolist(), strict=True)), dict(
         zip(names, rates.tolist(), strict=True)
@@ -126,6 +131,11 @@ def _check_inside(machine: Machine, q: Array, seated: bool) -> None:
         distance = float(gap.distance(value)[0])
         rounding = 1e-12 * machine.mechanism.size
         if distance < -max(1e-6 * clearance, rounding) and not (seated and gap.law):
+            if not isinstance(machine.mechanism.joint(gap.joint), Revolute):
+                raise InputError(
+                    f'{machine.name}: initial.position puts {gap.joint} {-distance:.6g} m into '
+                    'its wall'
+                )
             raise InputError(
                 f'{machine.name}: initial.position puts the pin of {gap.name} '
                 f'{clearance - distance:.6g} m from the centre of its bushing; the radial '

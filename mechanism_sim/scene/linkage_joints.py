@@ -17,6 +17,8 @@ from mechanism_sim.planar.mechanism import (
     Revolute,
     Vector2,
 )
+from mechanism_sim.scene.cam_joints import read_cam
+from mechanism_sim.scene.cam_keys import CamKeys
 from mechanism_sim.scene.gear_joints import read_mesh, read_transmission
 from mechanism_sim.scene.linkage import LinkageDrive, LinkageJoint
 from mechanism_sim.scene.places import Places
@@ -26,11 +28,12 @@ _BELONGS = {
     'angle': ('prismatic',),
     'slots': ('geneva',),
     'pitch': ('rack',),
+    **dict.fromkeys(CamKeys.model_fields, ('cam',)),
     'backlash': ('mesh',),
     'elasticity': ('mesh',),
     'error': ('mesh',),
     'ratio': ('transmission',),
-    'phase': ('transmission',),
+    'phase': ('cam', 'transmission'),
     'carrier': ('transmission',),
 }
 
@@ -78,20 +81,9 @@ def _joint(places: Places, name: str, joint: LinkageJoint) -> Joint:
         return _geneva(places, name, joint, (a, on_a), (b, on_b))
     if joint.kind == 'rack':
         return _rack(places, name, joint, (a, on_a), (b, on_b))
+    if joint.kind == 'cam':
+        return read_cam(places, name, joint, (a, on_a), (b, on_b))
     return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
-
-
-def _pivot(places: Places, where: str, link: str) -> tuple[Vector2, Vector2]:
-    """Where a link turns on the ground, in the world and in its own frame."""
-    for name, joint in places.scene.joints.items():
-        if not joint.revolute:
-            continue
-        ends = dict(places.find(f'joints.{name}', p) for p in joint.points)
-        if ends.keys() == {GROUND, link}:
-            return ends[GROUND], ends[link]
-    raise InputError(
-        f'{places.name}: {where}: {link} must turn on the ground: add a revolute joint of both'
-    )
 
 
 def _geneva(
@@ -104,8 +96,8 @@ def _geneva(
     where = f'joints.{name}'
     if joint.slots is None:
         raise InputError(f"{places.name}: '{where}.slots' is missing: how many the wheel has")
-    (ox, oy), on_crank = _pivot(places, where, pin[0])
-    (wx, wy), on_wheel = _pivot(places, where, wheel[0])
+    (ox, oy), on_crank = places.pivot(where, pin[0])
+    (wx, wy), on_wheel = places.pivot(where, wheel[0])
     if wheel[1] != on_wheel:
         raise InputError(f'{places.name}: {where}: name the point where the wheel is pivoted')
     radius, b = math.dist(pin[1], on_crank), math.hypot(ox - wx, oy - wy)
@@ -129,7 +121,7 @@ def _rack(
     rack: tuple[str, Vector2],
 ) -> SlottedRack:
     where = f'joints.{name}'
-    centre, on_crank = _pivot(places, where, pin[0])
+    centre, on_crank = places.pivot(where, pin[0])
     guides = [
         j for n, j in places.scene.joints.items()
         if j.prismatic

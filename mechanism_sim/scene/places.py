@@ -75,6 +75,18 @@ class Places:
             )
         return link, points[point or 'start']
 
+    def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
+        """Where a link turns on the ground, in the world and in its own frame."""
+        for name, joint in self.scene.joints.items():
+            if not joint.revolute:
+                continue
+            ends = dict(self.find(f'joints.{name}', p) for p in joint.points)
+            if ends.keys() == {GROUND, link}:
+                return ends[GROUND], ends[link]
+        raise InputError(
+            f'{self.name}: {where}: {link} must turn on the ground: add a revolute joint of both'
+        )
+
     def coordinate(self, where: str, name: str) -> str:
         """The name of a coordinate, which is that of a moving link."""
         if name not in self.links:

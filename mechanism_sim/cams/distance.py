@@ -1,0 +1,174 @@
+"""How far a follower is from its cam, as an expression of the cam's angle and its own place.
+
+The frame is that of `followers`. With the place s of the follower (along its line [m], or the
+angle of its arm or face to the line of centres [rad]) and the place ``s0 + u`` where it touches,
+the distance along the normal is ``D = W (s - s0 - u) + ...`` with ``W = dD/ds``: the cosine of
+the pressure angle, for a swinging follower times the arm. D vanishes exactly where the follower
+touches, and its derivatives there are those of the true distance, because
+``dD/dtheta + u' dD/ds = 0`` along the law. In flight D is the distance to the first order; in a
+groove, where the roller has room, to the second.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import heyoka as hy
+
+from mechanism_sim.cams.expressions import displacement
+from mechanism_sim.cams.followers import (
+    FlatFaced,
+    Oscillating,
+    OscillatingFlat,
+    Translating,
+)
+from mechanism_sim.cams.profiles import Cam
+from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+
+Pair: TypeAlias = tuple[Jet, Jet]
+
+NONE = Jet(None, {}, None, None)
+ONE = Jet(hy.expression(1.0), {}, None, None)
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The distance of a follower from its cam.
+
+    Attributes
+    ----------
+    name : of the joint
+    beside : how far the follower's point lies from its line through the camshaft, along y [m];
+        it counts for faces that are tilted
+    exact : whether to the second order; for rollers only
+    """
+
+    name: str
+    cam: Cam
+    beside: float = 0.0
+    exact: bool = False
+
+    @property
+    def swings(self) -> bool:
+        """Whether the follower's place is an angle."""
+        return isinstance(self.cam.follower, Oscillating | OscillatingFlat)
+
+    @property
+    def lowest(self) -> float:
+        """Place of the follower on the base circle [m, rad]."""
+        follower, base = self.cam.follower, self.cam.base_radius
+        if isinstance(follower, FlatFaced):
+            return base / math.cos(follower.tilt) - self.beside * math.tan(follower.tilt)
+        if isinstance(follower, Translating):
+            return math.sqrt((base + follower.roller) ** 2 - follower.offset**2)
+        return follower.lowest(base)
+
+    def value(self, frames: Frames, angle: Jet, place: Jet) -> Jet:
+        """D [m] at a cam angle [rad] and a place [m, rad] of the follower."""
+        laws = self._laws(frames, angle)
+        at = self._touching(frames, laws[0])
+        off = place - at
+        if self.swings:  # of any number of turns
+            c, s = hy.cos(off.value), hy.sin(off.value)
+            off = off.chain(s, c, -s)
+        follower = self.cam.follower
+        if isinstance(follower, FlatFaced):
+            cosine = frames.parameters(f'{self.name}.tilt.x', math.cos(follower.tilt))
+            return off * constant(cosine)
+        if isinstance(follower, OscillatingFlat):
+            c, s = hy.cos(at.value), hy.sin(at.value)
+            a = constant(frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance))
+            turning = ONE + laws[1] * float(follower.side)
+            return off * (at.chain(c, -s, -c) * a * _reciprocal(turning))
+        path = self._path(frames, at)
+        along = self._along(path, laws)
+        square = along[0] * along[0] + along[1] * along[1]
+        speed = _root(square)
+        way = path[1]
+        # n . dP/ds with the normal n = -(tangent turned by 90 degrees)
+        slope = _cross(way, along) * _reciprocal(speed)
+        if not self.exact:
+            return off * slope
+        bend = self._bend(path, along, laws, square, speed)
+        return off * (slope + off * bend * 0.5)
+
+    def normal(self, frames: Frames, angle: Jet) -> tuple[Term, Term]:
+        """Out of the cam, where the follower touches, in the frame."""
+        laws, follower = self._laws(frames, angle), self.cam.follower
+        if isinstance(follower, FlatFaced):
+            p = frames.parameters
+            return (
+                p(f'{self.name}.tilt.x', math.cos(follower.tilt)),
+                p(f'{self.name}.tilt.y', math.sin(follower.tilt)),
+            )
+        at = self._touching(frames, laws[0])
+        if isinstance(follower, OscillatingFlat):
+            return hy.sin(at.value), -(float(follower.side) * hy.cos(at.value))
+        x, y = self._along(self._path(frames, at), laws)
+        speed = hy.sqrt(dense((x * x + y * y).value))
+        return dense(y.value) / speed, -(dense(x.value) / speed)
+
+    def _laws(self, frames: Frames, angle: Jet) -> list[Jet]:
+        count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2
+        return displacement(self.cam.law, self.name, angle, frames, count)
+
+    def _touching(self, frames: Frames, u: Jet) -> Jet:
+        """The place at which the follower touches."""
+        lowest = frames.parameters(f'{self.name}.lowest', self.lowest)
+        return u + constant(lowest)
+
+    def _path(self, frames: Frames, at: Jet) -> tuple[Pair, Pair, Pair]:
+        """Centre of the roller and its two derivatives by the follower's place."""
+        follower, p = self.cam.follower, frames.parameters
+        if isinstance(follower, Translating):
+            offset = constant(p(f'{self.name}.offset', follower.offset))
+            return (at, offset), (ONE, NONE), (NONE, NONE)
+        assert isinstance(follower, Oscillating)  # noqa: S101 - the others have no roller
+        a = constant(p(f'{self.name}.pivot_distance', follower.pivot_distance))
+        b, side = constant(p(f'{self.name}.arm', follower.arm)), float(follower.side)
+        c, s = hy.cos(at.value), hy.sin(at.value)
+        x, y = b * at.chain(c, -s, -c), b * at.chain(s, c, -s) * side
+        return (a - x, -y), (y * side, -(x * side)), (x, y)
+
+    def _along(self, path: tuple[Pair, Pair, Pair], laws: list[Jet]) -> Pair:
+        """Velocity of the roller's centre seen from the cam, per radian."""
+        (x, y), way, _ = path
+        return way[0] * laws[1] - y, way[1] * laws[1] + x
+
+    def _bend(
+        self, path: tuple[Pair, Pair, Pair], along: Pair, laws: list[Jet], square: Jet, speed: Jet
+    ) -> Jet:
+        """Second derivative of D by the follower's place, from the pitch curve's curvature."""
+        p, way, bent = path
+        _, u1, u2 = laws
+        p2 = [w * u2 + b * u1 * u1 for w, b in zip(way, bent, strict=True)]
+        centripetal = (
+            p2[0] - way[1] * u1 * 2.0 - p[0],
+            p2[1] + way[0] * u1 * 2.0 - p[1],
+        )
+        beside = way[0] * along[0] + way[1] * along[1]
+        curved = _cross(along, centripetal) * beside * beside * _reciprocal(square * square)
+        return (_cross(bent, along) + curved) * _reciprocal(speed)
+
+
+def constant(term: Term) -> Jet:
+    """A term that does not move as a jet."""
+    return Jet(term, {}, None, None)
+
+
+def _cross(a: Pair, b: Pair) -> Jet:
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def _reciprocal(x: Jet) -> Jet:
+    r = 1.0 / dense(x.value)
+    return x.chain(r, -(r * r), 2.0 * (r * r * r))
+
+
+def _root(x: Jet) -> Jet:
+    r = hy.sqrt(dense(x.value))
+    return x.chain(r, 0.5 / r, -0.25 / (r * dense(x.value)))

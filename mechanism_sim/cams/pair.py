@@ -1,0 +1,237 @@
+"""A cam and its follower as a joint of a mechanism: the relation, or the gap, and its force.
+
+The camshaft turns on the ground; the follower slides or swings on the ground. A cam that the
+follower may leave is `CamPair`; one whose groove holds the roller on both sides is `GroovePair`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cams.distance import Distance, constant
+from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
+from mechanism_sim.cams.profiles import Cam
+from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
+from mechanism_sim.planar.configuration import turned
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Wrench, moment_of
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Equation,
+    HigherPair,
+    Mechanism,
+    Pose,
+    Side,
+    Vector2,
+    rotate,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CamPair(HigherPair):
+    """A cam on `first` and a follower on `second`; it may lift off.
+
+    `on_first` is the camshaft's axis, `on_second` the centre of the roller, the tip of the knife
+    or a point of the face. The frame of `followers` has its origin on the axis and its x axis along
+    `direction`; the cam angle is ``sense * angle of first + phase``.
+    """
+
+    cam: Cam
+    centre: Vector2  #: [m] of the camshaft, in the world
+    direction: float  #: [rad] in which the follower rises, or from the camshaft to its pivot
+    sense: Literal[1, -1] = 1  #: 1 if the cam angle grows with the angle of `first`
+    phase: float = 0.0  #: [rad]
+    arm_angle: float = 0.0  #: [rad] of the arm or face of a swinging follower, in its own frame
+    beside: float = 0.0  #: [m] from the line through the camshaft to the point of a face
+
+    exact: bool = False  #: distances of a roller to the second order, as grooves with play need
+
+    sides: ClassVar[tuple[Side, ...]] = ('right',)
+    parts: ClassVar[str] = 'follower on its cam'
+
+    @cached_property
+    def distance(self) -> Distance:
+        """Of the follower from the cam."""
+        return Distance(self.name, self.cam, self.beside, self.exact)
+
+    @property
+    def mirror(self) -> int:
+        """-1 where the frame of `followers`, in which the cam turns clockwise, is seen mirrored."""
+        return -self.sense
+
+    @property
+    def swing(self) -> int:
+        """1 if the place of a swinging follower grows as it turns counterclockwise."""
+        side: int = getattr(self.cam.follower, 'side', 1)
+        return self.mirror * side
+
+    def world(self, vector: Vector2) -> Vector2:
+        """A vector of the frame of `followers` in the world."""
+        return rotate((vector[0], self.mirror * vector[1]), self.direction)
+
+    def profile(self, points: Array) -> Array:
+        """Points (2, N) of the profile as `Cam` gives them, in the frame of `first` [m]."""
+        x, y = points
+        angle = self.direction + self.sense * self.phase
+        c, s = math.cos(angle), math.sin(angle)
+        y = self.mirror * y
+        return np.array([c * x - s * y, s * x + c * y]) + np.array(self.on_first)[:, None]
+
+    def closure(self, mechanism: Mechanism) -> CamClosure:
+        """The follower touches, without play."""
+        return CamClosure(self, mechanism)
+
+    def equation(self, pose: Callable[[str], Pose]) -> Equation:
+        """How far the follower is from the place where it touches [m]; as an arc if it swings."""
+        law, follower = self.cam.law, pose(self.second)
+        swinging = self.cam.follower
+        angle = self.sense * pose(self.first)[2] + self.phase
+        lowest = self.distance.lowest
+        touching, slope = lowest + float(law(angle)), float(law(angle, 1))
+        if isinstance(swinging, Oscillating | OscillatingFlat):
+            size, sign = swinging.pivot_distance, float(self.swing)
+            place = sign * (follower[2] + self.arm_angle - self.direction - math.pi)
+            value = size * math.remainder(place - touching, 2.0 * math.pi)
+            by_follower = np.array([0.0, 0.0, size * sign])
+        else:
+            size, x = 1.0, np.array(self.world((1.0, 0.0)))
+            point, turning = turned(follower, self.on_second)
+            value = float(x @ (point - self.centre)) - touching
+            by_follower = np.array([*x, x @ turning])
+        by_cam = np.array([0.0, 0.0, -size * self.sense * slope])
+        return value, {self.first: by_cam, self.second: by_follower}
+
+
+@dataclass(frozen=True)
+class GroovePair(CamPair):
+    """A cam with a groove that holds the roller: play opens between two walls."""
+
+    sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
+    parts: ClassVar[str] = 'roller between the walls of a groove'
+
+
+@dataclass(frozen=True)
+class CamClosure:
+    """The follower touches the cam: their `Distance` along the normal is zero.
+
+    Its gradient in contact is that of the true distance, so the force along it is the true normal
+    force. What it does to the follower is the force that has the same power: through the centre
+    of the roller, or across the face at the point where it touches.
+    """
+
+    joint: CamPair
+    mechanism: Mechanism
+
+    @property
+    def name(self) -> str:
+        """The joint's."""
+        return self.joint.name
+
+    def values(self, frames: Frames) -> list[Jet]:
+        """The distance [m]."""
+        distance = self.joint.distance
+        return [distance.value(frames, self._angle(frames), self._place(frames))]
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Into the cam."""
+        x, y = self._world(*self.joint.distance.normal(frames, self._angle(frames)), frames)
+        return constant(neg(x)), constant(neg(y))
+
+    def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
+        """The cam pushes the follower out, by torques about the camshaft and the pivot.
+
+        Both follow from the power of the force along the row; together with the point or the
+        direction of the force they determine it.
+        """
+        joint, force = self.joint, forces[0]
+        follower, mirror = joint.cam.follower, float(joint.mirror)
+        angle, place = self._angle(frames), self._place(frames)
+        off = joint.distance.value(frames, _alone(angle, 'cam'), _alone(place, 'follower'))
+        about_shaft = mul(force, mul(off.gradient.get('cam'), hy.expression(-float(joint.sense))))
+        along = mul(force, off.gradient.get('follower'))
+        rx, ry = self._arm(frames)
+        x: Term
+        y: Term
+        if isinstance(follower, Oscillating | OscillatingFlat):
+            about_pivot = mul(along, hy.expression(float(joint.swing)))
+            a = frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance)
+            y = div(mul(add(about_shaft, neg(about_pivot)), hy.expression(mirror)), a)
+        else:
+            x = along
+        if isinstance(follower, FlatFaced):
+            y = mul(x, frames.parameters(f'{self.name}.slope', math.tan(follower.tilt)))
+        elif isinstance(follower, OscillatingFlat):
+            c, s = hy.cos(place.value), hy.sin(place.value)
+            x = -(float(follower.side) * y * s / c)
+        elif isinstance(follower, Oscillating):
+            x = add(mul(rx, y), mul(about_shaft, hy.expression(-mirror))) / ry
+        else:
+            y = add(mul(about_shaft, hy.expression(mirror)), mul(ry, x)) / rx
+        wx, wy = self._world(x, y, frames)
+        if isinstance(follower, FlatFaced | OscillatingFlat):
+            off_point = mul(moment_of((rx, ry), (x, y)), hy.expression(-mirror))
+            return Wrench(wx, wy, add(about_shaft, off_point))
+        return Wrench(wx, wy)
+
+    def _angle(self, frames: Frames) -> Jet:
+        """Of the cam [rad]."""
+        joint = self.joint
+        frame, offset = self.mechanism.frame(joint.first)
+        start = frames.parameters(f'{self.name}.phase', joint.sense * offset + joint.phase)
+        return frames.angle(frame) * float(joint.sense) + constant(start)
+
+    def _place(self, frames: Frames) -> Jet:
+        """Of the follower: along its line from the camshaft [m], or to the line of centres [rad]."""
+        joint = self.joint
+        if not joint.distance.swings:
+            return self._arm_jets(frames)[0]
+        frame, offset = self.mechanism.frame(joint.second)
+        sign = float(joint.swing)
+        start = sign * (offset + joint.arm_angle - joint.direction - math.pi)
+        known = frames.parameters(f'{self.name}.place', math.remainder(start, 2.0 * math.pi))
+        return frames.angle(frame) * sign + constant(known)
+
+    def _arm_jets(self, frames: Frames) -> tuple[Jet, Jet]:
+        """From the camshaft to the follower's point, in the frame of `followers` [m]."""
+        joint = self.joint
+        at = self.mechanism.point(joint.second, joint.on_second)
+        px, py = frames.position(at, f'{self.name}.follower')
+        ox, oy = frames.position({(GROUND, None): joint.centre}, f'{self.name}.centre')
+        x, y = px - ox, py - oy
+        cx, cy, sx, sy = self._axes(frames)
+        return x * cx + y * cy, x * sx + y * sy
+
+    def _arm(self, frames: Frames) -> tuple[Term, Term]:
+        x, y = self._arm_jets(frames)
+        return x.value, y.value
+
+    def _axes(self, frames: Frames) -> list[Jet]:
+        """Components of the frame's axes in the world: of x, then of y."""
+        joint = self.joint
+        given = [*joint.world((1.0, 0.0)), *joint.world((0.0, 1.0))]
+        terms = [
+            hy.expression(v) if abs(v) == 1.0 else frames.parameters(f'{self.name}.axis.{k}', v)
+            for k, v in enumerate(given)
+        ]
+        return [constant(term) for term in terms]
+
+    def _world(self, x: Term, y: Term, frames: Frames) -> tuple[Term, Term]:
+        """A vector of the frame of `followers` in the world."""
+        cx, cy, sx, sy = (jet.value for jet in self._axes(frames))
+        return add(mul(x, cx), mul(y, sx)), add(mul(x, cy), mul(y, sy))
+
+
+def _alone(x: Jet, name: str) -> Jet:
+    """The value as a coordinate of its own, for partial derivatives."""
+    return Jet(dense(x.value), {name: hy.expression(1.0)}, None, None)

@@ -1,0 +1,265 @@
+"""From the keys of a cam to its law, its follower and the joint of both."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+from mechanism_sim.cams import curves
+from mechanism_sim.cams.followers import (
+    FlatFaced,
+    Follower,
+    Oscillating,
+    OscillatingFlat,
+    Translating,
+)
+from mechanism_sim.cams.interference import find_cut_away
+from mechanism_sim.cams.laws import (
+    Diagram,
+    Eccentric,
+    Law,
+    Measured,
+    Raised,
+    Segment,
+    check_smoothness,
+)
+from mechanism_sim.cams.pair import CamPair, GroovePair
+from mechanism_sim.cams.piecewise import Piecewise
+from mechanism_sim.cams.profiles import Cam, find_flaws
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
+from mechanism_sim.scene.cam_keys import SegmentPart
+from mechanism_sim.scene.linkage import LinkageJoint
+from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.schema import Play
+
+Place = tuple[str, Vector2]
+_UNITS = ('rad', 'm')
+
+
+class _Guide(NamedTuple):
+    """How a follower moves on the ground."""
+
+    swings: bool
+    at: Vector2  #: [m] its pivot, or its point when its displacement is zero, in the world
+    arm: Vector2  #: [m] from its pivot to its point, in its own frame
+    axis: float = 0.0  #: [rad] along which it slides
+
+
+def read_cam(
+    places: Places, name: str, joint: LinkageJoint, cam: Place, follower: Place
+) -> CamPair:
+    """The joint of a cam and its follower.
+
+    Raises
+    ------
+    InputError
+        If keys are missing or do not fit, the law jumps or does not come back, or the profile
+        would be undercut.
+    """
+    reader = _Reader(places, name, joint)
+    try:
+        return reader.pair(cam, follower)
+    except InputError as error:
+        if str(error).startswith(f'{places.name}: '):
+            raise
+        raise InputError(f'{reader.where}: {error}') from error
+
+
+def cam_play(joint: LinkageJoint) -> Play | None:
+    """The play of a cam that its follower may leave, or of a groove with clearance."""
+    off, groove = joint.lift_off, joint.groove
+    if off:
+        return Play(
+            radial=0.0,
+            restitution=off.restitution,
+            hypothesis=off.hypothesis,
+            contact=off.contact,
+        )
+    if groove and groove.clearance:
+        return Play(
+            radial=0.5 * groove.clearance,
+            restitution=groove.restitution,
+            hypothesis=groove.hypothesis,
+            contact=groove.contact,
+        )
+    return None
+
+
+class _Reader:
+    """One joint with a cam; what it raises without the scene's name gets it from `read_cam`."""
+
+    def __init__(self, places: Places, name: str, joint: LinkageJoint) -> None:
+        self.places, self.name, self.joint = places, name, joint
+        self.where = f'{places.name}: joints.{name}'
+
+    def pair(self, cam: Place, follower: Place) -> CamPair:
+        """The joint."""
+        joint, (link, at) = self.joint, cam
+        self._check_keys()
+        centre, on_cam = self.places.pivot(f'joints.{self.name}', link)
+        if at != on_cam:
+            raise InputError('name the point where the cam turns on the ground')
+        guide = self._guide(*follower)
+        self._check_guide(guide)
+        sense: Literal[1, -1] = -1 if joint.sense == 'clockwise' else 1
+        direction, beside = guide.axis, 0.0
+        if guide.swings:
+            direction = math.atan2(guide.at[1] - centre[1], guide.at[0] - centre[0])
+        else:
+            away = guide.at[0] - centre[0], guide.at[1] - centre[1]
+            beside = -sense * rotate(away, -direction)[1]
+        touching = self._follower(guide, math.dist(guide.at, centre), beside, sense)
+        whole = Cam(self._law(guide, touching), touching, joint.base_radius or 0.0)
+        self._check_cam(whole)
+        kind = GroovePair if joint.groove else CamPair
+        return kind(
+            self.name,
+            link,
+            follower[0],
+            at,
+            follower[1],
+            whole,
+            centre,
+            direction,
+            sense,
+            joint.phase,
+            math.atan2(*guide.arm[::-1]),
+            beside,
+            bool(joint.groove and joint.groove.clearance),
+        )
+
+    def _check_keys(self) -> None:
+        """What every cam needs, and what excludes each other."""
+        joint, where = self.joint, self.where
+        for key, what in (
+            ('follower', "'knife', 'roller' or 'flat'"),
+            ('base_radius', "the radius of the base circle, such as '20 mm'"),
+            ('law', "its displacement by 'segments', 'points' or 'eccentric'"),
+        ):
+            if getattr(joint, key) is None:
+                raise InputError(f"{where}: '{key}' is missing: {what}")
+        if (joint.follower == 'roller') != bool(joint.roller):
+            raise InputError(
+                f"{where}: 'roller' is the radius of a roller: it belongs to 'follower: roller'"
+            )
+        if joint.groove and joint.lift_off:
+            raise InputError(f'{where}: lift_off and groove exclude each other: keep one')
+        if joint.groove and joint.follower != 'roller':
+            raise InputError(f"{where}.groove needs 'follower: roller'")
+        if joint.groove and joint.groove.clearance and joint.groove.restitution is None:
+            raise InputError(f"{where}: 'groove.restitution' is missing: the clearance needs it")
+        if joint.clearance:
+            raise InputError(
+                f"{where}.clearance has no meaning for a cam: write 'lift_off' or 'groove'"
+            )
+
+    def _guide(self, link: str, at: Vector2) -> _Guide:
+        places = self.places
+        for name, joint in places.scene.joints.items():
+            if joint.kind not in ('revolute', 'prismatic'):
+                continue
+            (a, on_a), (b, on_b) = (places.find(f'joints.{name}', p) for p in joint.points)
+            if {a, b} != {GROUND, link}:
+                continue
+            if joint.clearance:
+                raise InputError(f'{self.where}: the joint {name} of its follower cannot be loose')
+            if joint.revolute:
+                pivot, own = (on_a, on_b) if a == GROUND else (on_b, on_a)
+                return _Guide(True, pivot, (at[0] - own[0], at[1] - own[1]))
+            if a == GROUND:
+                x, y = rotate((at[0] - on_b[0], at[1] - on_b[1]), joint.angle)
+                return _Guide(False, (on_a[0] + x, on_a[1] + y), (0.0, 0.0), joint.axis)
+        raise InputError(
+            f'{self.where}: the follower {link} must slide or swing on the ground: add a joint '
+            f"'prismatic: [ground, {link}]' or 'revolute: [ground, {link}]'"
+        )
+
+    def _check_guide(self, guide: _Guide) -> None:
+        """Keys that only one way of moving has."""
+        joint, where = self.joint, self.where
+        if guide.swings and joint.side is None:
+            raise InputError(
+                f"{where}: 'side' is missing: whether the follower touches on the left or on the "
+                'right of the line from the camshaft to its pivot'
+            )
+        if guide.swings and guide.arm == (0.0, 0.0):
+            raise InputError(f"{where}: the follower's point must not be its pivot")
+        given = {
+            'side': guide.swings or joint.side is None,
+            'tilt': not joint.tilt or (joint.follower == 'flat' and not guide.swings),
+            'face': not joint.face or (joint.follower == 'flat' and guide.swings),
+        }
+        for key, fits in given.items():
+            if not fits:
+                raise InputError(
+                    f'{where}.{key} has no meaning for a {joint.follower} follower that '
+                    f'{"swings" if guide.swings else "slides"}'
+                )
+
+    def _follower(self, guide: _Guide, distance: float, beside: float, sense: int) -> Follower:
+        joint = self.joint
+        if not guide.swings:
+            if joint.follower == 'flat':
+                return FlatFaced(-sense * joint.tilt)
+            return Translating(beside, joint.roller)
+        side: Literal[1, -1] = 1 if (joint.side == 'left') == (sense == 1) else -1
+        if joint.follower == 'flat':
+            return OscillatingFlat(distance, joint.face, side)
+        return Oscillating(distance, math.hypot(*guide.arm), joint.roller, side)
+
+    def _law(self, guide: _Guide, follower: Follower) -> Law:
+        given, where = self.joint.law, f'joints.{self.name}.law'
+        assert given is not None  # noqa: S101 - checked
+        if given.segments:
+            return Diagram(
+                [
+                    self._segment(f'{where}.segments.{i}', s, guide.swings)
+                    for i, s in enumerate(given.segments)
+                ]
+            )
+        if given.points:
+            rises = [
+                self.places.measure(f'{where}.points.{i}', rise, not guide.swings, _UNITS)
+                for i, (_, rise) in enumerate(given.points)
+            ]
+            return Measured([angle for angle, _ in given.points], rises, given.degree)
+        e, radius = given.eccentric or 0.0, self.joint.base_radius or 0.0
+        if follower == FlatFaced():
+            return Raised(e)
+        if isinstance(follower, Translating) and abs(follower.offset) <= 1e-12 * radius:
+            return Eccentric(radius + e + follower.roller, e)
+        raise InputError(
+            'law.eccentric is for followers that slide on a line through the camshaft, or with a '
+            "face across it: describe this one's law by 'points'"
+        )
+
+    def _segment(self, where: str, part: SegmentPart, swings: bool) -> Segment:
+        if part.end <= part.begin:
+            begin, end = math.degrees(part.begin), math.degrees(part.end)
+            raise InputError(
+                f'law: the segment from {begin:g} to {end:g} deg has no positive length; past a '
+                f'full turn count on, to {end + 360.0 * math.ceil((begin - end) / 360.0):g} deg'
+                if end < begin
+                else f'law: the segment from {begin:g} to {end:g} deg has no length'
+            )
+        rise = self.places.measure(f'{where}.rise', part.rise, not swings, _UNITS)
+        curve: Piecewise = (
+            curves.spline_curve(*zip(*part.points, strict=True), ends=part.ends)
+            if part.curve == 'spline'
+            else getattr(curves, part.curve.upper())
+        )
+        return Segment(part.begin, part.end, rise, curve)
+
+    def _check_cam(self, cam: Cam) -> None:
+        """Refuse what no follower can follow."""
+        for jump in check_smoothness(cam.law, 1):
+            raise InputError(
+                f'law: {jump}: no follower can follow that; take curves and ends that meet'
+            )
+        clearance = self.joint.groove.clearance if self.joint.groove else None
+        for flaw in [*find_flaws(cam, clearance), *find_cut_away(cam)]:
+            raise InputError(
+                f'{flaw}: take a larger base_radius'
+                + (' or a smaller roller' if self.joint.roller else '')
+            )
