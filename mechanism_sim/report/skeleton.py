@@ -179,7 +179,7 @@ class Skeleton:
             if teeth.rack:
                 outline = self._straight_teeth(joint, teeth)
             else:
-                outline = teeth.gear.outline(9, teeth.tooth)
+                outline = teeth.gear.outline(6, teeth.tooth)
                 if teeth.gear.internal:  # a ring around its teeth, cut open where they end
                     rim = teeth.gear.root_radius + 2.0 * teeth.gear.module
                     turn = np.linspace(0.0, 2.0 * math.pi, 181) + np.arctan2(*outline[0, ::-1])
