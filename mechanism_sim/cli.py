@@ -147,6 +147,14 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
+    sub = command(
+        'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
+    )
+    _scene_options(sub)
+    sub.add_argument('joint', metavar='JOINT', help='with a cam or teeth')
+    sub.add_argument('-o', '--output', metavar='FILE', help='.svg or .dxf for the outlines')
+    sub.add_argument('--gear', metavar='NAME', help='the outline of this gear only')
+    sub.add_argument('--friction', type=float, default=0.05, metavar='MU', help='between teeth')
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
     sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
@@ -158,6 +166,17 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
     sub.add_argument('--over', metavar='PATH', help='draw them over this one')
+    sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
+    sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
+    sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs in series')
+    sub.add_argument(
+        '--tolerance', type=float, default=0.0, metavar='X', help='largest relative error'
+    )
+    sub.add_argument('--teeth', default='18:120', metavar='A:B', help='fewest and most of a gear')
+    sub.add_argument(
+        '--centre-distance', metavar='C', help="of every stage, as '60 mm'; with --modules"
+    )
+    sub.add_argument('--modules', metavar='M,...', help="to choose from, as '2 mm,2.5 mm'")
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
@@ -431,6 +450,23 @@ def _draw(options: argparse.Namespace) -> int:
     return 0
 
 
+def _profile(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import profile  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    file = profile.check_file(options.output) if options.output else None
+    machine = load_scene(options.scene, _overrides(options))
+    sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
+    if file:
+        profile.write(outline, file)
+    if options.json:
+        where = {'file': str(file)} if file else {}
+        _print_json({'scene': machine.name, 'joint': options.joint, **sheet.to_json(), **where})
+    else:
+        print(sheet.render())
+    return 0
+
+
 def _quantity(option: str, text: str, *units: str) -> tuple[float, str]:
     """A quantity given to an option, and which of these SI units it is a quantity of."""
     from mechanism_sim.units import EXAMPLES, to_si  # noqa: PLC0415
@@ -520,6 +556,29 @@ def _sweep(options: argparse.Namespace) -> int:
         _print_json(summary.to_json())
     else:
         print(report.render(summary, plan, rows))
+    return 0
+
+
+def _teeth(options: argparse.Namespace) -> int:
+    from mechanism_sim.gears.teeth import choose, ratio_of  # noqa: PLC0415
+    from mechanism_sim.report import teeth  # noqa: PLC0415
+
+    fewest, colon, most = options.teeth.partition(':')
+    if not (colon and fewest.isdecimal() and most.isdecimal()):
+        raise InputError(f"--teeth '{options.teeth}': write for example 18:120")
+    distance, modules = options.centre_distance, options.modules
+    found = choose(
+        ratio_of(options.ratio),
+        stages=options.stages,
+        tolerance=options.tolerance,
+        teeth=(int(fewest), int(most)),
+        centre_distance=_quantity('--centre-distance', distance, 'm')[0] if distance else None,
+        modules=[_quantity('--modules', m, 'm')[0] for m in modules.split(',')] if modules else (),
+    )
+    if options.json:
+        _print_json(teeth.to_json(found))
+    else:
+        print(teeth.render(found))
     return 0
 
 

@@ -60,6 +60,11 @@ class CamPair(HigherPair):
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'follower on its cam'
 
+    @property
+    def extent(self) -> float:
+        """The base radius [m]."""
+        return self.cam.base_radius
+
     @cached_property
     def distance(self) -> Distance:
         """Of the follower from the cam."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from io import StringIO
 from typing import Any
 
@@ -16,7 +17,7 @@ def to_dxf(outline: Outline) -> str:
     """The text of a DXF file (release 2010) with the outline.
 
     Edges and guides are polylines and circles on layers named after them, in capitals; guides are
-    dashed. The layer SHAFT has two lines that cross at the origin.
+    dashed. The layer SHAFT has two lines that cross at every shaft.
 
     Raises
     ------
@@ -34,19 +35,28 @@ def to_dxf(outline: Outline) -> str:
     space = document.modelspace()
     for parts, linetype in ((outline.edges, 'CONTINUOUS'), (outline.guides, 'DASHED')):
         for part in parts:
-            document.layers.add(part.name.upper(), linetype=linetype)
+            if not document.layers.has_entry(_layer(part)):
+                document.layers.add(_layer(part), linetype=linetype)
             _draw(space, part)
     document.layers.add('SHAFT')
-    for x, y in ((CROSS, 0.0), (0.0, CROSS)):
-        space.add_line((-x, -y), (x, y), dxfattribs={'layer': 'SHAFT'})
+    for place in outline.shafts:
+        u, v = (1e3 * c for c in place)
+        for x, y in ((CROSS, 0.0), (0.0, CROSS)):
+            space.add_line((u - x, v - y), (u + x, v + y), dxfattribs={'layer': 'SHAFT'})
     text = StringIO()
     document.write(text)
     return text.getvalue()
 
 
+def _layer(part: Curve | Circle) -> str:
+    """Named after the part; some characters may not be in it."""
+    return re.sub(r'[<>/\\":;?*|=`]', '_', part.name.upper())
+
+
 def _draw(space: Any, part: Curve | Circle) -> None:
-    layer = {'layer': part.name.upper()}
+    layer = {'layer': _layer(part)}
     if isinstance(part, Circle):
-        space.add_circle((0.0, 0.0), 1e3 * part.radius, dxfattribs=layer)
+        centre = 1e3 * part.centre[0], 1e3 * part.centre[1]
+        space.add_circle(centre, 1e3 * part.radius, dxfattribs=layer)
     else:
         space.add_lwpolyline(1e3 * part.points.T, close=part.closed, dxfattribs=layer)

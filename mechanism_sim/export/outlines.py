@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
 from mechanism_sim.gears.involute import FULL_DEPTH, Gear, ToothSystem, rack_teeth
+from mechanism_sim.gears.pair import Pair
 
 Array = NDArray[np.float64]
 
@@ -37,38 +39,43 @@ class Curve:
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle about the origin.
+    """A circle.
 
     Parameters
     ----------
     name : what it is; its layer
     radius : [m]
+    centre : [m]
     """
 
     name: str
     radius: float
+    centre: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A part seen along its shaft, which is at the origin.
+    """Parts seen along their shafts.
 
     Parameters
     ----------
     edges : what is cut
     guides : lines of thought: pitch curves, base circles
+    shafts : [m]
     """
 
     edges: tuple[Curve, ...]
     guides: tuple[Curve | Circle, ...]
+    shafts: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
 
     @property
     def box(self) -> Array:
-        """Lower left and upper right corner, the origin being inside, (2, 2) [m]."""
-        corners = [np.zeros((2, 1))]
+        """Lower left and upper right corner, the shafts being inside, (2, 2) [m]."""
+        corners = [np.array(self.shafts).T]
         for part in (*self.edges, *self.guides):
             if isinstance(part, Circle):
-                corners.append(part.radius * np.array([[-1.0, 1.0], [-1.0, 1.0]]))
+                around = part.radius * np.array([[-1.0, 1.0], [-1.0, 1.0]])
+                corners.append(np.array(part.centre)[:, None] + around)
             else:
                 corners.append(part.points)
         everything = np.concatenate(corners, axis=1)
@@ -108,10 +115,14 @@ def cam_outline(cam: Cam, clearance: float | None = None, step: float | None = N
     return Outline(tuple(edges), tuple(guides))
 
 
-def gear_outline(gear: Gear) -> Outline:
-    """All teeth, one of them on the x axis, with the pitch, base, tip and root circles.
+def gear_outline(gear: Gear, angle: float = 0.0) -> Outline:
+    """All teeth, with the pitch, base, tip and root circles.
 
     The fillets that the cutter leaves at the roots are not drawn.
+
+    Parameters
+    ----------
+    angle : of one of the teeth from the x axis [rad]
     """
     circles = {
         'pitch': gear.pitch_radius,
@@ -119,7 +130,7 @@ def gear_outline(gear: Gear) -> Outline:
         'tip': gear.tip_radius,
         'root': gear.root_radius,
     }
-    teeth = Curve('profile', gear.outline(FLANK, arc=ARC).T)
+    teeth = Curve('profile', gear.outline(FLANK, angle, ARC).T)
     return Outline((teeth,), tuple(Circle(*item) for item in circles.items()))
 
 
@@ -130,6 +141,69 @@ def rack_outline(teeth: int, module: float, system: ToothSystem = FULL_DEPTH) ->
     return Outline(
         (Curve('profile', points, closed=False),), (Curve('pitch', line, closed=False),)
     )
+
+
+def pair_outline(pair: Pair, names: tuple[str, str] = ('pinion', 'wheel')) -> Outline:
+    """Two gears in mesh, the flanks on both sides as far from each other as the backlash leaves.
+
+    The pinion's shaft is at the origin, and one of its teeth on the x axis, in a space of the
+    wheel.
+
+    Parameters
+    ----------
+    names : what the names of curves begin with, as in ``pinion.profile``
+    """
+    # the pinion is inside of an internal wheel, near the side to which its tooth points
+    c, facing = (
+        (-pair.centre_distance, 0.0) if pair.wheel.internal else (pair.centre_distance, math.pi)
+    )
+    wheel = gear_outline(pair.wheel, facing + math.pi / pair.wheel.teeth)
+    return _together(
+        _named(gear_outline(pair.pinion), names[0]), _moved(_named(wheel, names[1]), c)
+    )
+
+
+def gear_and_rack_outline(
+    gear: Gear, distance: float, names: tuple[str, str] = ('gear', 'rack')
+) -> Outline:
+    """A gear and a piece of its rack, as `pair_outline`; the rack is as long as the gear is wide.
+
+    Parameters
+    ----------
+    distance : of the rack's pitch line from the shaft [m]
+    """
+    teeth = 2 * math.ceil(gear.teeth / 2.0 / math.pi) + 2
+    rack = rack_outline(teeth, gear.module, gear.system)
+    up = 0.5 * (teeth - 1) * gear.circular_pitch
+
+    def turned(curve: Curve) -> Curve:
+        x, y = curve.points
+        return replace(curve, points=np.array([distance - x, up - y]))
+
+    edges, guides = (
+        tuple(turned(c) for c in group if isinstance(c, Curve))
+        for group in (rack.edges, rack.guides)
+    )
+    rack = _named(replace(rack, edges=edges, guides=guides, shafts=()), names[1])
+    return _together(_named(gear_outline(gear), names[0]), rack)
+
+
+def _named(outline: Outline, name: str) -> Outline:
+    """With the name of the part before those of its curves."""
+    edges = tuple(replace(part, name=f'{name}.{part.name}') for part in outline.edges)
+    guides = tuple(replace(part, name=f'{name}.{part.name}') for part in outline.guides)
+    return replace(outline, edges=edges, guides=guides)
+
+
+def _moved(outline: Outline, x: float) -> Outline:
+    """So far along the x axis; guides are circles."""
+    edges = tuple(replace(c, points=c.points + np.array([[x], [0.0]])) for c in outline.edges)
+    guides = tuple(replace(c, centre=(x, 0.0)) for c in outline.guides if isinstance(c, Circle))
+    return Outline(edges, guides, ((x, 0.0),))
+
+
+def _together(one: Outline, two: Outline) -> Outline:
+    return Outline(one.edges + two.edges, one.guides + two.guides, one.shafts + two.shafts)
 
 
 def _distinct(points: Array, closed: bool) -> Array:

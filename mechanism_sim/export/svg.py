@@ -18,7 +18,7 @@ CROSS = 3.0
 
 
 def to_svg(outline: Outline) -> str:
-    """The outline in millimetres: edges drawn through, guides dashed, a cross at the shaft.
+    """The outline in millimetres: edges drawn through, guides dashed, a cross at each shaft.
 
     Elements have the names of the curves as their ids. Curves are polygons.
     """
@@ -38,17 +38,25 @@ def to_svg(outline: Outline) -> str:
         _draw(lines, edge, {'stroke-width': f'{LINE}'})
     for guide in outline.guides:
         _draw(lines, guide, thin)
-    cross = {'id': 'shaft', 'd': f'M-{CROSS},0L{CROSS},0M0,-{CROSS}L0,{CROSS}'}
-    ElementTree.SubElement(lines, 'path', {**cross, 'stroke-width': f'{LINE / 2}'})
+    crosses = (_cross(1e3 * x, -1e3 * y) for x, y in outline.shafts)
+    shaft = {'id': 'shaft', 'd': ''.join(crosses)}
+    ElementTree.SubElement(lines, 'path', {**shaft, 'stroke-width': f'{LINE / 2}'})
     return ElementTree.tostring(root, encoding='unicode')
 
 
 def _draw(parent: ElementTree.Element, part: Curve | Circle, style: dict[str, str]) -> None:
     if isinstance(part, Circle):
+        x, y = part.centre
         shape = {'id': part.name, 'r': f'{1e3 * part.radius:.6f}'}
+        if (x, y) != (0.0, 0.0):
+            shape |= {'cx': f'{1e3 * x:.6f}', 'cy': f'{-1e3 * y:.6f}'}
         ElementTree.SubElement(parent, 'circle', {**shape, **style})
     else:
         ElementTree.SubElement(parent, 'path', {'id': part.name, 'd': _path(part), **style})
+
+
+def _cross(x: float, y: float) -> str:
+    return f'M{x - CROSS:g},{y:g}h{2 * CROSS:g}M{x:g},{y - CROSS:g}v{2 * CROSS:g}'
 
 
 def _path(curve: Curve) -> str:

@@ -17,11 +17,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import heyoka as hy
 import numpy as np
 
 from mechanism_sim.gears.compliance import Elasticity, MeshSpring
+from mechanism_sim.gears.involute import Gear
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
@@ -35,6 +37,15 @@ from mechanism_sim.planar.mechanism import (
     Prismatic,
 )
 from mechanism_sim.planar.protocols import ForceElement
+
+
+class Teeth(NamedTuple):
+    """A gear as it stands on its link, or a rack that it could mesh with."""
+
+    name: str
+    gear: Gear
+    rack: bool = False
+    tooth: float = 0.0  #: [rad] where its link's frame has a tooth; of a rack [m] along the guide
 
 
 @dataclass(frozen=True)
@@ -55,8 +66,11 @@ class Harmonic:
 class GearMesh(HigherPair):
     """Teeth of `first` and `second` in mesh, `on_first` and `on_second` their centres.
 
-    For a rack, `on_second` (or `on_first`) is a point of its pitch line.
+    For a rack, which is the second, `on_second` is a point of its pitch line. On the left side
+    the first gear, turning counterclockwise, drives.
     """
+
+    parts: ClassVar[str] = 'teeth with backlash'
 
     carrier: str
     waves: tuple[float, float]  #: N of each, negative for internal teeth; of a rack [1/m]
@@ -68,10 +82,18 @@ class GearMesh(HigherPair):
     """Where each has its angle zero on the line of centres: angle against the carrier [rad]; of a
     rack the displacement [m] with `on_second` there."""
     guide: Prismatic | None = None  #: along which a rack slides on the carrier
+    wheels: tuple[Teeth, ...] = ()
+    contact_ratio: float = math.nan
+    helix_angle: float = 0.0  #: [rad] on the working pitch circles
     phase: float = 0.0  #: u0 [rad]
     errors: tuple[Harmonic, ...] = ()
     play: float = 0.0  #: [m] along the line of action, to either side
     elasticity: Elasticity | None = None
+
+    @property
+    def extent(self) -> float:
+        """The first working pitch radius [m]."""
+        return abs(self.reach)
 
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""

@@ -14,6 +14,11 @@ from mechanism_sim.errors import InputError
 #: more steps of the search would take minutes
 MOST_STEPS = 1_000_000
 
+#: a search over more numbers of teeth than this takes too much memory
+MOST_COUNTS = 1_000
+
+MOST_STAGES = 10
+
 #: more trains than this are no choice
 MOST_FOUND = 100_000
 
@@ -40,6 +45,25 @@ class Choice(NamedTuple):
     def teeth(self) -> int:
         """Of all gears."""
         return sum(s.driver + s.driven for s in self.stages)
+
+
+def ratio_of(text: str) -> Fraction:
+    """A ratio as it is written: ``3.5`` or ``7/2``.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or not positive.
+    """
+    try:
+        # a number with a huge exponent would be a fraction without end
+        if '/' in text or math.isfinite(float(text)):
+            ratio = Fraction(text)
+            if float(ratio) > 0.0:
+                return ratio
+    except (ValueError, OverflowError, ZeroDivisionError):
+        pass
+    raise InputError(f"'{text}' is not a ratio: write a positive number such as 3.5 or 7/2")
 
 
 def choose(
@@ -75,6 +99,10 @@ def choose(
     fewest, most = teeth
     if not (0 < ratio < math.inf and stages >= 1 and 1 <= fewest <= most and tolerance >= 0.0):
         raise InputError('the search needs a positive ratio, a stage, and a range of teeth')
+    if stages > MOST_STAGES:
+        raise InputError(f'{stages} stages are too many: {MOST_STAGES} at most')
+    if most - fewest >= MOST_COUNTS:
+        raise InputError(f'the range of teeth is too wide: {MOST_COUNTS} numbers at most')
     wanted = Fraction(ratio)
     if (centre_distance is None) != (not modules):
         raise InputError('a centre distance and the modules for it belong together')

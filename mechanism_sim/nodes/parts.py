@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError
+from mechanism_sim.gears.mesh import GearMesh
+from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.messages import CamState, GearState, GenevaState, stamp
@@ -18,6 +21,8 @@ from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.planar.mechanism import Joint
 from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.cam import read_cam
+from mechanism_sim.sensing.gears import read_mesh, read_transmission
 from mechanism_sim.sensing.geneva import read_rack, read_wheel
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -60,8 +65,10 @@ class Kind:
 
 #: by the name of the node
 KINDS = {
-    'cam': Kind('cam_state', CamState, {}),
-    'gear_train': Kind('gear_state', GearState, {}),
+    'cam': Kind('cam_state', CamState, {CamPair: read_cam, GroovePair: read_cam}),
+    'gear_train': Kind(
+        'gear_state', GearState, {GearMesh: read_mesh, Transmission: read_transmission}
+    ),
     'geneva': Kind('geneva_state', GenevaState, {Geneva: read_wheel, SlottedRack: read_rack}),
 }
 

@@ -33,6 +33,9 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'recorder': Recorder,
 }
 
+START_PATIENCE = 120.0
+"""[s] nodes wait for each other where this process has started them: it sees those that fail."""
+
 END_PATIENCE = 5.0
 """[s] other processes get to end by themselves once one has failed or the run is interrupted."""
 
@@ -72,6 +75,7 @@ class Plan:
             'scene': self.scene,
             'duration': self.duration,
             'partners': ','.join(n for n in self.nodes if n != node),
+            'partner_timeout': START_PATIENCE,
         }
         if self.overrides:
             options['overrides'] = '\n'.join(self.overrides)

@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.cycles.points import Place, Poses
+from mechanism_sim.gears.involute import rack_teeth
+from mechanism_sim.gears.mesh import GearMesh, Teeth
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import (
@@ -25,9 +28,10 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
+from mechanism_sim.report.cam_shapes import cam_outlines, follower_outline
 
 Array = NDArray[np.float64]
-Kind = Literal['rail', 'support', 'spring', 'wheel', 'link', 'slot', 'slider', 'pin']
+Kind = Literal['rail', 'support', 'spring', 'wheel', 'cam', 'link', 'slot', 'slider', 'pin']
 """In the order in which they are painted."""
 
 _BOX = 1.7, 1.1
@@ -88,6 +92,8 @@ class Skeleton:
         self._corners: dict[str, list[Vector2]] = {b.name: [] for b in mechanism.bodies}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
+        self._geared: set[str] = set()
+        self._gears: list[tuple[float, tuple[Place, ...]]] = []
         self.shapes: list[Shape] = []
         for joint in joints:
             if isinstance(joint, Revolute):
@@ -96,6 +102,12 @@ class Skeleton:
                 self._prismatic(joint)
             elif isinstance(joint, PinInSlot | Geneva | SlottedRack):
                 self._pin(joint)
+            elif isinstance(joint, GearMesh):
+                self._mesh(joint)
+            elif isinstance(joint, CamPair):
+                self._cam(joint)
+        largest_first = sorted(self._gears, key=lambda gear: -gear[0])
+        self.shapes += [Shape('wheel', places) for _, places in largest_first]
         for ends in springs:
             self.shapes.append(Shape('spring', ends))
             self.shapes += [Shape('support', (end,)) for end in ends if end[0] == GROUND]
@@ -147,6 +159,54 @@ class Skeleton:
             self._wheel(joint, way)
         else:
             self._rack(joint, way)
+
+    def _cam(self, joint: CamPair) -> None:
+        """A cam, and what touches it of its follower."""
+        ux, uy = self._poses.along[joint.second][:, 0]
+        turned = float(np.arctan2(uy, ux))
+        outlines = [*cam_outlines(joint), follower_outline(joint, turned, self.symbol)]
+        self.shapes += [Shape('cam', outline) for outline in outlines]
+        self._bodied |= {joint.first, joint.second}
+        self._reach(joint.second, joint.on_second)
+
+    def _mesh(self, joint: GearMesh) -> None:
+        """The gears of a mesh, each drawn once."""
+        sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
+        for teeth, (link, at) in zip(joint.wheels, sides, strict=True):
+            if teeth.name in self._geared:
+                continue
+            self._geared.add(teeth.name)
+            if teeth.rack:
+                outline = self._straight_teeth(joint, teeth)
+            else:
+                outline = teeth.gear.outline(6, teeth.tooth)
+                if teeth.gear.internal:  # a ring around its teeth, cut open where they end
+                    rim = teeth.gear.root_radius + 2.0 * teeth.gear.module
+                    turn = np.linspace(0.0, 2.0 * math.pi, 181) + np.arctan2(*outline[0, ::-1])
+                    circle = rim * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+                    outline = np.concatenate([outline, outline[:1], circle[::-1]])
+                outline = outline + at
+            places = tuple((link, (float(x), float(y))) for x, y in outline)
+            self._gears.append((0.0 if teeth.rack else teeth.gear.tip_radius, places))
+            if link != GROUND:
+                self._bodied.add(link)
+
+    def _straight_teeth(self, joint: GearMesh, teeth: Teeth) -> Array:
+        """Of a rack, as many as the motion needs, with its back (k, 2) in its link's frame."""
+        guide, gear = joint.guide, teeth.gear
+        assert guide is not None  # noqa: S101 - on which it slides
+        towards = joint.towards + math.pi - guide.angle
+        out, along = (np.array(rotate((1.0, 0.0), towards + a)) for a in (0.0, 0.5 * math.pi))
+        way = rotate((1.0, 0.0), guide.axis - guide.angle)
+        first = teeth.tooth * float(along @ way)
+        runner = self._poses.within(joint.second, (joint.first, joint.on_first))
+        pitch = gear.circular_pitch
+        visited = (along @ (runner - np.array(joint.on_second)[:, None]) - first) / pitch
+        low, high = math.floor(visited.min()) - 3, math.ceil(visited.max()) + 3
+        x, y = rack_teeth(high - low + 1, gear.module, gear.system).T
+        back = -(gear.system.dedendum + 2.0) * gear.module
+        x, y = np.append(x, [back, back]), np.append(y, [y[-1], y[0]]) + first + low * pitch
+        return np.array(joint.on_second) + np.outer(x, out) + np.outer(y, along)
 
     def _rail(self, kind: Kind, link: str, base: Vector2, axis: float, runner: Array) -> None:
         """A line of a link, as long as what runs (2, N) on it needs."""

@@ -33,7 +33,7 @@ class Assembly(NamedTuple):
     v: Array  #: (n,) their rates
     freedom: int  #: motions left when all drives stand still
     overdriven: int  #: drives that contradict others
-    redundant: int  #: closure equations that follow from the others
+    redundant: int  #: closure equations that follow from the others, elastic joints left out
 
 
 def assemble(machine: Machine) -> Assembly:
@@ -62,10 +62,11 @@ def assemble(machine: Machine) -> Assembly:
     # free of units: rows in the longest link, displacements too
     slides = np.array([c in ideal.displacements for c in ideal.coordinates])
     scaled = J[0] * np.where(slides, 1.0, 1.0 / ideal.size)
+    hard = scaled[[row not in plan.elastic for row in moving.rows]]
     rank, full = (_rank(x) for x in (scaled[:, moving.sought], scaled))
     rates = {c: w for c, (_, w) in held.items()} | plan.given[1]
     v = nearest_rates(kinematics, q, ideal.coordinates, rates, {})
-    return Assembly(q, v, len(moving.sought) - rank, full - rank, J.shape[1] - full)
+    return Assembly(q, v, len(moving.sought) - rank, full - rank, len(hard) - _rank(hard))
 
 
 def closed_near(

@@ -10,7 +10,7 @@ from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
-from mechanism_sim.scene.plan import check_times
+from mechanism_sim.scene.plan import check_motor, check_times
 from mechanism_sim.scene.schema import FourBarScene, Play
 
 
@@ -144,14 +144,14 @@ def _check_drive(name: str, scene: FourBarScene) -> None:
             f"{name}: 'drive.speed' is missing: the speed of the crank, or with a torque or a "
             "motor its speed at the start, for example '350 rpm'"
         )
-    if drive.motor and drive.motor.no_load_speed == 0.0:
-        raise InputError(f'{name}: drive.motor.no_load_speed must not be zero')
+    if drive.motor:
+        check_motor(f'{name}: drive', drive.motor)
 
 
 def _check_joints(machine: Machine) -> None:
     shortest = _shortest(machine) if machine.plan.rigid else 0.0
     for joint, clearance in machine.plan.rigid.items():
-        where = f'{machine.name}: joints.{joint}.{_loose_by(machine, joint)}'
+        where = f'{machine.name}: joints.{joint}.{_key_of_play(machine, joint)}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
@@ -179,12 +179,12 @@ def _check_joints(machine: Machine) -> None:
             )
 
 
-def _loose_by(machine: Machine, joint: str) -> str:
-    """The key that makes a joint loose."""
+def _key_of_play(machine: Machine, joint: str) -> str:
+    """The key under which a scene says how loose a joint is."""
     joints = machine.scene.joints
-    given = joints[joint] if isinstance(joints, dict) else None
-    keys = (k for k in ('lift_off', 'groove', 'backlash') if getattr(given, k, None))
-    return next(keys, 'clearance')
+    given = joints[joint] if isinstance(joints, dict) else getattr(joints, joint)
+    keys = ('lift_off', 'groove', 'backlash')
+    return next((k for k in keys if getattr(given, k, None)), 'clearance')
 
 
 def _check_contact(where: str, clearance: Play, machine: Machine) -> None:

@@ -95,7 +95,6 @@ class CamKeys(Part):
     face: Position = 0.0  #: of a face that swings: how far beyond the line from pivot to point
     side: Literal['left', 'right'] | None = None  #: of a swinging arm, seen from the camshaft
     sense: Literal['counterclockwise', 'clockwise'] | None = None  #: in which the angle counts
-    phase: Angle = 0.0  #: cam angle when the link of the cam is at 0
     law: LawPart | None = None
     lift_off: LiftOffPart | None = None
     groove: GroovePart | None = None

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
 from mechanism_sim.scene.machine import Level, Machine
@@ -65,6 +68,8 @@ def check(machine: Machine) -> Report:
     relations, gaps, warnings = [], [], []
     for joint, c in machine.clearances.items():
         pair = machine.mechanism.joint(joint)
+        if isinstance(pair, HigherPair) and pair.elastic:
+            continue
         if isinstance(pair, HigherPair):
             room = f'play {c.radial:g} m to either side' if len(pair.sides) > 1 else 'may lift off'
             gaps.append(
@@ -139,6 +144,7 @@ def _notes(machine: Machine) -> list[str]:
     scene, mechanism = machine.scene, machine.plan.ideal
     start = dict(zip(mechanism.coordinates, _start(machine), strict=True))
     notes = motion_notes(mechanism, start, machine.plan.laws)
+    notes += [_mesh(machine, j, start) for j in machine.plan.joints if isinstance(j, GearMesh)]
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
@@ -147,6 +153,22 @@ def _notes(machine: Machine) -> list[str]:
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
+
+
+def _mesh(machine: Machine, mesh: GearMesh, start: Mapping[str, float]) -> str:
+    """What can be said of gears beside their ratio."""
+    ideal = machine.plan.ideal
+    rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))
+    now, later = (
+        mesh.places(ideal, {c: x + t * rates[c] for c, x in start.items()})[0] for t in (0.0, 1.0)
+    )
+    frequency = abs(mesh.waves[0] * (later - now)) / (2.0 * math.pi)
+    play = f', play {mesh.play:.4g} m to either side' if mesh.play else ''
+    soft = f', elastic{play}' if mesh.elastic else ''
+    return (
+        f'{mesh.name}: pressure angle {math.degrees(mesh.pressure_angle):.6g} deg, contact ratio '
+        f'{mesh.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the start{soft}'
+    )
 
 
 def _start(machine: Machine) -> list[float]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.compliance import Elasticity, middle, touching
 from mechanism_sim.gears.involute import Gear, ToothSystem, transverse
-from mechanism_sim.gears.mesh import GearMesh, Harmonic
+from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
 from mechanism_sim.gears.pair import Pair, Path, path_with_rack
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.mechanism import (
@@ -146,7 +146,16 @@ def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
         one.gear.base_pitch, placed.pressure_angle, placed.towards, placed.reach,
         placed.facing, placed.guide, play=play, errors=_errors(where, joint, placed),
         elasticity=elasticity,
+        wheels=(Teeth(one.name, one.gear), _teeth(one, two)),
+        contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
+        helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
+                              / one.gear.pitch_radius),
     )  # fmt: skip
+
+
+def _teeth(one: Wheel, two: Wheel) -> Teeth:
+    """The second, or the rack that is the second."""
+    return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
 
 
 def _pair(places: Places, one: Wheel, two: Wheel) -> _Placed:
@@ -166,12 +175,12 @@ def _pair(places: Places, one: Wheel, two: Wheel) -> _Placed:
             f'{distance:.9g} m, without backlash it is {tight:.9g} m'
         )
     pair = Pair(pinion, wheel, tight if abs(slip) <= _FITS * one.module else distance)
-    # an internal wheel is on the far side of its pinion's contact
+    left = pair.backlash if slip > _FITS * one.module else 0.0
     towards = math.atan2(y, x)
     radii = pair.pitch_radii if pinion is gears[0] else pair.pitch_radii[::-1]
     path = pair.path if pinion is gears[0] else Path(-pair.path.end, -pair.path.start)
     return _Placed(
-        carrier, towards, signs[1] * radii[0], pair.pressure_angle, path, pair.backlash if slip > _FITS * one.module else 0.0,
+        carrier, towards, signs[1] * radii[0], pair.pressure_angle, path, left,
         f'a centre distance of {tight:.9g} m',
         (towards + (0.0 if signs[1] > 0.0 else math.pi),
          towards + (math.pi if signs[0] > 0.0 else 0.0)),
@@ -386,7 +395,10 @@ def in_mesh(
             )
         elasticity = mesh.elasticity and replace(mesh.elasticity, tooth=first)
         errors = tuple(replace(e, start=at[e.member]) for e in mesh.errors)
-        placed[mesh.name] = replace(mesh, phase=phase, elasticity=elasticity, errors=errors)
+        wheels = tuple(x._replace(tooth=teeth[x.name]) for x in mesh.wheels)
+        placed[mesh.name] = replace(
+            mesh, phase=phase, elasticity=elasticity, errors=errors, wheels=wheels
+        )
     return tuple(placed.get(j.name, j) for j in joints)
 
 

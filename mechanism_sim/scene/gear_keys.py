@@ -88,5 +88,4 @@ class GearKeys(Part):
     elasticity: ElasticityPart | None = None
     error: ErrorPart | None = None
     ratio: Ratio | None = None  #: of a transmission: speed of the second over the first
-    phase: Angle = 0.0  #: of a transmission
     carrier: str | None = None  #: of a transmission, from which angles count; else the ground

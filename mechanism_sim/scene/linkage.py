@@ -100,6 +100,7 @@ class LinkageJoint(CamKeys, GearKeys):
     pitch: Length | None = None  #: of the slots of a rack
     axis: Angle = 0.0  #: of sliding: in the first link of a prismatic joint, in the second's slot
     angle: Angle = 0.0  #: of the second link in the first, for a prismatic joint
+    phase: Angle = 0.0  #: of a cam or, in a transmission, of the second when the first is at 0
     clearance: Clearance | None = None
 
     @model_validator(mode='after')

@@ -7,7 +7,7 @@ from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.linkage import LinkageDrive
 from mechanism_sim.scene.places import Places, kind_of
-from mechanism_sim.scene.plan import check_times, motor_law
+from mechanism_sim.scene.plan import check_motor, check_times, motor_law
 
 _WAYS = 'profile', 'torque', 'force', 'motor'
 
@@ -83,8 +83,7 @@ def read_laws(
     begin = value, speed
     if drive.torque or drive.force or drive.motor:
         if drive.motor:
-            if drive.motor.no_load_speed == 0.0:
-                raise InputError(f'{where}: motor.no_load_speed must not be zero')
+            check_motor(where, drive.motor)
             return (motor_law(c, drive.motor.stall_torque, drive.motor.no_load_speed),), begin
         f, t = drive.force, drive.torque
         if f:

@@ -12,6 +12,7 @@ from mechanism_sim.scene.linkage_forces import read_forces
 from mechanism_sim.scene.linkage_joints import read_bodies, read_joints
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.plan import Plan
+from mechanism_sim.scene.schema import Play
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -40,13 +41,18 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
     joints = in_mesh(places, joints, tree, {**guess, **given, **begun})
     free = tree.coordinates[0]
     weighing = {mass.at.partition('.')[0] for mass in scene.masses.values()}
+    plays: dict[str, Play] = {
+        joint: play
+        for joint, j in scene.joints.items()
+        if (play := j.clearance or cam_play(j)) is not None
+    }
+    plays |= backlashes(places, joints)
     return Plan(
         read_bodies(places, tree, drives),
         joints,
         closing,
         scene.gravity,
-        {n: play for n, j in scene.joints.items() if (play := j.clearance or cam_play(j))}
-        | backlashes(places, joints),
+        plays,
         laws or {free: (TorqueLaw(free),)},
         begins,
         (

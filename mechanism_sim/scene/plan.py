@@ -21,7 +21,7 @@ from mechanism_sim.planar.mechanism import (
     closing_joints,
 )
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.schema import FourBarScene, Play
+from mechanism_sim.scene.schema import FourBarScene, Motor, Play
 
 Elements = Callable[[Mechanism], list[ForceElement]]
 
@@ -89,10 +89,14 @@ class Plan:
             cut += guides
 
     @property
+    def elastic(self) -> list[str]:
+        """The joints that have forces of their own instead of constraints."""
+        return [j.name for j in self.joints if isinstance(j, HigherPair) and j.elastic]
+
+    @property
     def rigid(self) -> dict[str, Play]:
         """The clearances of joints whose contacts the engine opens and closes."""
-        elastic = [j.name for j in self.joints if isinstance(j, HigherPair) and j.elastic]
-        return {name: c for name, c in self.clearances.items() if name not in elastic}
+        return {name: c for name, c in self.clearances.items() if name not in self.elastic}
 
     @property
     def prescribed(self) -> list[str]:
@@ -186,6 +190,23 @@ def check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:
     for (before, _), (after, _) in pairwise(points):
         if after <= before:
             raise InputError(f'{where}: times must rise, but {after:g} s follows {before:g} s')
+
+
+def check_motor(where: str, motor: Motor) -> None:
+    """Refuse a motor that does not come to rest at a speed.
+
+    Raises
+    ------
+    InputError
+    """
+    if motor.no_load_speed == 0.0:
+        raise InputError(f'{where}.motor.no_load_speed must not be zero')
+    if motor.stall_torque * motor.no_load_speed < 0.0:
+        raise InputError(
+            f'{where}.motor: stall_torque {motor.stall_torque:g} N m and no_load_speed '
+            f'{motor.no_load_speed:g} rad/s have opposite signs: it would run away; give both the '
+            'sign in which it turns'
+        )
 
 
 def motor_law(coordinate: str, stall_torque: float, no_load_speed: float) -> TorqueLaw:

@@ -53,12 +53,21 @@ class JointView:
 
     def place(self, link: str, at: Vector2) -> Array:
         """World coordinates (2, N) [m] of a point of a link."""
-        found = np.zeros((2, self.observed.position.shape[1]))
+        place: Array = self.path(link, at)[0]
+        return place
+
+    def path(self, link: str, at: Vector2) -> Array:
+        """A point of a link in the world with its velocity and acceleration, (3, 2, N) [m, s]."""
+        found = np.zeros((3, 2, self.observed.position.shape[1]))
         for (frame, slide), (x, y) in self.mechanism.point(link, at).items():
-            angle = self._coordinate(frame).position
-            c, s = np.cos(angle), np.sin(angle)
-            arm = np.array([c * x - s * y, s * x + c * y])
-            found += arm if slide is None else arm * self._coordinate(slide).position
+            angle, w, alpha = self._coordinate(frame)
+            s, rate, second = (1.0, 0.0, 0.0) if slide is None else self._coordinate(slide)
+            cosine, sine = np.cos(angle), np.sin(angle)
+            d = np.array([cosine * x - sine * y, sine * x + cosine * y])
+            across = np.array([-d[1], d[0]])
+            found[0] += s * d
+            found[1] += rate * d + s * w * across
+            found[2] += (second - s * w**2) * d + (s * alpha + 2.0 * rate * w) * across
         return found
 
     @cached_property

@@ -1,0 +1,183 @@
+"""Cams and gears in figures, as text and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.cams.followers import Oscillating, OscillatingFlat, Translating
+from mechanism_sim.cams.interference import find_cut_away
+from mechanism_sim.cams.laws import check_smoothness, spelled
+from mechanism_sim.cams.profiles import Cam, find_flaws, greatest, smallest_base_radius
+from mechanism_sim.errors import InputError
+from mechanism_sim.gears.involute import Gear, least_teeth
+from mechanism_sim.gears.pair import Pair
+from mechanism_sim.report.cycle import for_people
+
+#: for which a base radius is proposed [rad]
+PRESSURE_ANGLE = math.radians(30.0)
+
+
+class Figure(NamedTuple):
+    """One line of a table."""
+
+    name: str
+    value: float
+    unit: str = ''  #: SI; empty for a number
+    at: float | None = None  #: angle [rad] of the cam, or its displacement [m]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What is known of a part.
+
+    Parameters
+    ----------
+    title : a line
+    figures : the table
+    remarks : sentences
+    reciprocating : a cam that slides, so that places on it are in metres
+    """
+
+    title: str
+    figures: tuple[Figure, ...]
+    remarks: tuple[str, ...] = ()
+    reciprocating: bool = False
+
+    def render(self) -> str:
+        """For people: degrees and millimetres, and a column for each gear."""
+        common = [_shown(f, self._place(f)) for f in self.figures if '.' not in f.name]
+        own: dict[str, dict[str, Figure]] = {}
+        for figure in self.figures:
+            gear, dot, name = figure.name.partition('.')
+            if dot:
+                own.setdefault(name, {})[gear] = figure
+        gears = list(dict.fromkeys(gear for row in own.values() for gear in row))
+        columns = [('', *gears, '')] if gears else []
+        for name, row in own.items():
+            cells = [_shown(row[gear]) if gear in row else ('',) * 3 for gear in gears]
+            unit = next(iter(cell[2] for cell in cells if cell[2]), '')
+            columns.append((name.replace('_', ' '), *(cell[1] for cell in cells), unit))
+        return '\n'.join([self.title, *_table(common), *_table(columns), *self.remarks])
+
+    def _place(self, figure: Figure) -> str:
+        if figure.at is None:
+            return ''
+        # extremes at breaks of a law are found a hair beside them
+        at = round(figure.at, 9) + 0.0
+        return f'at {spelled(at, reciprocating=self.reciprocating)}'
+
+    def to_json(self) -> dict[str, object]:
+        """In SI units."""
+        return {
+            'figures': {
+                f.name: {'value': f.value, 'unit': f.unit} | ({} if f.at is None else {'at': f.at})
+                for f in self.figures
+            },
+            'remarks': list(self.remarks),
+        }
+
+
+def _shown(figure: Figure, *more: str) -> tuple[str, ...]:
+    unit, scale = for_people(figure.unit)
+    return figure.name.replace('_', ' '), f'{scale * figure.value:.6g}', unit, *more
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    """Lines, with numbers to the right; units and what follows them to the left."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    numbers = [any(cell[:1].isdecimal() for cell in column) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (
+            cell.rjust(width) if number else cell.ljust(width)
+            for cell, width, number in zip(row, widths, numbers, strict=True)
+        )
+        yield '  ' + '  '.join(cells).rstrip()
+
+
+def cam_sheet(
+    title: str, cam: Cam, clearance: float | None = None, speed: float | None = None
+) -> Sheet:
+    """Sizes and limits of a cam, and what is wrong with it.
+
+    Parameters
+    ----------
+    clearance : of the roller in a groove [m]; None: no groove
+    speed : of the cam [rad/s] or [m/s]; without it sliding, or the rolling of a roller, is by
+        radians or metres of the cam
+    """
+    remarks = [str(flaw) for flaw in (*find_flaws(cam, clearance), *find_cut_away(cam))]
+    jumps = [str(jump) for jump in check_smoothness(cam.law, 3)]
+    figures = list(_cam_figures(cam, speed))
+    if isinstance(cam.follower, Translating | Oscillating) and not cam.law.reciprocating:
+        try:
+            radius = smallest_base_radius(cam.law, cam.follower, PRESSURE_ANGLE)
+            figures.append(Figure('base_radius_for_30_deg', radius, 'm'))
+        except InputError as told:
+            remarks.append(f'{told}')
+    return Sheet(title, tuple(figures), (*remarks, *jumps), cam.law.reciprocating)
+
+
+def _cam_figures(cam: Cam, speed: float | None) -> Iterator[Figure]:
+    law, follower = cam.law, cam.follower
+    swings = isinstance(follower, Oscillating | OscillatingFlat)
+    yield Figure('base_radius', cam.base_radius, 'm')
+    top, highest = greatest(law, law)
+    lowest = -greatest(law, lambda x: -law(x))[1]
+    yield Figure('lift', highest - lowest, 'rad' if swings else 'm', top)
+    at, value = greatest(law, lambda x: np.abs(cam.at(x).pressure_angle))
+    yield Figure('largest_pressure_angle', value, 'rad', at)
+    yield from _radii(cam)
+    at, value = greatest(law, lambda x: np.abs(cam.at(x).sliding))
+    by = 'm' if law.reciprocating else 'rad'
+    motion = 'rolling' if getattr(follower, 'roller', 0.0) else 'sliding'
+    if speed:
+        yield Figure('cam_speed', speed, f'{by}/s')
+        yield Figure(f'largest_{motion}_velocity', value * abs(speed), 'm/s', at)
+    else:
+        yield Figure(f'largest_{motion}', value, f'm/{by}', at)
+
+
+def _radii(cam: Cam) -> Iterator[Figure]:
+    """Of curvature: where the profile bulges most, and where it is most hollow."""
+    roller = getattr(cam.follower, 'roller', None)
+    if roller is None:
+        at, least = greatest(cam.law, lambda x: -cam.at(x).curvature_radius)
+        yield Figure('smallest_radius_of_curvature', -least, 'm', at)
+        return
+    at, bulge = greatest(cam.law, lambda x: cam.at(x).curvature)
+    if bulge > 0.0:
+        yield Figure('smallest_radius_of_curvature', 1.0 / bulge - roller, 'm', at)
+    at, hollow = greatest(cam.law, lambda x: -cam.at(x).curvature)
+    if hollow > 0.0:
+        yield Figure('smallest_hollow_radius', 1.0 / hollow + roller, 'm', at)
+
+
+def gear_figures(name: str, gear: Gear) -> Iterator[Figure]:
+    """Sizes of a gear in its plane of rotation, and the limits of undercut if it has any."""
+    yield Figure(f'{name}.teeth', gear.teeth)
+    for circle in ('pitch', 'base', 'tip', 'root'):
+        yield Figure(f'{name}.{circle}_radius', getattr(gear, f'{circle}_radius'), 'm')
+    yield Figure(f'{name}.tooth_thickness', gear.thickness(gear.pitch_radius), 'm')
+    yield Figure(f'{name}.tip_thickness', gear.tip_thickness, 'm')
+    yield Figure(f'{name}.profile_shift', gear.shift, 'modules')
+    if not gear.internal:
+        yield Figure(f'{name}.least_profile_shift', gear.least_shift, 'modules')
+        yield Figure(f'{name}.least_teeth', least_teeth(gear.system))
+
+
+def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
+    """What belongs to both gears of a pair; the efficiency for a coefficient of friction."""
+    yield Figure('centre_distance', pair.centre_distance, 'm')
+    yield Figure('ratio', pair.ratio)
+    yield Figure('pressure_angle', pair.pinion.system.pressure_angle, 'rad')
+    yield Figure('working_pressure_angle', pair.pressure_angle, 'rad')
+    yield Figure('contact_ratio', pair.contact_ratio)
+    play = pair.backlash
+    yield Figure('backlash', play if play > 1e-12 * pair.pinion.module else 0.0, 'm')
+    yield Figure('tip_clearance', min(pair.clearances), 'm')
+    yield Figure('efficiency', pair.efficiency(friction))

@@ -1,0 +1,222 @@
+"""The parts that touch in a joint of a machine: their figures, and their outlines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from mechanism_sim.cams.pair import CamPair, GroovePair
+from mechanism_sim.errors import InputError
+from mechanism_sim.export.dxf import to_dxf
+from mechanism_sim.export.outlines import (
+    Outline,
+    cam_outline,
+    gear_and_rack_outline,
+    gear_outline,
+    pair_outline,
+    rack_outline,
+)
+from mechanism_sim.export.svg import to_svg
+from mechanism_sim.gears.involute import Gear
+from mechanism_sim.gears.mesh import GearMesh
+from mechanism_sim.gears.pair import Pair, path_with_rack
+from mechanism_sim.gears.pair import Path as ContactPath
+from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
+from mechanism_sim.scene.files import nearest
+from mechanism_sim.scene.gear_joints import Wheel, read_wheel
+from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.places import Places
+
+#: teeth of a rack that is drawn by itself
+RACK_TEETH = 10
+
+_WRITERS = {'.svg': to_svg, '.dxf': to_dxf}
+
+
+def profile(
+    machine: Machine, name: str, gear: str | None = None, friction: float = 0.05
+) -> tuple[Sheet, Outline]:
+    """Figures and outline of the cam, or of the gears, of a joint.
+
+    Speeds are those at the start of the scene.
+
+    Parameters
+    ----------
+    gear : of a mesh: the outline of this one only
+    friction : coefficient for the efficiency of teeth
+
+    Raises
+    ------
+    InputError
+        If there is no such joint or gear, the joint has neither, or friction is negative.
+    """
+    joints = {j.name: j for j in machine.plan.ideal.joints}
+    fitting = [n for n, j in joints.items() if isinstance(j, CamPair | GearMesh)]
+    joint = joints.get(name)
+    if isinstance(joint, GearMesh):
+        return _Mesh(machine, joint).profile(gear, friction)
+    if isinstance(joint, CamPair):
+        if gear:
+            raise InputError(f'{machine.name}: the joint {name} has a cam, no gears')
+        return _cam(machine, joint)
+    wrong = 'has neither cam nor teeth' if joint else 'does not exist'
+    raise InputError(
+        f"{machine.name}: the joint '{name}' {wrong}{nearest(name, fitting)}; joints with a cam "
+        f'or teeth: {", ".join(fitting) or "none"}'
+    )
+
+
+def check_file(file: str) -> Path:
+    """Where an outline can be written, checked before anything is computed.
+
+    Raises
+    ------
+    InputError
+    """
+    path = Path(file)
+    if path.suffix not in _WRITERS:
+        raise InputError(f'--output {file}: the ending must be .svg or .dxf')
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
+    return path
+
+
+def write(outline: Outline, path: Path) -> None:
+    """Write an outline as its ending says.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written there, or the package for DXF is missing.
+    """
+    text = _WRITERS[path.suffix](outline)
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f"'{path}' cannot be written: {error.strerror}") from error
+
+
+def _speed(machine: Machine, link: str) -> float:
+    """Of a turning link at the start [rad/s]."""
+    ideal = machine.plan.ideal
+    frame, _ = ideal.frame(link)
+    rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))
+    return float(rates.get(frame, 0.0))
+
+
+def _cam(machine: Machine, joint: CamPair) -> tuple[Sheet, Outline]:
+    clearance = None
+    if isinstance(joint, GroovePair):
+        play = machine.clearances.get(joint.name)
+        clearance = 2.0 * (play.radial or 0.0) if play else 0.0
+    speed = joint.sense * _speed(machine, joint.first)
+    title = f'{machine.name}: the cam on {joint.first} that moves {joint.second}'
+    return cam_sheet(title, joint.cam, clearance, speed), cam_outline(joint.cam, clearance)
+
+
+class _Mesh:
+    """The gears of one joint."""
+
+    def __init__(self, machine: Machine, joint: GearMesh) -> None:
+        scene = machine.scene
+        assert isinstance(scene, LinkageScene)  # noqa: S101 - others have no gears
+        places = Places(machine.name, scene)
+        self.machine, self.joint = machine, joint
+        self.wheels = [read_wheel(places, gear) for gear in scene.joints[joint.name].points]
+
+    def profile(self, chosen: str | None, friction: float) -> tuple[Sheet, Outline]:
+        """Figures, and the outline of both or of one of them."""
+        names = [w.name for w in self.wheels]
+        if chosen and chosen not in names:
+            raise InputError(
+                f"{self.machine.name}: the joint {self.joint.name} has no gear '{chosen}'"
+                f'{nearest(chosen, names)}; its gears: {", ".join(names)}'
+            )
+        figures = [*self._common(), *self._between(friction)]
+        for wheel in self.wheels:
+            if not wheel.part.rack:
+                figures += gear_figures(wheel.name, wheel.gear)
+        title = f'{self.machine.name}: {names[0]} and {names[1]} in mesh'
+        alone = [w for w in self.wheels if w.name == chosen]
+        outline = _alone(alone[0]) if alone else self._outline()
+        return Sheet(title, tuple(figures)), outline
+
+    def _common(self) -> Iterator[Figure]:
+        """What both have, and how often their teeth meet."""
+        first, joint = self.wheels[0], self.joint
+        yield Figure('module', first.part.module, 'm')
+        if first.part.helix_angle:
+            yield Figure('helix_angle', first.part.helix_angle, 'rad')
+            yield Figure('transverse_module', first.module, 'm')
+        carrier = _speed(self.machine, joint.carrier)
+        meetings = [
+            w.gear.teeth * abs(_speed(self.machine, w.link) - carrier) / (2.0 * math.pi)
+            for w in self.wheels
+            if not w.part.rack
+        ]
+        if frequency := max(meetings):
+            yield Figure('tooth_frequency', frequency, 'Hz')
+
+    def _between(self, friction: float) -> Iterator[Figure]:
+        if self.wheels[1].part.rack:
+            yield from self._with_rack()
+        else:
+            yield from pair_figures(self._pair[0], friction)
+        if self.joint.name in self.machine.clearances:
+            play = self.machine.clearances[self.joint.name].radial or 0.0
+            yield Figure(
+                'backlash_of_the_scene', 2.0 * play / math.cos(self.joint.pressure_angle), 'm'
+            )
+
+    @property
+    def _pair(self) -> tuple[Pair, tuple[str, str]]:
+        """The pinion first, and their names."""
+        pinion, wheel = sorted(self.wheels, key=lambda w: w.part.internal)
+        one, two = pinion.gear, wheel.gear
+        bases = (
+            two.base_radius - one.base_radius
+            if two.internal
+            else two.base_radius + one.base_radius
+        )
+        pair = Pair(one, two, bases / math.cos(self.joint.pressure_angle))
+        return pair, (pinion.name, wheel.name)
+
+    def _with_rack(self) -> Iterator[Figure]:
+        gear, out = self.wheels[0].gear, self._rack_stands_off
+        angle = gear.system.pressure_angle
+        start, end = path_with_rack(gear)
+        path = ContactPath(start + out / math.sin(angle), end)
+        yield Figure('distance_of_the_pitch_line', self._rack_distance, 'm')
+        yield Figure('working_pressure_angle', angle, 'rad')
+        yield Figure('contact_ratio', (path.end - path.start) / gear.base_pitch)
+        yield Figure('backlash', 2.0 * out * math.tan(angle), 'm')
+
+    @property
+    def _rack_distance(self) -> float:
+        """Of its pitch line from the gear's centre [m]."""
+        ideal, joint = self.machine.plan.ideal, self.joint
+        q = dict(zip(ideal.coordinates, self.machine.assembly.q.tolist(), strict=True))
+        centre = ideal.locate(joint.first, q, joint.on_first)
+        x, y = ideal.locate(joint.second, q, joint.on_second)
+        towards = ideal.angle(joint.carrier, q) + joint.towards
+        return (x - centre[0]) * math.cos(towards) + (y - centre[1]) * math.sin(towards)
+
+    @property
+    def _rack_stands_off(self) -> float:
+        gear: Gear = self.wheels[0].gear
+        return max(self._rack_distance - gear.pitch_radius - gear.shift * gear.module, 0.0)
+
+    def _outline(self) -> Outline:
+        first, second = self.wheels
+        if second.part.rack:
+            names = first.name, second.name
+            return gear_and_rack_outline(first.gear, self._rack_distance, names)
+        return pair_outline(*self._pair)
+
+
+def _alone(wheel: Wheel) -> Outline:
+    if wheel.part.rack:
+        return rack_outline(RACK_TEETH, wheel.module, wheel.system)
+    return gear_outline(wheel.gear)

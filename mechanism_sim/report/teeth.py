@@ -1,0 +1,54 @@
+"""Trains that were found for a ratio, as text and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mechanism_sim.gears.teeth import Choice, Stage
+
+#: rows for people; JSON has all
+SHOWN = 20
+
+
+def render(found: Sequence[Choice]) -> str:
+    """The best ones as a table, and how many there are."""
+    rows = [('teeth', 'ratio', '', 'error', 'in all')]
+    for choice in found[:SHOWN]:
+        stages = '  '.join(map(_stage, choice.stages))
+        error = f'{choice.error:+.3e}' if choice.error else 'exact'
+        exact = str(choice.ratio) if choice.ratio.denominator > 1 else ''
+        rows.append((stages, f'{float(choice.ratio):.9g}', exact, error, str(choice.teeth)))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = [
+        '  '.join(
+            cell.ljust(width) if i < 3 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    trains = f'{len(found)} train{"s" if len(found) > 1 else ""} found'
+    return '\n'.join(
+        [*lines, f'{trains}, the first {SHOWN} are shown' if found[SHOWN:] else trains]
+    )
+
+
+def to_json(found: Sequence[Choice]) -> dict[str, object]:
+    """All of them; modules in metres."""
+    return {
+        'count': len(found),
+        'choices': [
+            {
+                'stages': [stage._asdict() for stage in choice.stages],
+                'ratio': float(choice.ratio),
+                'exact_ratio': str(choice.ratio),
+                'error': choice.error,
+                'teeth': choice.teeth,
+            }
+            for choice in found
+        ],
+    }
+
+
+def _stage(stage: Stage) -> str:
+    module = '' if stage.module is None else f' ({1e3 * stage.module:g} mm)'
+    return f'{stage.driver}:{stage.driven}{module}'

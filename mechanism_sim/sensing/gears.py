@@ -1,0 +1,126 @@
+"""What there is to read of gears in mesh, and of other means of transmission."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.gears.mesh import GearMesh
+from mechanism_sim.gears.transmission import Transmission
+from mechanism_sim.sensing.joint_view import Array, JointView
+
+
+class MeshMode(IntEnum):
+    """Which flanks carry; the numbers are those of GearState.msg."""
+
+    UNKNOWN = 0
+    LEFT = 1
+    RIGHT = 2
+    FREE = 3
+    MESHED = 4
+
+
+class GearReading(NamedTuple):
+    """Two gears at N instants; forces are NaN where masses are not known."""
+
+    first_position: Array  #: (N,) [rad] of the first-named link
+    first_velocity: Array  #: (N,) [rad/s]
+    second_position: Array  #: (N,) [rad], of a rack [m]
+    second_velocity: Array  #: (N,) [rad/s] or [m/s]
+    transmission_error: Array  #: (N,) [m] how far the first is ahead along the line of action
+    tooth_force: Array  #: (N,) [N] normal to the tooth
+    tangential_force: Array  #: (N,) [N] on the second along the pitch line
+    radial_force: Array  #: (N,) [N] that parts the gears
+    axial_force: Array  #: (N,) [N] of helical gears
+    first_torque: Array  #: (N,) [N m] on the first about its centre
+    second_torque: Array  #: (N,) [N m] on the second about its centre, on a rack [N]
+    mesh_frequency: Array  #: (N,) [Hz] of teeth that pass
+    mode: NDArray[np.uint8]  #: (N,) of `MeshMode`
+
+
+def read_mesh(joint: GearMesh, view: JointView) -> GearReading:
+    """Teeth in mesh: ideal, with backlash or elastic."""
+    (first, rate), (second, _) = (_place(joint, view, link) for link in joint.ends)
+    u = joint.waves[0] * first + joint.waves[1] * second
+    ahead = np.remainder(u - joint.phase + math.pi, 2.0 * math.pi) - math.pi
+    towards = view.turning(joint.carrier).position + joint.towards
+    (x, y), (fx, fy) = (np.cos(towards), np.sin(towards)), view.force
+    tangential = x * fy - y * fx
+    force = _Force(
+        tangential,
+        joint.sign * (x * fx + y * fy),
+        np.abs(tangential) * math.tan(joint.helix_angle),
+    )
+    efforts = view.moment_on_first(view.place(joint.first, joint.on_first)), view.moment
+    if joint.guide is not None:
+        way = view.turning(joint.carrier).position + joint.guide.axis
+        efforts = efforts[0], fx * np.cos(way) + fy * np.sin(way)
+    passing = np.abs(joint.waves[0] * rate) / (2.0 * math.pi)
+    return _reading(
+        view, joint.per_phase * ahead, force, efforts, passing, _flanks(joint, view, tangential)
+    )
+
+
+def read_transmission(joint: Transmission, view: JointView) -> GearReading:
+    """A ratio without teeth, of which the torques are known: they neither take nor give power."""
+    count = view.observed.position.shape[1]
+    unknown = np.full(count, np.nan)
+    efforts = -float(joint.ratio) * view.moment, view.moment
+    mode = np.full(count, MeshMode.MESHED, np.uint8)
+    return _reading(view, unknown, _Force(unknown, unknown, unknown), efforts, unknown, mode)
+
+
+class _Force(NamedTuple):
+    """Components of the force between teeth (N,) [N]."""
+
+    tangential: Array
+    radial: Array
+    axial: Array
+
+
+def _reading(
+    view: JointView,
+    error: Array,
+    force: _Force,
+    efforts: tuple[Array, Array],
+    passing: Array,
+    mode: NDArray[np.uint8],
+) -> GearReading:
+    first, second = view.course(view.joint.first), view.course(view.joint.second)
+    total = np.sqrt(force.tangential**2 + force.radial**2 + force.axial**2)
+    return GearReading(
+        *first[:2], *second[:2], error, total, *force, *efforts, passing, mode
+    )  # fmt: skip
+
+
+def _place(joint: GearMesh, view: JointView, link: str) -> tuple[Array, Array]:
+    """Angle [rad] of a gear against the carrier, or displacement [m] of a rack; and its rate."""
+    carrier, guide = view.turning(joint.carrier), joint.guide
+    if guide is None or guide.second != link:
+        turn = view.turning(link)
+        return turn.position - carrier.position, turn.velocity - carrier.velocity
+    way = carrier.position + guide.axis
+    c, s = np.cos(way), np.sin(way)
+    arm = view.path(link, guide.on_second) - view.path(guide.first, guide.on_first)
+    place, rate = (c * x + s * y for x, y in arm[:2])
+    across = c * arm[0, 1] - s * arm[0, 0]
+    return place, rate + carrier.velocity * across
+
+
+def _flanks(joint: GearMesh, view: JointView, tangential: Array) -> NDArray[np.uint8]:
+    """Which flanks carry: by the walls of rigid teeth, by the force of elastic ones."""
+    count, left, right = len(tangential), view.gap('left'), view.gap('right')
+    if left and right:
+        closed = left[1], right[1]
+    elif joint.elasticity is not None:
+        row = -joint.sign * tangential  # see `MeshClosure.wrench`
+        closed = row < 0.0, row > 0.0
+    else:
+        return np.full(count, MeshMode.MESHED, np.uint8)
+    mode = np.full(count, MeshMode.FREE, np.uint8)
+    mode[closed[0]], mode[closed[1]] = MeshMode.LEFT, MeshMode.RIGHT
+    return mode
