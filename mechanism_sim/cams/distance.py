@@ -96,22 +96,6 @@ class Distance:
         bend = self._bend(path, along, laws, square, speed)
         return off * (slope + off * bend * 0.5)
 
-    def normal(self, frames: Frames, angle: Jet) -> tuple[Term, Term]:
-        """Out of the cam, where the follower touches, in the frame."""
-        laws, follower = self._laws(frames, angle), self.cam.follower
-        if isinstance(follower, FlatFaced):
-            p = frames.parameters
-            return (
-                p(f'{self.name}.tilt.x', math.cos(follower.tilt)),
-                p(f'{self.name}.tilt.y', math.sin(follower.tilt)),
-            )
-        at = self._touching(frames, laws[0])
-        if isinstance(follower, OscillatingFlat):
-            return hy.sin(at.value), -(float(follower.side) * hy.cos(at.value))
-        x, y = self._along(self._path(frames, at), laws)
-        speed = hy.sqrt(dense((x * x + y * y).value))
-        return dense(y.value) / speed, -(dense(x.value) / speed)
-
     def _laws(self, frames: Frames, angle: Jet) -> list[Jet]:
         count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2
         return displacement(self.cam.law, self.name, angle, frames, count)

@@ -90,6 +90,11 @@ class GearMesh(HigherPair):
     play: float = 0.0  #: [m] along the line of action, to either side
     elasticity: Elasticity | None = None
 
+    @property
+    def extent(self) -> float:
+        """The first working pitch radius [m]."""
+        return abs(self.reach)
+
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""
         return MeshClosure(self, mechanism)

@@ -88,6 +88,11 @@ class HigherPair(ABC):
         """Whether it has forces of its own, `elements`, instead of a closure and walls."""
         return False
 
+    @property
+    def extent(self) -> float:
+        """How far from a joint of its links it touches at most [m]."""
+        return 0.0
+
     @abstractmethod
     def closure(self, mechanism: Mechanism) -> PairClosure:
         """The relation that keeps it closed."""
@@ -148,7 +153,8 @@ class Mechanism:
     def size(self) -> float:
         """Longest distance between two points of one link [m]: the scale of rounding errors.
 
-        The points are its joints, its origin and its centre of gravity; 1 m if all coincide.
+        The points are its joints, its origin and its centre of gravity; a higher pair may reach
+        farther. 1 m if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
@@ -160,7 +166,8 @@ class Mechanism:
             for a in points
             for b in points
         )
-        return longest or 1.0
+        reaches = (j.extent for j in self.joints if isinstance(j, HigherPair))
+        return max((longest, *reaches)) or 1.0
 
     @cached_property
     def _tree(self) -> tuple[dict[str, Joint], tuple[str, ...]]:
