@@ -140,6 +140,13 @@ class Contacts:
         places: list[float] = seen[len(seen) - len(self.switches) :].tolist()
         return places
 
+    @property
+    def _jumps(self) -> bool:
+        """Whether a closed gap moves, more than by a step's error."""
+        count, seen = len(self._floor), self._at_present(self._system.watch).tolist()
+        rates = zip(self.modes, seen[count:], strict=False)
+        return any(abs(x) > self._still for mode, x in rates if mode > Mode.FREE_FLIGHT)
+
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
         return self.modes[gap] > Mode.FREE_FLIGHT
@@ -197,8 +204,11 @@ class Contacts:
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations:  # another closure may hold from now on
                 self._project()
-            if any(self.closed(i) for i in range(len(before))):  # or a gap close faster
-                self.settle()
+            if any(self.closed(i) for i in range(len(before))):
+                if self._system.frictional or self._jumps:  # a gap may close faster from now on
+                    self.settle()
+                else:
+                    self._project()
         elif self._system.compliant:
             self._touch(gap)
         elif not guard.friction:
@@ -226,8 +236,10 @@ class Contacts:
         if self._system.lone:  # one gap without friction, the common case
             fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
             return 0 if fell and seen_now is None else None
-        margin = 0.0 if seen_now is None else self._touching
         count = len(self._floor)
+        if min(seen[:count]) > 0.0:
+            return None
+        margin = 0.0 if seen_now is None else self._touching
         for i, (x, floor) in enumerate(zip(seen, self._floor, strict=False)):
             if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
