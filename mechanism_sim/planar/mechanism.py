@@ -84,6 +84,14 @@ class HigherPair(ABC):
     parts: ClassVar[str] = 'pin between the walls of a slot'
 
     @property
+    def bearings(self) -> tuple[str, ...]:
+        """Lower pairs that the row takes for granted: they belong in the tree.
+
+        If such a joint is cut, its force is not that of its own rows alone.
+        """
+        return ()
+
+    @property
     def elastic(self) -> bool:
         """Whether it has forces of its own, `elements`, instead of a closure and walls."""
         return False
@@ -275,8 +283,9 @@ def closing_joints(
     """The joints to cut so that the rest is a tree: of every loop one, and all that are loose.
 
     Links are reached breadth first from the ground. Prismatic joints that carry a `driven` link
-    come first, since a drive needs its coordinate; then revolute joints and guides fixed to the
-    ground; guides on moving links last, because their displacements cost more.
+    come first, since a drive needs its coordinate, and the bearings of higher pairs; then revolute
+    joints and guides fixed to the ground; guides on moving links last, because their displacements
+    cost more.
     """
     usable = [j for j in joints if j.name not in loose and not isinstance(j, HigherPair)]
     kept: list[str] = []
@@ -292,6 +301,10 @@ def closing_joints(
 
     for j in usable:
         if isinstance(j, Prismatic) and j.second in driven:
+            join(j)
+    bearings = {n for j in joints if isinstance(j, HigherPair) for n in j.bearings}
+    for j in usable:
+        if j.name in bearings and j.name not in kept:
             join(j)
     for movable in (False, True):
         reached, grown = {GROUND}, True
