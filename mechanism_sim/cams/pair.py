@@ -66,6 +66,11 @@ class CamPair(HigherPair):
         return Distance(self.name, self.cam, self.beside, self.exact)
 
     @property
+    def extent(self) -> float:
+        """From the camshaft to the follower on the base circle [m]."""
+        return self.cam.base_radius + float(getattr(self.cam.follower, 'roller', 0.0))
+
+    @property
     def mirror(self) -> int:
         """-1 where the frame of `followers`, in which the cam turns clockwise, is seen mirrored."""
         return -self.sense

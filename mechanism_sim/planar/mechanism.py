@@ -88,6 +88,11 @@ class HigherPair(ABC):
         """Whether it has forces of its own, `elements`, instead of a closure and walls."""
         return False
 
+    @property
+    def extent(self) -> float:
+        """How large it is, beyond the points of its links [m]."""
+        return 0.0
+
     @abstractmethod
     def closure(self, mechanism: Mechanism) -> PairClosure:
         """The relation that keeps it closed."""
@@ -146,7 +151,7 @@ class Mechanism:
 
     @cached_property
     def size(self) -> float:
-        """Longest distance between two points of one link [m]: the scale of rounding errors.
+        """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; 1 m if all coincide.
         """
@@ -160,7 +165,15 @@ class Mechanism:
             for a in points
             for b in points
         )
-        return longest or 1.0
+        extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
+        return max(longest, *extents, 0.0) or 1.0
+
+    @cached_property
+    def reach(self) -> float:
+        """Scale of the rounding errors of places [m]: the size, or how far off the origin it is."""
+        ends = [(j.first, j.on_first) for j in self.joints]
+        ends += [(j.second, j.on_second) for j in self.joints]
+        return max(self.size, *(math.hypot(*at) for link, at in ends if link == GROUND), 0.0)
 
     @cached_property
     def _tree(self) -> tuple[dict[str, Joint], tuple[str, ...]]:

@@ -126,7 +126,8 @@ class _Reader:
             joint.phase,
             math.atan2(*guide.arm[::-1]),
             beside,
-            bool(joint.groove and joint.groove.clearance),
+            # a jump of its second order would be one of the gap
+            bool(joint.groove and joint.groove.clearance) and not check_smoothness(whole.law, 2),
         )
 
     def _check_keys(self) -> None:
