@@ -13,7 +13,7 @@ from mechanism_sim.scene.build import build
 from mechanism_sim.scene.linkage import LinkageScene
 
 DURATION = 0.1
-REFUSED = 'too many', 'follow from the others'
+REFUSED = 'too many', 'cannot move', 'follow from the others'
 
 
 def made(seed, loose=False):

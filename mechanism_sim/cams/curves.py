@@ -114,6 +114,8 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
         raise InputError('a spline needs as many places as heights, two at least')
     if (x[0], y[0], x[-1], y[-1]) != (0.0, 0.0, 1.0, 1.0):
         raise InputError('the points of a normalised rise go from (0, 0) to (1, 1)')
+    if not (np.diff(x) > 0.0).all():
+        raise InputError('the places of a spline increase')
     try:
         return from_spline(CubicSpline(x, y, bc_type=ends))
     except ValueError as error:

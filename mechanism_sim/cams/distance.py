@@ -6,7 +6,7 @@ the distance along the normal is ``D = W (s - s0 - u) + ...`` with ``W = dD/ds``
 the pressure angle, for a swinging follower times the arm. D vanishes exactly where the follower
 touches, and its derivatives there are those of the true distance, because
 ``dD/dtheta + u' dD/ds = 0`` along the law. In flight D is the distance to the first order; in a
-groove, where the roller has room, to the second.
+groove, where the roller has room, to the second, if the acceleration of the law does not jump.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ class Distance:
     name : of the joint
     beside : how far the follower's point lies from its line through the camshaft, along y [m];
         it counts for faces that are tilted
-    exact : whether to the second order; for rollers only
+    exact : whether to the second order; for rollers only, and for laws whose acceleration does
+        not jump: D would, where the roller is off the middle
     """
 
     name: str

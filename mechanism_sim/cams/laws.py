@@ -123,7 +123,8 @@ class Diagram:
             if dwell < -1e-12:
                 raise InputError(
                     f'the segment {self._span(segment)} overlaps the next one, which begins at '
-                    f'{spelled(following, reciprocating=reciprocating)}'
+                    f'{spelled(following, reciprocating=reciprocating)}: segments stand in the '
+                    'order of their angles'
                 )
             pieces += segment.pieces(float(low))
             if dwell > 1e-12:

@@ -60,15 +60,15 @@ class CamPair(HigherPair):
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'follower on its cam'
 
-    @property
-    def extent(self) -> float:
-        """The base radius [m]."""
-        return self.cam.base_radius
-
     @cached_property
     def distance(self) -> Distance:
         """Of the follower from the cam."""
         return Distance(self.name, self.cam, self.beside, self.exact)
+
+    @property
+    def extent(self) -> float:
+        """From the camshaft to the follower on the base circle [m]."""
+        return self.cam.base_radius + float(getattr(self.cam.follower, 'roller', 0.0))
 
     @property
     def mirror(self) -> int:

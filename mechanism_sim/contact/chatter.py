@@ -11,16 +11,17 @@ class ChatterRule:
     A contact that bounces with rebound speed v against a steady approach d rises to
     ``h = v^2/(2 d)``; all bounces still to come displace the rest of the mechanism by about
     ``2 h/(1 - e)``. The sequence is ended, with an impact that takes all of the approach speed, as
-    soon as ``h <= max(r L (1 - e), atol (1 - e), 8 eps L)``, L being the size of the mechanism and
-    r a hundredth of rtol (which makes what is left out as small as the errors of steps are), but
-    not below 1e-12 unless rtol is: what is left out is below the tolerance, and a rise that double
-    precision cannot resolve is never asked for; nor one that would not get clear of the depth to
-    which a step's error let the impact come too late.
+    soon as ``h <= max(r L (1 - e), atol (1 - e), 8 eps R)``, L being the size of the mechanism, R
+    how far its places are from the origin if that is more, and r a hundredth of rtol (which makes
+    what is left out as small as the errors of steps are), but not below 1e-12 unless rtol is: what
+    is left out is below the tolerance, and a rise that double precision cannot resolve is never
+    asked for; nor one that would not get clear of the depth to which a step's error let the impact
+    come too late.
     """
 
-    def __init__(self, rtol: float, atol: float, size: float) -> None:
+    def __init__(self, rtol: float, atol: float, size: float, reach: float = 0.0) -> None:
         self._allowed = max(max(0.01 * rtol, min(rtol, 1e-12)) * size, atol)
-        self._resolved = 8.0 * sys.float_info.epsilon * size
+        self._resolved = 8.0 * sys.float_info.epsilon * max(size, reach)
 
     def ends(
         self, rebound: float, free_acceleration: float, restitution: float, depth: float = 0.0

@@ -91,11 +91,6 @@ class GearMesh(HigherPair):
     play: float = 0.0  #: [m] along the line of action, to either side
     elasticity: Elasticity | None = None
 
-    @property
-    def extent(self) -> float:
-        """The first working pitch radius [m]."""
-        return abs(self.reach)
-
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""
         return MeshClosure(self, mechanism)
@@ -115,6 +110,12 @@ class GearMesh(HigherPair):
     def ends(self) -> tuple[str, str]:
         """The two links."""
         return self.first, self.second
+
+    @property
+    def extent(self) -> float:
+        """The larger of the base radii [m]; of a rack it does not count."""
+        gears = zip(self.waves, self.ends, strict=True)
+        return self.per_phase * max(abs(w) for w, link in gears if not self._rack(link))
 
     @property
     def per_phase(self) -> float:

@@ -75,7 +75,7 @@ class Contacts:
             for gap in system.gaps
         ]
         self._names = [gap.name for gap in system.gaps]
-        self._rounding = 2.0 * float(np.spacing(system.mechanism.size))
+        self._rounding = 2.0 * float(np.spacing(system.mechanism.reach))
         self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
         # [m] what approaches within the error of a step strikes at the same instant
         self._tie = max(self._touching, min(rtol, 1e-9) * system.mechanism.size)

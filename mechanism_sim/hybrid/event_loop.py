@@ -104,7 +104,7 @@ class EventLoop:
         self._contacts = Contacts(
             system,
             self._ta,
-            ChatterRule(rtol, atol, system.mechanism.size),
+            ChatterRule(rtol, atol, system.mechanism.size, system.mechanism.reach),
             self._base,
             rtol,
             fastest * system.mechanism.size,

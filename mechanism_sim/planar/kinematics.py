@@ -43,7 +43,7 @@ class Kinematics:
         self.held = [self.coordinates.index(c) for c in held]
         self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
         self._relations = tuple(relations)
-        self._size = mechanism.size
+        self._size, self._reach = mechanism.size, mechanism.reach
         slides = [c in mechanism.displacements for c in self.coordinates]
         self._scale = np.where(slides, self._size, 1.0)  # [m], [rad]
 
@@ -105,7 +105,7 @@ class Kinematics:
         """
         q = np.array(guess, dtype=float)
         goal = 0.0 if targets is None else targets
-        allowed = _ROUNDING * self._size
+        allowed = _ROUNDING * self._reach
         for _ in range(_ITERATIONS):
             off, J = self.closure(q)
             off = off - goal

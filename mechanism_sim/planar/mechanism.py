@@ -159,7 +159,7 @@ class Mechanism:
 
     @cached_property
     def size(self) -> float:
-        """Longest distance between two points of one link [m]: the scale of rounding errors.
+        """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; a higher pair may reach
         farther. 1 m if all coincide.
@@ -174,8 +174,16 @@ class Mechanism:
             for a in points
             for b in points
         )
-        reaches = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        return max((longest, *reaches)) or 1.0
+        extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
+        return max(longest, *extents, 0.0) or 1.0
+
+    @cached_property
+    def reach(self) -> float:
+        """Scale of the rounding errors of places [m]: the size, or how far off the origin it is."""
+        ends = [(j.first, j.on_first) for j in self.joints]
+        ends += [(j.second, j.on_second) for j in self.joints]
+        away = (math.hypot(*at) for link, at in ends if link == GROUND)
+        return max(self.size, *away, 0.0)
 
     @cached_property
     def _tree(self) -> tuple[dict[str, Joint], tuple[str, ...]]:

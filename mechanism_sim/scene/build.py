@@ -71,6 +71,12 @@ def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
 def _check_linkage(machine: Machine) -> None:
     """Whether it can be assembled, and moves as its drives say."""
     assembly, plan = machine.assembly, machine.plan
+    if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
+        raise InputError(
+            f'{machine.name}: the mechanism cannot move: with its loops closed by '
+            f'{", ".join(plan.ideal.cut)} its joints hold {", ".join(plan.prescribed)} fast: remove '
+            'a joint, or make ratios agree that contradict each other'
+        )
     if assembly.overdriven:
         raise InputError(
             f'{machine.name}: {len(plan.prescribed)} drives ({", ".join(plan.prescribed)}) are '

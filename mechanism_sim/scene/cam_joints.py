@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from mechanism_sim.cams import curves
 from mechanism_sim.cams.followers import (
     FlatFaced,
@@ -24,7 +26,7 @@ from mechanism_sim.cams.laws import (
     check_smoothness,
 )
 from mechanism_sim.cams.pair import CamPair, GroovePair
-from mechanism_sim.cams.profiles import Cam, find_flaws
+from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
 from mechanism_sim.scene.cam_keys import SegmentPart
@@ -125,7 +127,8 @@ class _Reader:
             joint.phase,
             math.atan2(*guide.arm[::-1]),
             beside,
-            bool(joint.groove and joint.groove.clearance),
+            # a jump of its second order would be one of the gap
+            bool(joint.groove and joint.groove.clearance) and not check_smoothness(whole.law, 2),
         )
 
     def _check_keys(self) -> None:
@@ -140,7 +143,9 @@ class _Reader:
                 raise InputError(f"{where}: '{key}' is missing: {what}")
         if (joint.follower == 'roller') != bool(joint.roller):
             raise InputError(
-                f"{where}: 'roller' is the radius of a roller: it belongs to 'follower: roller'"
+                f"{where}: 'roller' is missing: the radius of the roller, such as '8 mm'"
+                if joint.follower == 'roller'
+                else f"{where}: 'roller' is the radius of a roller: write 'follower: roller' too"
             )
         if joint.groove and joint.lift_off:
             raise InputError(f'{where}: lift_off and groove exclude each other: keep one')
@@ -234,6 +239,11 @@ class _Reader:
         )
 
     def _segment(self, where: str, part: SegmentPart, swings: bool) -> Segment:
+        if part.end - part.begin > 2.0 * math.pi * (1.0 + 1e-9):
+            raise InputError(
+                f'law: the segment from {part.begin:g} to {part.end:g} rad is longer than a turn; '
+                "numbers without a unit are radians: write for example '30 deg'"
+            )
         if part.end <= part.begin:
             begin, end = math.degrees(part.begin), math.degrees(part.end)
             raise InputError(
@@ -257,8 +267,11 @@ class _Reader:
                 f'law: {jump}: no follower can follow that; take curves and ends that meet'
             )
         clearance = self.joint.groove.clearance if self.joint.groove else None
+        swings = isinstance(cam.follower, Oscillating | OscillatingFlat)
+        lift = float(np.ptp(cam.law(drawing_angles(cam.law, 0.02))))
         for flaw in [*find_flaws(cam, clearance), *find_cut_away(cam)]:
             raise InputError(
                 f'{flaw}: take a larger base_radius'
-                + (' or a smaller roller' if self.joint.roller else '')
+                + (', a smaller roller' if self.joint.roller else '')
+                + f' or a smaller lift than {lift:.4g} {_UNITS[not swings]}'
             )

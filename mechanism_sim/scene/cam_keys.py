@@ -64,7 +64,7 @@ class LawPart(Part):
     @model_validator(mode='after')
     def _one_way(self) -> LawPart:
         if sum(map(bool, (self.segments, self.points, self.eccentric))) != 1:
-            raise ValueError("is one of 'segments', 'points' and 'eccentric'")
+            raise ValueError("needs exactly one of 'segments', 'points' and 'eccentric'")
         return self
 
 

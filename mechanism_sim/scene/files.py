@@ -229,6 +229,8 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         'too_long': 'it must be a list of two quantities, for example [0, -9.81 m/s^2]',
         'list_type': 'it must be a list, for example [1, 2, 3]',
         'int_type': 'it must be a whole number',
+        'int_parsing': 'it must be a whole number',
+        'int_from_float': 'it must be a whole number',
         'string_type': 'it must be text; put it in quotes',
         'bool_parsing': 'it must be true or false',
         'bool_type': 'it must be true or false',

@@ -138,7 +138,7 @@ def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
         )
     try:
         placed = _with_rack(places, one, two) if two.part.rack else _pair(places, one, two)
-        play = _play(joint, placed)
+        play = _play(joint, placed, one.gear.base_pitch)
         elasticity = _elasticity(joint, one, placed)
     except InputError as error:
         raise InputError(f'{where}: {error}') from error
@@ -146,7 +146,7 @@ def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
         name, one.link, two.link, one.at, two.at, placed.carrier, placed.waves,
         one.gear.base_pitch, placed.pressure_angle, placed.towards, placed.reach,
         placed.facing, placed.guide, bearings=placed.bearings, play=play,
-        errors=_errors(where, joint, placed), elasticity=elasticity,
+        errors=_errors(where, joint, placed, one.gear.base_pitch), elasticity=elasticity,
         wheels=(Teeth(one.name, one.gear), _teeth(one, two)),
         contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
         helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
@@ -175,7 +175,12 @@ def _pair(places: Places, one: Wheel, two: Wheel) -> _Placed:
             f'the teeth of {one.name} and {two.name} jam: the distance of their centres is '
             f'{distance:.9g} m, without backlash it is {tight:.9g} m'
         )
-    pair = Pair(pinion, wheel, tight if abs(slip) <= _FITS * one.module else distance)
+    try:
+        pair = Pair(pinion, wheel, tight if abs(slip) <= _FITS * one.module else distance)
+    except InputError as error:
+        raise InputError(
+            f'{error}; without backlash the distance of the centres is {tight:.9g} m'
+        ) from error
     left = pair.backlash if slip > _FITS * one.module else 0.0
     towards = math.atan2(y, x)
     radii = pair.pitch_radii if pinion is gears[0] else pair.pitch_radii[::-1]
@@ -292,7 +297,7 @@ def _carrier(places: Places, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, 
     return both[0], (a[both[0]], b[both[0]])
 
 
-def _play(joint: LinkageJoint, placed: _Placed) -> float:
+def _play(joint: LinkageJoint, placed: _Placed, base_pitch: float) -> float:
     """Free way of the teeth to either side, along the line of action [m]."""
     backlash = joint.backlash
     if backlash is None:
@@ -315,6 +320,12 @@ def _play(joint: LinkageJoint, placed: _Placed) -> float:
             'elastic teeth rebound by themselves: leave out backlash.restitution and '
             'backlash.contact'
         )
+    largest = 0.5 * base_pitch / math.cos(placed.pressure_angle)
+    if width >= largest:
+        raise InputError(
+            f'backlash.width is {width:.3g} m, as much as a tooth is thick: it must be less than '
+            f'{largest:.3g} m'
+        )
     return 0.5 * width * math.cos(placed.pressure_angle)
 
 
@@ -329,10 +340,17 @@ def _elasticity(joint: LinkageJoint, one: Wheel, placed: _Placed) -> Elasticity 
     return Elasticity(given.stiffness, given.damping, variation, 0.0, lead)
 
 
-def _errors(where: str, joint: LinkageJoint, placed: _Placed) -> tuple[Harmonic, ...]:
+def _errors(
+    where: str, joint: LinkageJoint, placed: _Placed, base_pitch: float
+) -> tuple[Harmonic, ...]:
     error = joint.error
     if error is None:
         return ()
+    if error.amplitude + sum(error.eccentricity) > 0.25 * base_pitch:
+        raise InputError(
+            f'{where}.error is more than half the thickness of a tooth: all of it must be less '
+            f'than {0.25 * base_pitch:.3g} m'
+        )
     found = []
     if error.amplitude:
         found.append(Harmonic(0, error.order * placed.waves[0], error.amplitude))
@@ -355,8 +373,9 @@ def read_transmission(places: Places, name: str, joint: LinkageJoint) -> Transmi
     where = f'{places.name}: joints.{name}'
     if joint.ratio is None:
         raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
-    (a, on_a), (b, on_b) = (places.find(f'{where}.transmission', p) for p in joint.points)
-    carrier, _ = places.find(f'{where}.carrier', joint.carrier or GROUND)
+    own = f'joints.{name}'
+    (a, on_a), (b, on_b) = (places.find(f'{own}.transmission', p) for p in joint.points)
+    carrier, _ = places.find(f'{own}.carrier', joint.carrier or GROUND)
     if carrier in (a, b):
         raise InputError(f'{where}: {carrier} carries the transmission: name two other links')
     return Transmission(

@@ -34,6 +34,16 @@ def _fraction(value: Any) -> str:
 
 MOST_TEETH = 100_000
 
+
+def _shares(value: Any) -> Any:
+    """Of the harmonics of a stiffness, or ``contact_ratio``."""
+    numbers = isinstance(value, list | tuple) and all(isinstance(x, float | int) for x in value)
+    if not numbers and value != 'contact_ratio':
+        raise ValueError("must be 'contact_ratio' or a list of numbers such as [0.2, 0.1]")
+    return value
+
+
+_Variation = Annotated[tuple[float, ...] | Literal['contact_ratio'], BeforeValidator(_shares)]
 _Stiffness = Annotated[float, BeforeValidator(lambda x: to_si(x, 'N/m')), Field(gt=0.0)]
 _Damping = Annotated[float, BeforeValidator(lambda x: to_si(x, 'N s/m')), Field(ge=0.0)]
 _Height = Annotated[float, BeforeValidator(lambda x: to_si(x, '')), Field(gt=0.0, le=2.0)]
@@ -70,7 +80,7 @@ class ElasticityPart(Part):
 
     stiffness: _Stiffness
     damping: _Damping = 0.0
-    variation: tuple[float, ...] | Literal['contact_ratio'] = ()
+    variation: _Variation = ()
 
 
 class ErrorPart(Part):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.mechanism import Body, Mechanism, closing_joints
 from mechanism_sim.scene.cam_joints import cam_play
-from mechanism_sim.scene.gear_joints import backlashes, check_bearings, in_mesh
+from mechanism_sim.scene.gear_joints import backlashes, check_bearings, in_mesh, read_wheel
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_drives import is_straight, read_drives, read_laws
 from mechanism_sim.scene.linkage_forces import read_forces
@@ -26,6 +26,8 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
         One sentence: where, what, what is allowed, the nearest.
     """
     places = Places(name, scene)
+    for gear in scene.gears:  # those that mesh with none, too
+        read_wheel(places, gear)
     joints, drives = read_joints(places), read_drives(places)
     straight = [c for c, drive in drives.items() if is_straight(drive)]
     closing = closing_joints(places.links, joints, (), straight)

@@ -82,6 +82,11 @@ class Places:
                 continue
             ends = dict(self.find(f'joints.{name}', p) for p in joint.points)
             if ends.keys() == {GROUND, link}:
+                if joint.clearance:
+                    raise InputError(
+                        f'{self.name}: {where}: {link} turns in the loose joint {name}, so that '
+                        'its centre is nowhere fixed: it needs an ideal one'
+                    )
                 return ends[GROUND], ends[link]
         raise InputError(
             f'{self.name}: {where}: {link} must turn on the ground: add a revolute joint of both'

@@ -66,7 +66,9 @@ def bouncer(pull):
                         m = 0.5 * (lo + hi)
                         dense(y, F, m, z)
                         if side * (z[0] - wall) <= 0.0:
-                            return root(a, ga, m, side * (z[0] - wall), t, h, y, F, z, wall, side), side
+                            return root(
+                                a, ga, m, side * (z[0] - wall), t, h, y, F, z, wall, side
+                            ), side
                         lo, hi = (m, hi) if side * z[1] < 0.0 else (lo, m)
                 if gb <= 0.0:
                     at, gat = a, ga

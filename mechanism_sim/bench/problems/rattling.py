@@ -100,9 +100,7 @@ def problem(rattling: Rattling, title: str) -> Problem:
                 lambda: without('numba'),
             ),
             *(
-                Method(
-                    name, TOLERANCES[1:], 'rtol', rattling_scipy.by(rattling, solver), how
-                )
+                Method(name, TOLERANCES[1:], 'rtol', rattling_scipy.by(rattling, solver), how)
                 for name, solver, how in rattling_scipy.SOLVERS
             ),
         ),

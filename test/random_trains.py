@@ -1,0 +1,103 @@
+"""Gear trains made by chance: gears on the ground, on links that turn, inside of others.
+
+From a shaft on the ground a chain of gears grows; each next one is pivoted on the ground or on a
+carrier, at the distance and in the direction that chance wants, with external or internal teeth.
+"""
+
+from __future__ import annotations
+
+import math
+
+from absolute import turned
+
+MODULE = 2e-3
+
+
+def train(random, kind='ideal'):
+    """A scene as a dictionary.
+
+    `kind` is 'ideal'; 'loose' gives one mesh a backlash, 'soft' makes one elastic.
+    """
+    carried = random.random() < 0.5
+    carrier = 'arm' if carried else 'ground'
+    links = {'ground': {'points': {}}}
+    joints, gears, loads = {}, {}, {}
+    if carried:
+        links['arm'] = {'points': {}, **body(random)}
+        joints['arm_shaft'] = {'revolute': ['ground', 'arm']}
+    start = turned(float(random.uniform(-3.0, 3.0)), (random.uniform(0.0, 0.05) * carried, 0.0))
+    if carried:
+        start = 0.0 * start  # the sun turns about the shaft of the arm
+    centres = [start]
+    helix = float(random.uniform(-0.4, 0.4)) * (random.random() < 0.3)
+    teeth = [int(random.integers(18, 50))]
+    count = int(random.integers(2, 5))
+    inside = [False] * count
+    for i in range(count):
+        links[f'l{i}'] = body(random)
+    for i in range(1, count):
+        n = int(random.integers(18, 50))
+        internal = i == count - 1 and random.random() < 0.4
+        reach = (teeth[-1] + n) / 2.0
+        if internal:
+            n = teeth[-1] + int(random.integers(15, 40))
+            reach = (n - teeth[-1]) / 2.0
+        inside[i] = internal
+        way = float(random.uniform(-3.0, 3.0))
+        reach *= MODULE / math.cos(helix)
+        centres.append(centres[-1] + turned(way, (reach, 0.0)))
+        teeth.append(n)
+    for i, at in enumerate(centres):
+        links[carrier]['points'][f'c{i}'] = at.tolist()
+        on = 'ground' if i == 0 and carried else f'{carrier}.c{i}'
+        joints[f'shaft{i}'] = {'revolute': [on, f'l{i}']}
+        gears[f'g{i}'] = {
+            'at': f'l{i}', 'teeth': teeth[i], 'module': MODULE, 'internal': inside[i],
+            'helix_angle': helix if i % 2 else -helix,
+        }  # fmt: skip
+        if i:
+            pair = [f'g{i - 1}', f'g{i}']
+            random.shuffle(pair)
+            joints[f'mesh{i}'] = {'mesh': pair}
+        loads[f'load{i}'] = {
+            'at': f'l{i}',
+            'torque': f'{random.uniform(-2.0, 2.0)}*sin({random.uniform(20.0, 90.0)}*t)'
+            f' - {random.uniform(0.0, 0.05)}*l{i}_rate',
+        }
+    if carried:
+        loads['arm'] = {'at': 'arm', 'torque': f'-{random.uniform(0.0, 0.2)}*arm_rate'}
+    chosen = joints[f'mesh{int(random.integers(1, count))}']
+    if kind != 'ideal':
+        width = float(10.0 ** random.uniform(-6.0, -3.5))
+        chosen['backlash'] = {'width': width}
+        if kind == 'loose':
+            chosen['backlash']['restitution'] = float(random.choice([0.0, 0.3, 0.6, 0.9]))
+        else:
+            chosen['elasticity'] = {
+                'stiffness': float(10.0 ** random.uniform(5.0, 7.0)),
+                'damping': float(random.uniform(0.0, 100.0)),
+                'variation': ['contact_ratio', [0.2, 0.1]][int(random.integers(2))],
+            }
+        if random.random() < 0.3:
+            chosen['error'] = {'amplitude': 1e-6, 'eccentricity': [5e-6, 3e-6]}
+    drives = {'l0': {'speed': float(random.choice([1.0, -1.0]) * random.uniform(10.0, 60.0))}}
+    if random.random() < 0.4:
+        drives['l0']['torque'] = {'constant': 1.0, 'per_speed': -0.02}
+    if carried and random.random() < 0.6:
+        drives['arm'] = {'speed': float(random.uniform(-20.0, 20.0))}
+        if 'torque' in drives['l0']:
+            drives['arm']['torque'] = {'constant': -0.3, 'per_speed': -0.05}
+    return {
+        'title': 'by chance', 'mechanism': 'linkage', 'links': links, 'joints': joints,
+        'gears': gears, 'loads': loads, 'drives': drives,
+        'gravity': random.uniform(-10.0, 10.0, 2).tolist(),
+    }  # fmt: skip
+
+
+def body(random):
+    """What a link weighs."""
+    return {
+        'mass': float(random.uniform(0.2, 2.0)),
+        'inertia': float(random.uniform(1e-4, 2e-3)),
+        'cog': random.uniform(-0.01, 0.01, 2).tolist(),
+    }
