@@ -74,12 +74,13 @@ def _check_linkage(machine: Machine) -> None:
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
             f'{machine.name}: the mechanism cannot move: with its loops closed by '
-            f'{", ".join(plan.ideal.cut)} its joints hold {", ".join(plan.prescribed)} fast: remove '
-            'a joint, or make ratios agree that contradict each other'
+            f'{", ".join(plan.ideal.cut)} its joints hold {", ".join(plan.prescribed)} fast: '
+            'remove a joint, or make ratios agree that contradict each other'
         )
     if assembly.overdriven:
+        drives = len(plan.prescribed)
         raise InputError(
-            f'{machine.name}: {len(plan.prescribed)} drives ({", ".join(plan.prescribed)}) are '
+            f'{machine.name}: {drives} drive{"s" * (drives > 1)} ({", ".join(plan.prescribed)}): '
             f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
             'remove a drive'
         )
