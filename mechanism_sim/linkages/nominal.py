@@ -39,6 +39,7 @@ _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
+_SECTIONS = 16  # of an interval in which a guard changes its sign, looked at together
 _LONGEST = 0.1
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
@@ -181,11 +182,12 @@ class NominalRun:
         low, high = h * places[changed[0]], h * places[changed[0] + 1]
         before = positive[:, changed[0]]
         while high - low > 1e-15 * max(self.time + h, 1.0):
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
+            inner = np.linspace(low, high, _SECTIONS + 1)
+            gone = (self._guarded(inner[:-1]) != before[:, None]).any(axis=0)
+            k = max(1, int(np.argmax([*gone, True])))
+            if inner[k - 1] == low and inner[k] == high:
                 break
-            same = (self._guarded(np.array([middle]))[:, 0] == before).all()
-            low, high = (middle, high) if same else (low, middle)
+            low, high = inner[k - 1], inner[k]
         return float(high)
 
     def _guarded(self, times: Array) -> NDArray[np.bool_]:

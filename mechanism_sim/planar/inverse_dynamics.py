@@ -87,7 +87,11 @@ class InverseDynamics:
 
     def guards(self, q: Array) -> Array:
         """The guards (g, N) of loads that act in a part of the cycle only."""
-        return switch_guards(self.equations, q)
+        return self._switches(q)[0] if self._switches else np.zeros((0, q.shape[1]))
+
+    @cached_property
+    def _switches(self) -> Evaluation | None:
+        return switch_guards(self.equations)
 
     @cached_property
     def _functions(self) -> tuple[Evaluation, Evaluation]:

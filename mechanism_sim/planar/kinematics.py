@@ -88,7 +88,11 @@ class Kinematics:
 
     def guards(self, q: Array) -> Array:
         """The guards (g, N) of what acts in a part of the cycle only; they change sign there."""
-        return switch_guards(self._equations, q)
+        return self._switches(q)[0] if self._switches else np.zeros((0, q.shape[1]))
+
+    @cached_property
+    def _switches(self) -> Evaluation | None:
+        return switch_guards(self._equations)
 
     def closure(self, q: Array) -> tuple[Array, Array]:
         """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N)."""
@@ -158,13 +162,13 @@ class Kinematics:
         return found
 
 
-def switch_guards(equations: Equations, q: Array) -> Array:
-    """The guards (g, N) of the switches known to some equations, at coordinates (n, N)."""
+def switch_guards(equations: Equations) -> Evaluation | None:
+    """The guards (g, N) of the switches in some equations, of coordinates (n, N), if any."""
     edges = [edge for s in equations.frames.switches.values() for edge in s.edges]
     if not edges:
-        return np.zeros((0, q.shape[1]))
+        return None
     function = compiled.function(edges, [*equations.frames.q.values()])
-    return Evaluation(function, equations.parameters.values, [len(edges)])(q)[0]
+    return Evaluation(function, equations.parameters.values, [len(edges)])
 
 
 def _solve(A: Array, b: Array) -> Array:
