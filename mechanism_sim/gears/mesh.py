@@ -190,7 +190,7 @@ class MeshClosure:
     def _place(self, frames: Frames, link: str) -> Jet:
         m, guide = self.mechanism, self.joint.guide
         if guide is not None and guide.second == link:
-            if m.tree_joints.get(link) is guide:
+            if m.tree_joints.get(link) == guide:
                 return frames.displacement(link)
             x, y = frames.position(m.separation(guide.name), guide.name)
             ux, uy = frames.position(m.direction(guide.first, guide.axis), f'{guide.name}.way')

@@ -188,8 +188,8 @@ class NominalRun:
             def guard(t: float, i: int = int(i)) -> float:
                 return float(edges.left(place(np.array([t])), present)[i, 0])
 
-            span = times[over[0] - 1], times[over[0]]
-            ends.append(float(brentq(guard, *span, xtol=rounding)))
+            a, b = times[over[0] - 1], times[over[0]]
+            ends.append(float(brentq(guard, a, b, xtol=rounding) if guard(b) < 0.0 else b))
         return min(ends) if min(ends) > rounding else h
 
     def _values(self, times: Array) -> Array:

@@ -1,4 +1,4 @@
-"""From which speed of the drive on a follower leaves its cam: where an ideal contact would pull."""
+"""From which speed of the drive on followers leave their cams: where ideal contacts would pull."""
 
 from __future__ import annotations
 
