@@ -78,9 +78,9 @@ def _check_linkage(machine: Machine) -> None:
             'remove a joint, or make ratios agree that contradict each other'
         )
     if assembly.overdriven:
-        drives = len(plan.prescribed)
+        count = len(plan.prescribed)
         raise InputError(
-            f'{machine.name}: {drives} drive{"s" * (drives > 1)} ({", ".join(plan.prescribed)}): '
+            f'{machine.name}: {count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
             f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
             'remove a drive'
         )

@@ -24,6 +24,7 @@ from mechanism_sim.cams.laws import (
     Raised,
     Segment,
     check_smoothness,
+    spelled,
 )
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
@@ -39,12 +40,13 @@ _UNITS = ('rad', 'm')
 
 
 class _Guide(NamedTuple):
-    """How a follower moves on the ground."""
+    """How a cam or a follower moves on the ground."""
 
     swings: bool
     at: Vector2  #: [m] its pivot, or its point when its displacement is zero, in the world
     arm: Vector2  #: [m] from its pivot to its point, in its own frame
     axis: float = 0.0  #: [rad] along which it slides
+    angle: float = 0.0  #: [rad] of its frame if it slides
 
 
 def read_cam(
@@ -98,16 +100,23 @@ class _Reader:
         """The joint."""
         joint, (link, at) = self.joint, cam
         self._check_keys()
-        centre, on_cam = self.places.pivot(f'joints.{self.name}', link)
-        if at != on_cam:
-            raise InputError('name the point where the cam turns on the ground')
-        guide = self._guide(*follower)
+        carrier, guide = self._guide(*cam, 'cam'), self._guide(*follower, 'follower')
         self._check_guide(guide)
-        sense: Literal[1, -1] = -1 if joint.sense == 'clockwise' else 1
-        direction, beside = guide.axis, 0.0
-        if guide.swings:
-            direction = math.atan2(guide.at[1] - centre[1], guide.at[0] - centre[0])
+        self._slides = not carrier.swings
+        if self._slides:
+            centre, direction, sense = self._along(carrier, guide)
+            phase, (x, y) = -sense * carrier.angle, carrier.at
+            x, y = rotate((centre[0] - x, centre[1] - y), -carrier.angle)
+            at = at[0] + x, at[1] + y
         else:
+            centre, direction, phase = carrier.at, guide.axis, joint.phase
+            sense = -1 if joint.sense == 'clockwise' else 1
+            if carrier.arm != (0.0, 0.0):
+                raise InputError('name the point where the cam turns on the ground')
+            if guide.swings:
+                direction = math.atan2(guide.at[1] - centre[1], guide.at[0] - centre[0])
+        beside = 0.0
+        if not guide.swings:
             away = guide.at[0] - centre[0], guide.at[1] - centre[1]
             beside = -sense * rotate(away, -direction)[1]
         touching = self._follower(guide, math.dist(guide.at, centre), beside, sense)
@@ -124,7 +133,7 @@ class _Reader:
             centre,
             direction,
             sense,
-            joint.phase,
+            phase,
             math.atan2(*guide.arm[::-1]),
             beside,
             # a jump of its second order would be one of the gap
@@ -158,7 +167,35 @@ class _Reader:
                 f"{where}.clearance has no meaning for a cam: write 'lift_off' or 'groove'"
             )
 
-    def _guide(self, link: str, at: Vector2) -> _Guide:
+    def _along(self, cam: _Guide, follower: _Guide) -> tuple[Vector2, float, Literal[1, -1]]:
+        """Origin, direction and sense of `CamPair` for a cam that slides along a line."""
+        joint, way = self.joint, rotate((1.0, 0.0), cam.axis)
+        for key in ('phase', 'sense'):
+            if getattr(joint, key):
+                raise InputError(
+                    f'{self.where}.{key} has no meaning for a cam that slides: its law goes over '
+                    'the displacement along its guide'
+                )
+        away = follower.at[0] - cam.at[0], follower.at[1] - cam.at[1]
+        along, across = rotate(away, -cam.axis)
+        left = across > 0.0
+        centre, direction = cam.at, follower.axis
+        if follower.swings:
+            centre = cam.at[0] + along * way[0], cam.at[1] + along * way[1]
+            direction = cam.axis + math.copysign(0.5 * math.pi, across)
+        else:
+            off = math.sin(follower.axis - cam.axis)
+            left = off > 0.0
+            if abs(off) < 1.0 - 1e-15:
+                raise InputError(
+                    f'{self.where}: a cam that slides moves followers that slide square to it: '
+                    f'the axis of its follower must be {math.degrees(cam.axis) + 90.0:g} or '
+                    f'{math.degrees(cam.axis) - 90.0:g} deg, not '
+                    f'{math.degrees(follower.axis):g} deg'
+                )
+        return centre, direction, -1 if left else 1
+
+    def _guide(self, link: str, at: Vector2, what: str) -> _Guide:
         places = self.places
         for name, joint in places.scene.joints.items():
             if joint.kind not in ('revolute', 'prismatic'):
@@ -167,15 +204,17 @@ class _Reader:
             if {a, b} != {GROUND, link}:
                 continue
             if joint.clearance:
-                raise InputError(f'{self.where}: the joint {name} of its follower cannot be loose')
+                raise InputError(f'{self.where}: the joint {name} of its {what} cannot be loose')
             if joint.revolute:
                 pivot, own = (on_a, on_b) if a == GROUND else (on_b, on_a)
                 return _Guide(True, pivot, (at[0] - own[0], at[1] - own[1]))
             if a == GROUND:
                 x, y = rotate((at[0] - on_b[0], at[1] - on_b[1]), joint.angle)
-                return _Guide(False, (on_a[0] + x, on_a[1] + y), (0.0, 0.0), joint.axis)
+                start = on_a[0] + x, on_a[1] + y
+                return _Guide(False, start, (0.0, 0.0), joint.axis, joint.angle)
+        moves = 'turn or slide' if what == 'cam' else 'slide or swing'
         raise InputError(
-            f'{self.where}: the follower {link} must slide or swing on the ground: add a joint '
+            f'{self.where}: the {what} {link} must {moves} on the ground: add a joint '
             f"'prismatic: [ground, {link}]' or 'revolute: [ground, {link}]'"
         )
 
@@ -220,14 +259,23 @@ class _Reader:
                 [
                     self._segment(f'{where}.segments.{i}', s, guide.swings)
                     for i, s in enumerate(given.segments)
-                ]
+                ],
+                self._slides,
             )
         if given.points:
-            rises = [
-                self.places.measure(f'{where}.points.{i}', rise, not guide.swings, _UNITS)
-                for i, (_, rise) in enumerate(given.points)
-            ]
-            return Measured([angle for angle, _ in given.points], rises, given.degree)
+            ways, rises = (
+                [
+                    self.places.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
+                    for i, point in enumerate(given.points)
+                ]
+                for k, straight in enumerate((self._slides, not guide.swings))
+            )
+            return Measured(ways, rises, given.degree, self._slides)
+        if self._slides:
+            raise InputError(
+                "law.eccentric is for cams that turn: describe this one's by 'segments' or "
+                "'points'"
+            )
         e, radius = given.eccentric or 0.0, self.joint.base_radius or 0.0
         if follower == FlatFaced():
             return Raised(e)
@@ -239,18 +287,24 @@ class _Reader:
         )
 
     def _segment(self, where: str, part: SegmentPart, swings: bool) -> Segment:
-        if part.end - part.begin > 2.0 * math.pi * (1.0 + 1e-9):
+        begin, end = (
+            self.places.measure(f'{where}.{key}', way, self._slides, _UNITS)
+            for key, way in (('from', part.begin), ('to', part.end))
+        )
+        if not self._slides and end - begin > 2.0 * math.pi * (1.0 + 1e-9):
             raise InputError(
-                f'law: the segment from {part.begin:g} to {part.end:g} rad is longer than a turn; '
+                f'law: the segment from {begin:g} to {end:g} rad is longer than a turn; '
                 "numbers without a unit are radians: write for example '30 deg'"
             )
-        if part.end <= part.begin:
-            begin, end = math.degrees(part.begin), math.degrees(part.end)
+        if end <= begin:
+            said = (
+                f'law: the segment from {spelled(begin, end, reciprocating=self._slides)} has no'
+            )
+            if end == begin or self._slides:
+                raise InputError(f'{said} {"positive " * (end < begin)}length')
+            turned = math.degrees(end) + 360.0 * math.ceil((begin - end) / (2.0 * math.pi))
             raise InputError(
-                f'law: the segment from {begin:g} to {end:g} deg has no positive length; past a '
-                f'full turn count on, to {end + 360.0 * math.ceil((begin - end) / 360.0):g} deg'
-                if end < begin
-                else f'law: the segment from {begin:g} to {end:g} deg has no length'
+                f'{said} positive length; past a full turn count on, to {turned:g} deg'
             )
         rise = self.places.measure(f'{where}.rise', part.rise, not swings, _UNITS)
         if part.curve == 'spline':
@@ -258,7 +312,7 @@ class _Reader:
             curve = curves.spline_curve(x, y, part.ends)
         else:
             curve = getattr(curves, part.curve.upper())
-        return Segment(part.begin, part.end, rise, curve)
+        return Segment(begin, end, rise, curve)
 
     def _check_cam(self, cam: Cam) -> None:
         """Refuse what no follower can follow."""
@@ -270,8 +324,7 @@ class _Reader:
         swings = isinstance(cam.follower, Oscillating | OscillatingFlat)
         lift = float(np.ptp(cam.law(drawing_angles(cam.law, 0.02))))
         for flaw in [*find_flaws(cam, clearance), *find_cut_away(cam)]:
-            raise InputError(
-                f'{flaw}: take a larger base_radius'
-                + (', a smaller roller' if self.joint.roller else '')
-                + f' or a smaller lift than {lift:.4g} {_UNITS[not swings]}'
-            )
+            ways = [] if self._slides else ['a larger base_radius']
+            ways += ['a smaller roller'] if self.joint.roller else []
+            ways += [f'a smaller lift than {lift:.4g} {_UNITS[not swings]}']
+            raise InputError(f'{flaw}: take {" or ".join(ways)}')
