@@ -144,9 +144,13 @@ class Distance:
         p, way, bent = path
         _, u1, u2 = laws
         p2 = way[0] * u2 + bent[0] * u1 * u1, way[1] * u2 + bent[1] * u1 * u1
-        centripetal = p2 if self.slides else (
-            p2[0] - way[1] * u1 * 2.0 - p[0],
-            p2[1] + way[0] * u1 * 2.0 - p[1],
+        centripetal = (
+            p2
+            if self.slides
+            else (
+                p2[0] - way[1] * u1 * 2.0 - p[0],
+                p2[1] + way[0] * u1 * 2.0 - p[1],
+            )
         )
         beside = way[0] * along[0] + way[1] * along[1]
         curved = _cross(along, centripetal) * beside * beside * _reciprocal(square * square)
