@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -29,7 +29,8 @@ from mechanism_sim.cams.laws import (
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
+from mechanism_sim.planar.mechanism import Vector2, rotate
+from mechanism_sim.scene.cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.cam_keys import SegmentPart
 from mechanism_sim.scene.linkage import LinkageJoint
 from mechanism_sim.scene.places import Places
@@ -37,16 +38,6 @@ from mechanism_sim.scene.schema import Play
 
 Place = tuple[str, Vector2]
 _UNITS = ('rad', 'm')
-
-
-class _Guide(NamedTuple):
-    """How a cam or a follower moves on the ground."""
-
-    swings: bool
-    at: Vector2  #: [m] its pivot, or its point when its displacement is zero, in the world
-    arm: Vector2  #: [m] from its pivot to its point, in its own frame
-    axis: float = 0.0  #: [rad] along which it slides
-    angle: float = 0.0  #: [rad] of its frame if it slides
 
 
 def read_cam(
@@ -100,21 +91,18 @@ class _Reader:
         """The joint."""
         joint, (link, at) = self.joint, cam
         self._check_keys()
-        carrier, guide = self._guide(*cam, 'cam'), self._guide(*follower, 'follower')
+        carrier = find_guide(self.places, self.where, *cam, 'cam')
+        guide = find_guide(self.places, self.where, *follower, 'follower')
         self._check_guide(guide)
-        self._slides = not carrier.swings
+        self._slides, phase = not carrier.swings, joint.phase
         if self._slides:
-            centre, direction, sense = self._along(carrier, guide)
-            phase, (x, y) = -sense * carrier.angle, carrier.at
-            x, y = rotate((centre[0] - x, centre[1] - y), -carrier.angle)
+            self._check_straight()
+            centre, direction, sense = along(carrier, guide)
+            phase = -sense * carrier.angle
+            x, y = rotate((centre[0] - carrier.at[0], centre[1] - carrier.at[1]), -carrier.angle)
             at = at[0] + x, at[1] + y
         else:
-            centre, direction, phase = carrier.at, guide.axis, joint.phase
-            sense = -1 if joint.sense == 'clockwise' else 1
-            if carrier.arm != (0.0, 0.0):
-                raise InputError('name the point where the cam turns on the ground')
-            if guide.swings:
-                direction = math.atan2(guide.at[1] - centre[1], guide.at[0] - centre[0])
+            centre, direction, sense = around(carrier, guide, joint.sense == 'clockwise')
         beside = 0.0
         if not guide.swings:
             away = guide.at[0] - centre[0], guide.at[1] - centre[1]
@@ -145,7 +133,10 @@ class _Reader:
         joint, where = self.joint, self.where
         for key, what in (
             ('follower', "'knife', 'roller' or 'flat'"),
-            ('base_radius', "the radius of the base circle, such as '20 mm'"),
+            (
+                'base_radius',
+                "the radius of the base circle, or the height of a base line, such as '20 mm'",
+            ),
             ('law', "its displacement by 'segments', 'points' or 'eccentric'"),
         ):
             if getattr(joint, key) is None:
@@ -167,58 +158,16 @@ class _Reader:
                 f"{where}.clearance has no meaning for a cam: write 'lift_off' or 'groove'"
             )
 
-    def _along(self, cam: _Guide, follower: _Guide) -> tuple[Vector2, float, Literal[1, -1]]:
-        """Origin, direction and sense of `CamPair` for a cam that slides along a line."""
-        joint, way = self.joint, rotate((1.0, 0.0), cam.axis)
+    def _check_straight(self) -> None:
+        """Keys that only cams that turn have."""
         for key in ('phase', 'sense'):
-            if getattr(joint, key):
+            if getattr(self.joint, key):
                 raise InputError(
                     f'{self.where}.{key} has no meaning for a cam that slides: its law goes over '
                     'the displacement along its guide'
                 )
-        away = follower.at[0] - cam.at[0], follower.at[1] - cam.at[1]
-        along, across = rotate(away, -cam.axis)
-        left = across > 0.0
-        centre, direction = cam.at, follower.axis
-        if follower.swings:
-            centre = cam.at[0] + along * way[0], cam.at[1] + along * way[1]
-            direction = cam.axis + math.copysign(0.5 * math.pi, across)
-        else:
-            off = math.sin(follower.axis - cam.axis)
-            left = off > 0.0
-            if abs(off) < 1.0 - 1e-15:
-                raise InputError(
-                    f'{self.where}: a cam that slides moves followers that slide square to it: '
-                    f'the axis of its follower must be {math.degrees(cam.axis) + 90.0:g} or '
-                    f'{math.degrees(cam.axis) - 90.0:g} deg, not '
-                    f'{math.degrees(follower.axis):g} deg'
-                )
-        return centre, direction, -1 if left else 1
 
-    def _guide(self, link: str, at: Vector2, what: str) -> _Guide:
-        places = self.places
-        for name, joint in places.scene.joints.items():
-            if joint.kind not in ('revolute', 'prismatic'):
-                continue
-            (a, on_a), (b, on_b) = (places.find(f'joints.{name}', p) for p in joint.points)
-            if {a, b} != {GROUND, link}:
-                continue
-            if joint.clearance:
-                raise InputError(f'{self.where}: the joint {name} of its {what} cannot be loose')
-            if joint.revolute:
-                pivot, own = (on_a, on_b) if a == GROUND else (on_b, on_a)
-                return _Guide(True, pivot, (at[0] - own[0], at[1] - own[1]))
-            if a == GROUND:
-                x, y = rotate((at[0] - on_b[0], at[1] - on_b[1]), joint.angle)
-                start = on_a[0] + x, on_a[1] + y
-                return _Guide(False, start, (0.0, 0.0), joint.axis, joint.angle)
-        moves = 'turn or slide' if what == 'cam' else 'slide or swing'
-        raise InputError(
-            f'{self.where}: the {what} {link} must {moves} on the ground: add a joint '
-            f"'prismatic: [ground, {link}]' or 'revolute: [ground, {link}]'"
-        )
-
-    def _check_guide(self, guide: _Guide) -> None:
+    def _check_guide(self, guide: Guide) -> None:
         """Keys that only one way of moving has."""
         joint, where = self.joint, self.where
         if guide.swings and joint.side is None:
@@ -240,7 +189,7 @@ class _Reader:
                     f'{"swings" if guide.swings else "slides"}'
                 )
 
-    def _follower(self, guide: _Guide, distance: float, beside: float, sense: int) -> Follower:
+    def _follower(self, guide: Guide, distance: float, beside: float, sense: int) -> Follower:
         joint = self.joint
         if not guide.swings:
             if joint.follower == 'flat':
@@ -251,7 +200,7 @@ class _Reader:
             return OscillatingFlat(distance, joint.face, side)
         return Oscillating(distance, math.hypot(*guide.arm), joint.roller, side)
 
-    def _law(self, guide: _Guide, follower: Follower) -> Law:
+    def _law(self, guide: Guide, follower: Follower) -> Law:
         given, where = self.joint.law, f'joints.{self.name}.law'
         assert given is not None  # noqa: S101 - checked
         if given.segments:
