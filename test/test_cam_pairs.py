@@ -309,7 +309,7 @@ def test_a_run_goes_on_from_a_snapshot_within_a_row():
         ({'joints.contact.law': None}, "'law' is missing"),
         ({'joints.contact.base_radius': '8 mm'}, 'undercut'),
         ({'joints.contact.follower': 'roler'}, "did you mean 'roller'"),
-        ({'joints.contact.follower': 'roller'}, "'roller' is the radius"),
+        ({'joints.contact.follower': 'roller'}, "'roller' is missing: the radius"),
         ({'joints.contact.side': 'left'}, 'side has no meaning for a flat follower that slides'),
         ({'joints.contact.groove': {'clearance': 0}}, 'exclude each other'),
         ({'joints.contact.clearance': {'radial': 1e-4, 'restitution': 0.1}}, 'clearance'),
