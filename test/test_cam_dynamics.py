@@ -418,3 +418,21 @@ def test_a_stiff_contact_comes_near_the_rigid_one(law):
     ]
     assert first[0] == pytest.approx(first[1], rel=1e-2)
     assert abs(soft.energy.residual) < 1e-9
+
+
+# where the law of a cam goes on with another acceleration
+
+
+def test_contact_is_lost_where_the_acceleration_jumps_and_that_is_told_once():
+    """From a dwell into a harmonic return that is steeper than the spring can follow."""
+    rise = {'from': '0 deg', 'to': '110 deg', 'rise': '8 mm', 'curve': 'cycloidal'}
+    back = {'from': '120 deg', 'to': '200 deg', 'rise': '-8 mm', 'curve': 'harmonic'}
+    changes = {'joints.contact.law': {'segments': [rise, back]}, 'drive.start_angle': '250 deg'}
+    solution = ms.simulate(ms.load_scene('valve_train', changes), revolutions=1)
+    first, lost, again = solution.modes
+    assert [first.mode, lost.mode, again.mode] == [
+        Mode.FOLLOWING, Mode.FREE_FLIGHT, Mode.FOLLOWING,
+    ]  # fmt: skip
+    assert lost.t == pytest.approx(230 / 360 / 60, abs=1e-14)
+    assert solution.impacts[0].t > lost.t + 1e-3
+    assert solution.energy.residual == pytest.approx(0.0, abs=1e-11)
