@@ -87,7 +87,7 @@ GEARS = [
     ('gear_pair', {'joints.mesh.error': {'amplitude': '5 mm'}}, 'half the thickness of a tooth'),
     ('gear_pair', {'joints.mesh.mesh': ['pinion', 'pinion']}, 'are fixed to one link'),
     ('gear_pair', {'gears.spare': {'at': 'whel', 'teeth': 50, 'module': 0.002}}, "mean 'wheel'"),
-    ('gear_pair', {'gears.spare': {'at': 'wheel', 'teeth': 5, 'module': 0.002}}, 'spare: the gear'),
+    ('gear_pair', {'gears.spare': {'at': 'wheel', 'teeth': 5, 'module': 0.002}}, 'spare: the'),
     ('planetary', {'gears.ring.teeth': 70}, r'jam: .* without backlash it is 0\.046 m'),
     ('planetary', {'joints.extra': {'transmission': ['sun', 'carrier'], 'ratio': '1/3'}},
      'cannot move: with its loops closed by .*extra.* hold sun fast'),

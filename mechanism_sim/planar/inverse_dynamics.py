@@ -87,7 +87,11 @@ class InverseDynamics:
 
     def guards(self, q: Array) -> Array:
         """The guards (g, N) of loads that act in a part of the cycle only."""
-        return switch_guards(self.equations, q)
+        return self._guards(q)[0]
+
+    @cached_property
+    def _guards(self) -> Evaluation:
+        return switch_guards(self.equations)
 
     @cached_property
     def _functions(self) -> tuple[Evaluation, Evaluation]:

@@ -88,7 +88,11 @@ class Kinematics:
 
     def guards(self, q: Array) -> Array:
         """The guards (g, N) of what acts in a part of the cycle only; they change sign there."""
-        return switch_guards(self._equations, q)
+        return self._guards(q)[0]
+
+    @cached_property
+    def _guards(self) -> Evaluation:
+        return switch_guards(self._equations)
 
     def closure(self, q: Array) -> tuple[Array, Array]:
         """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N)."""
@@ -158,13 +162,12 @@ class Kinematics:
         return found
 
 
-def switch_guards(equations: Equations, q: Array) -> Array:
-    """The guards (g, N) of the switches known to some equations, at coordinates (n, N)."""
+def switch_guards(equations: Equations) -> Evaluation:
+    """The guards (g, N) of the switches known to some equations, by coordinates (n, N)."""
     edges = [edge for s in equations.frames.switches.values() for edge in s.edges]
-    if not edges:
-        return np.zeros((0, q.shape[1]))
-    function = compiled.function(edges, [*equations.frames.q.values()])
-    return Evaluation(function, equations.parameters.values, [len(edges)])(q)[0]
+    # the last one is none, for no function is empty
+    function = compiled.function([*edges, hy.expression(1.0)], [*equations.frames.q.values()])
+    return Evaluation(function, equations.parameters.values, [len(edges), 1])
 
 
 def _solve(A: Array, b: Array) -> Array:

@@ -170,7 +170,7 @@ class Mechanism:
 
     @cached_property
     def reach(self) -> float:
-        """Scale of the rounding errors of places [m]: the size, or how far off the origin it is."""
+        """Scale of the rounding errors of places [m]: the size, or how far off it stands."""
         ends = [(j.first, j.on_first) for j in self.joints]
         ends += [(j.second, j.on_second) for j in self.joints]
         return max(self.size, *(math.hypot(*at) for link, at in ends if link == GROUND), 0.0)

@@ -74,8 +74,8 @@ def _check_linkage(machine: Machine) -> None:
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
             f'{machine.name}: the mechanism cannot move: with its loops closed by '
-            f'{", ".join(plan.ideal.cut)} its joints hold {", ".join(plan.prescribed)} fast: remove '
-            'a joint, or make ratios agree that contradict each other'
+            f'{", ".join(plan.ideal.cut)} its joints hold {", ".join(plan.prescribed)} fast: '
+            'remove a joint, or make ratios agree that contradict each other'
         )
     if assembly.overdriven:
         raise InputError(
