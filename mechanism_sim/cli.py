@@ -118,6 +118,8 @@ def _parser() -> argparse.ArgumentParser:
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     _scene_options(sub)
     sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run')
+    sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
+    _scene_options(sub)
     sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
     _scene_options(sub)
     sub.add_argument('--angles', type=int, default=24, metavar='N', help='around the turn')
@@ -498,6 +500,19 @@ def _statistics(options: argparse.Namespace) -> int:
         _print_json(study.statistics_json(found))
     else:
         print(study.statistics(found))
+    return 0
+
+
+def _lift_off(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
+
+    found = lift_offs(load_scene(options.scene, _overrides(options)))
+    if options.json:
+        _print_json(study.lift_offs_json(found))
+    else:
+        print(study.lift_offs(found))
     return 0
 
 

@@ -9,7 +9,9 @@ are complex steps.
 import math
 
 import numpy as np
+from numpy.polynomial import Chebyshev
 
+from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
@@ -118,6 +120,10 @@ class Absolute:
             t = across(n)
             row = t @ (self.carried(x, j.second, place) - self.carried(x, j.first, place))
             return [row], [(t, cross(place - b, t))]
+        if isinstance(j, CamPair):
+            place, n = self.touching(x, j)
+            row = n @ (self.carried(x, j.second, place) - self.carried(x, j.first, place))
+            return [row], [(n, cross(place - b, n))]
         if isinstance(j, Transmission):
             p, c = float(j.ratio), self.spin(x, j.carrier)
             row = self.spin(x, j.second) - c - p * (self.spin(x, j.first) - c)
@@ -133,6 +139,35 @@ class Absolute:
             J[0, i] = J[1, i + 1] = 1.0
             J[:, i + 2] = across(place - x[i : i + 2])
         return J
+
+    def touching(self, x, j):
+        """Where the drawn profile of a cam touches the follower, and its normal there.
+
+        The curve drawn for the piece of the law around the present angle is differentiated as a
+        Chebyshev series; along a complex step it goes on linearly.
+        """
+        origin, turn, _ = self.link(x, j.first)
+        angle = j.sense * turn + j.phase
+        breaks = j.cam.law.breaks
+        at = breaks[0] + (angle.real - breaks[0]) % (2.0 * np.pi)
+        k = np.searchsorted(breaks[1:-1], at, 'right')
+        inset = 1e-9 * (breaks[k + 1] - breaks[k])
+        near = (
+            max(breaks[k] + inset, at - 0.05),
+            min(breaks[k + 1] - inset, at + 0.05),
+        )
+        curve = [
+            Chebyshev.interpolate(
+                lambda t, i=i: j.profile(j.cam.at(t).profile)[i], 16, domain=near
+            )
+            for i in (0, 1)
+        ]
+        c, c1, c2 = (np.array([p.deriv(d)(at) if d else p(at) for p in curve]) for d in range(3))
+        step = angle - angle.real
+        place, along = c + step * c1, c1 + step * c2
+        # the profile is drawn against the sense of the cam
+        n = -j.sense * across(along) / np.sqrt(along @ along)
+        return origin + turned(turn, place), turned(turn, n)
 
     def pitch_point(self, x, j):
         """Where gears roll on each other, the line of centres, and the tangent of their angle.

@@ -13,6 +13,7 @@ from rattling import CycloidalLaw, EccentricLaw, GrooveCam, SprungFollower
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.study.lift_off import lift_offs
 
 TURN = 2 * math.pi
 CYCLOIDAL = CycloidalLaw(8e-3, 1.2, 0.5, 1.4)
@@ -294,3 +295,126 @@ def test_a_loose_scotch_yoke_is_the_engines(restitution):
     here = [c.t for c in motion.changes if not c.touches]
     there = [m.t for m in solution.modes if m.t > 0.0 and m.mode == Mode.FREE_FLIGHT]
     assert there == pytest.approx(here, abs=1e-12)
+
+
+# the engine, held against these
+
+
+def scene_of(follower, **more):
+    """The scene of the sprung follower with other data."""
+    law, base = follower.law, 30e-3
+    said = {'eccentric': 5e-3}
+    if isinstance(law, CycloidalLaw):
+        base = 50e-3
+        down = law.rise + law.dwell
+        said = {
+            'segments': [
+                {'from': 0.0, 'to': law.rise, 'rise': law.lift},
+                {'from': down, 'to': down + law.back, 'rise': -law.lift},
+            ]
+        }
+    pressed = follower.preload / follower.stiffness
+    return ms.load_scene(
+        'eccentric_cam',
+        {
+            'joints.contact.law': said,
+            'joints.contact.base_radius': base,
+            'joints.contact.lift_off.restitution': follower.restitution,
+            'links.ground.points.seat': [0.0, 0.1375],
+            'links.follower.mass': follower.mass,
+            'springs.spring.free_length': 0.1375 - base + pressed,
+            'springs.spring.damping': f'{follower.damping!r} N s/m',
+            'drive.speed': follower.speed,
+            **more,
+        },
+    )
+
+
+@followers
+def test_the_engine_bounces_as_the_second_route(name):
+    follower, motion = FOLLOWERS[name], bouncing(name)
+    solution = ms.simulate(scene_of(follower), revolutions=4)
+    times, impulses = apart(motion, solution.impacts, {'cam': 'contact'}, 1e-3)
+    assert times < 1e-9
+    assert impulses < 1e-7
+    assert abs(solution.energy.residual) < 1e-12
+    assert solution.max_penetration < 1e-15
+    here = [c.t for c in motion.changes if not c.touches]
+    there = [m.t for m in solution.modes if m.t > 0.0 and m.mode == Mode.FREE_FLIGHT]
+    assert there == pytest.approx(here, abs=1e-10)
+
+
+def test_the_engine_bounces_alike_where_a_motor_drives():
+    follower = MOTOR
+    w, v0 = follower.no_load_speed, follower.speed
+    motor = {'stall_torque': follower.stall_torque, 'no_load_speed': w}
+    machine = scene_of(
+        follower,
+        **{'links.cam.inertia': follower.cam_inertia, 'links.cam.cog': 0.0, 'drive.motor': motor},
+    )
+    motion = run(follower, 4)
+    solution = ms.simulate(machine, duration=4 * TURN / v0)
+    times, impulses = apart(motion, solution.impacts, {'cam': 'contact'}, 1e-3)
+    assert times < 1e-9
+    assert impulses < 1e-6
+    assert abs(solution.energy.residual) < 1e-11
+
+
+def leaves(follower):
+    """Whether a run of the engine loses contact."""
+    modes = ms.simulate(scene_of(follower), revolutions=2).modes
+    return any(m.mode == Mode.FREE_FLIGHT for m in modes)
+
+
+@pytest.mark.parametrize('damping', [0.0, 20.0])
+def test_lift_off_speed_found_by_runs_is_that_of_the_closed_form(damping):
+    follower = SprungFollower(damping=damping)
+    exact = follower.lift_off_speed
+    low, high = 0.99 * exact, 1.01 * exact
+    while high - low > 2e-7 * exact:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if leaves(replace(follower, speed=middle)) else (middle, high)
+    assert 0.5 * (low + high) == pytest.approx(exact, rel=1e-6)
+
+
+@followers
+def test_lift_off_speed_from_ideal_forces_is_that_of_the_formula(name):
+    follower = FOLLOWERS[name]
+    (found,) = lift_offs(scene_of(follower))
+    exact, x = follower.least_lift_off_speed()
+    assert found.speed == pytest.approx(exact, rel=1e-12)
+    assert found.begin.angle % TURN == pytest.approx(x % TURN, abs=1e-6)
+    grid = np.linspace(0, TURN, 200_001)
+    assert found.least.force == pytest.approx(follower.contact_force(grid).min(), abs=1e-6)
+
+
+@pytest.mark.parametrize('clearance', [0.1e-3, 0.3e-3])
+def test_the_engine_rattles_in_a_groove_as_the_second_route(clearance):
+    """The exact distance of the walls here, to the second order in the play there."""
+    cam = replace(GROOVE, clearance=clearance)
+    motion = groove_motion(clearance)
+    machine = ms.load_scene('groove_cam', {'joints.contact.groove.clearance': clearance})
+    solution = ms.simulate(machine, duration=motion.steps[-1].end)
+    names = {'inner': 'contact_right', 'outer': 'contact_left'}
+    times, impulses = apart(motion, solution.impacts, names, 1e-4)
+    third = (clearance / 2) ** 3 / cam.radius**2
+    assert times < 1e-9 + third / 1e-2
+    assert impulses < 1e-5
+    assert abs(solution.energy.residual) < 1e-12
+
+
+@pytest.mark.parametrize('law', ['hertz', 'hunt_crossley'])
+def test_a_stiff_contact_comes_near_the_rigid_one(law):
+    """Seated at its static depth; where contact is lost first differs by the time of an impact."""
+    contact = {'law': law, 'stiffness': 1e12}
+    soft = ms.simulate(
+        ms.load_scene('eccentric_cam', {'joints.contact.lift_off.contact': contact}),
+        duration=0.006,
+    )
+    rigid = ms.simulate(ms.load_scene('eccentric_cam'), duration=0.006)
+    first = [
+        next(m.t for m in s.modes if m.t > 0.0 and m.mode == Mode.FREE_FLIGHT)
+        for s in (soft, rigid)
+    ]
+    assert first[0] == pytest.approx(first[1], rel=1e-2)
+    assert abs(soft.energy.residual) < 1e-9

@@ -5,6 +5,7 @@ import pytest
 from absolute import differences
 
 import mechanism_sim as ms
+from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.linkage import AffineForce, LinkageScene
@@ -41,7 +42,7 @@ def instants(machine, solution, count, margin):
     """Times away from switches, where accelerations jump."""
     t = np.linspace(margin, solution.duration - margin, count + 2)[1:-1] + 1e-3 * margin
     loads = getattr(machine.scene, 'loads', {}).values()
-    if any(j for j in machine.plan.joints if isinstance(j, Geneva | SlottedRack)) or any(
+    if any(j for j in machine.plan.joints if isinstance(j, CamPair | Geneva | SlottedRack)) or any(
         load.during for load in loads
     ):
         changes = np.abs(np.diff(solution.motion.curve.duration))

@@ -2,6 +2,7 @@
 
 import math
 
+import geared_four_bar
 import numpy as np
 import pytest
 from event_solution import apart, solve
@@ -61,6 +62,25 @@ def test_rattle_agrees_with_another_integrator(gears):
     seated = [c.t for c in other.changes if c.touches]
     follows = [m.t for m in solution.modes if m.mode == Mode.FOLLOWING and m.t > 0.0]
     assert len(follows) == len(seated)
+
+
+def test_a_geared_loose_four_bar_agrees_with_another_integrator():
+    """A revolution of the crank: teeth on both flanks and the pin, against SciPy."""
+    machine, span = ms.load_scene('gear_four_bar'), 0.17
+    start = machine.initial_state()
+    order = [machine.system.free.index(c) for c in ('crank', 'coupler', 'rocker')]
+    pin = [geared_four_bar.NAMES.index('coupler_rocker')]
+    q, v = np.array(start.q)[order], np.array(start.v)[order]
+    impacts, state = geared_four_bar.solve(q, v, pin, span)
+    here = [i for i in ms.simulate(machine, duration=span).impacts if i.approach_speed > 1e-3]
+    there = [i for i in impacts if i[2] > 1e-3]
+    assert [i.joint for i in here] == [i[1] for i in there]
+    assert {i.joint for i in here} == {'mesh_left', 'mesh_right'}
+    assert max(abs(a.t - b[0]) for a, b in zip(here, there, strict=True)) < 1e-9
+    assert max(abs(a.normal_impulse - b[3]) for a, b in zip(here, there, strict=True)) < 1e-9
+    o = ms.simulate(machine, duration=span).samples(np.array([span])).observed
+    assert np.abs(o.position[1:, 0] - state[:3]).max() < 1e-10
+    assert np.abs(o.velocity[1:, 0] - state[3:]).max() < 1e-8
 
 
 def test_modes_are_drive_crossing_and_coast():
@@ -201,11 +221,33 @@ def test_energy_of_elastic_teeth_stays_while_their_stiffness_changes(play):
     assert at.potential_energy.max() > 1e-4
 
 
+def test_energy_stays_in_elastic_teeth_on_a_moving_carrier():
+    """All free: the carrier takes its part of every couple."""
+    soft = {'stiffness': 1e7, 'variation': 'contact_ratio'}
+    error = {'amplitude': 3e-6, 'eccentricity': [5e-6, 8e-6]}
+    machine = ms.load_scene(
+        'planetary',
+        {
+            'joints.sun_planet': {'mesh': ['sun', 'planet'], 'elasticity': soft, 'error': error},
+            'joints.planet_ring': {'mesh': ['planet', 'ring'], 'elasticity': soft},
+            'drive': {'coordinate': 'sun', 'speed': 120.0, 'torque': {}},
+            'initial.velocity': {'carrier': 28.0},
+            'loads': {},
+            'gravity': [0.0, -9.81],
+        },
+    )
+    solution = ms.simulate(machine, duration=0.02)
+    assert solution.energy.dissipated == 0.0
+    assert abs(solution.energy.residual) < 1e-11 * solution.energy.initial
+    at = solution.samples(np.linspace(0.0, 0.02, 100)).observed
+    assert np.ptp(at.kinetic_energy + at.potential_energy) < 1e-10 * solution.energy.initial
+    assert np.ptp(at.kinetic_energy) > 1e-3 * solution.energy.initial
+
+
 def test_stiff_teeth_come_near_to_rigid_ones():
     """Static compression F/k of a constant load."""
     machine = elastic(elasticity={'stiffness': 1e9, 'damping': 2e4})
     o = ms.simulate(machine, duration=0.05).samples(np.array([0.05])).observed
-    force = 0.2 * 20.0 * math.pi / 2.0 / (40.0 * BASE) * 1.0
     force = abs(0.2 * o.velocity[1, 0]) / (40.0 * BASE)
     compressed = BASE * (20.0 * o.position[0, 0] + 40.0 * o.position[1, 0])
     assert compressed == pytest.approx(force / 1e9, rel=1e-6)

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from absolute import differences
 from matplotlib.path import Path as Polygon
 
 import mechanism_sim as ms
@@ -332,3 +333,82 @@ def test_a_belt_turns_the_camshaft_at_half_speed():
     assert o.acceleration[0] == pytest.approx(3.0 / 1.5e-3, rel=1e-12)
     joints = [j.name for j in machine.mechanism.joints]
     assert o.reaction_moment[joints.index('belt')] == pytest.approx(2e-3 * 1e3, rel=1e-9)
+
+
+WATT = {
+    'title': 'Sun and planet of Watt',
+    'mechanism': 'linkage',
+    'links': {
+        'ground': {'points': {'rocker': [0.35, 0.05]}},
+        'sun': {'mass': 2.0, 'inertia': 4e-3, 'cog': [0.003, 0.001]},
+        'crank': {'length': 0.08, 'mass': 0.7, 'inertia': 6e-4, 'cog': 0.03},
+        'rod': {'length': 0.33, 'mass': 0.9, 'inertia': 8e-3, 'cog': [0.16, 0.01]},
+        'rocker': {'length': 0.2, 'mass': 0.5, 'inertia': 2e-3, 'cog': 0.1},
+    },
+    'gears': {
+        'sun': {'at': 'sun', 'teeth': 40, 'module': M},
+        'planet': {'at': 'rod', 'teeth': 40, 'module': M},
+    },
+    'joints': {
+        'sun_shaft': {'revolute': ['ground', 'sun']},
+        'crank_shaft': {'revolute': ['ground', 'crank']},
+        'crank_rod': {'revolute': ['crank.end', 'rod']},
+        'rod_rocker': {'revolute': ['rod.end', 'rocker.end']},
+        'ground_rocker': {'revolute': ['ground.rocker', 'rocker']},
+        'mesh': {'mesh': ['planet', 'sun']},
+    },
+    'gravity': [0.0, -9.81],
+    'guess': {'rod': 0.6, 'rocker': 1.5},
+    'drive': {'speed': 5.0, 'start_angle': 0.3},
+}
+
+ARM = {
+    'title': 'A rack on a turning arm, moved by a planet that rolls on a fixed gear',
+    'mechanism': 'linkage',
+    'links': {
+        'ground': {},
+        'arm': {'length': 0.06, 'mass': 1.0, 'inertia': 2e-3, 'cog': 0.02},
+        'planet': {'mass': 0.4, 'inertia': 1e-4, 'cog': [0.002, 0.0]},
+        'rack': {'mass': 0.6, 'inertia': 3e-3, 'cog': [0.01, -0.02]},
+    },
+    'gears': {
+        'fixed': {'at': 'ground', 'teeth': 36, 'module': M},
+        'planet': {'at': 'planet', 'teeth': 24, 'module': M},
+        'rack': {'at': 'rack', 'module': M, 'rack': True},
+    },
+    'joints': {
+        'shaft': {'revolute': ['ground', 'arm']},
+        'pin': {'revolute': ['arm.end', 'planet']},
+        'slide': {'prismatic': ['arm.outside', 'rack'], 'axis': 1.9, 'angle': 0.4},
+        'rolling': {'mesh': ['planet', 'fixed']},
+        'pushing': {'mesh': ['planet', 'rack']},
+    },
+    'gravity': [0.0, -9.81],
+    'drive': {'coordinate': 'arm', 'speed': 4.0},
+}
+# the pitch line passes the planet at its pitch radius, to the right of the guide's direction
+ARM['links']['arm']['points'] = {'outside': [0.06 + 0.024 * math.sin(1.9), -0.024 * math.cos(1.9)]}
+
+
+@pytest.mark.parametrize('content', [WATT, ARM], ids=['watt', 'arm'])
+@pytest.mark.parametrize('free', [False, True], ids=['driven', 'free'])
+def test_gears_on_moving_carriers_agree_with_newton_and_euler(content, free):
+    if free:
+        content = content | {'drive': content['drive'] | {'torque': {'constant': 0.4}}}
+    machine = build('geared', check_scene('geared', content))
+    solution = ms.simulate(machine, duration=0.9)
+    assert solution.max_closure_error < 1e-13
+    assert abs(solution.energy.residual) < 1e-11
+    off, _ = differences(machine, solution, np.linspace(0.05, 0.85, 9))
+    assert off.max() < 1e-10
+
+
+def test_wheels_of_watt_turn_twice_a_stroke():
+    """The planet does not turn in the mean, so that the sun turns twice as fast as the crank."""
+    machine = build('watt', check_scene('watt', WATT))
+    solution = ms.simulate(machine, revolutions=3)
+    q = solution.samples(np.array([0.0, solution.duration])).observed.position
+    turned = dict(zip(machine.mechanism.coordinates, q[:, 1] - q[:, 0], strict=True))
+    assert turned['crank'] == pytest.approx(6.0 * math.pi, rel=1e-12)
+    assert turned['sun'] == pytest.approx(12.0 * math.pi, rel=1e-12)
+    assert turned['rod'] == pytest.approx(0.0, abs=1e-12)

@@ -24,6 +24,7 @@ from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.reactions import generalized_forces
+from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.files import scene_names
 
 sympy = pytest.importorskip('sympy')
@@ -237,13 +238,24 @@ def engine(machine, terms, state, parameters=()):
     eq = equations_of(machine)
     symbols = [*eq.frames.q.values(), *eq.frames.v.values(), *eq.frames.a.values()]
     expressions = [*(dense(t) for t in terms), hy.expression(0.0)]
-    if eq.frames.switches:
-        expressions = list(hy.subs(expressions, eq.frames.evaluated()))
+    rows = present_rows(eq, state[0])
+    expressions = list(hy.subs(expressions, {x: hy.expression(n) for x, n in rows.items()}))
     function = hy.cfunc(expressions, vars=symbols)
     values = np.array(eq.parameters.values)
     for name, value in parameters:
         values[eq.parameters.names[name]] = value
     return function(np.concatenate(state), pars=values[: function.nparams])[:-1]
+
+
+def present_rows(eq, q):
+    """The numbers of all switches at coordinates q."""
+    found = {}
+    for switch in eq.frames.switches.values():
+        place = hy.cfunc([switch.place], vars=[*eq.frames.q.values()])
+        (at,) = place(q, pars=np.array(eq.parameters.values)[: place.nparams])
+        numbers = switch.values_at(np.array([at]))[:, 0]
+        found |= zip(switch.symbols, numbers.tolist(), strict=True)
+    return found
 
 
 def second_derivative(jet, frames):
@@ -272,6 +284,12 @@ def reader_of(variant, state):
     for i, c in enumerate(page['coordinates']):
         for key, values in zip(('text', 'rate', 'acceleration'), state, strict=True):
             given[c[key]] = values[i]
+    eq = equations_of(machine_of(variant))
+    rows = present_rows(eq, state[0])
+    for name, table in eq.frames.switches.items():
+        if isinstance(table, Table):
+            for k, symbol in enumerate(table.symbols):
+                given[f'c{k}_{name}'] = rows[symbol]
     return Reader(page, **given)
 
 

@@ -91,6 +91,7 @@ def polygons(file):
 
 
 def test_a_cam_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
+    pytest.importorskip('ezdxf')
     file = tmp_path / 'cam.dxf'
     found, whole = figures('valve_train', 'contact', '-o', str(file))
     assert whole['file'] == str(file)
@@ -165,6 +166,7 @@ def test_a_groove_for_a_swinging_roller(clearance, tmp_path):
 
 
 def test_gears_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
+    pytest.importorskip('ezdxf')
     file = tmp_path / 'gears.dxf'
     found, _ = figures('gear_pair', 'mesh', '-o', str(file), '--friction', '0.1')
     assert found['tooth_frequency'] == pytest.approx(200.0)  # 20 teeth at 600 rpm

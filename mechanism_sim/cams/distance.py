@@ -73,9 +73,10 @@ class Distance:
         laws = self._laws(frames, angle)
         at = self._touching(frames, laws[0])
         off = place - at
-        if self.swings:  # of any number of turns
-            c, s = hy.cos(off.value), hy.sin(off.value)
-            off = off.chain(s, c, -s)
+        if self.swings:  # of any number of turns, and nowhere zero but where the follower touches
+            t = 2.0 * hy.tan(0.5 * off.value)
+            slope = 1.0 + 0.25 * t * t
+            off = off.chain(t, slope, 0.5 * t * slope)
         follower = self.cam.follower
         if isinstance(follower, FlatFaced):
             cosine = frames.parameters(f'{self.name}.tilt.x', math.cos(follower.tilt))
@@ -91,27 +92,11 @@ class Distance:
         speed = _root(square)
         way = path[1]
         # n . dP/ds with the normal n = -(tangent turned by 90 degrees)
-        slope = _cross(way, along) * _reciprocal(speed)
+        across = _cross(way, along) * _reciprocal(speed)
         if not self.exact:
-            return off * slope
+            return off * across
         bend = self._bend(path, along, laws, square, speed)
-        return off * (slope + off * bend * 0.5)
-
-    def normal(self, frames: Frames, angle: Jet) -> tuple[Term, Term]:
-        """Out of the cam, where the follower touches, in the frame."""
-        laws, follower = self._laws(frames, angle), self.cam.follower
-        if isinstance(follower, FlatFaced):
-            p = frames.parameters
-            return (
-                p(f'{self.name}.tilt.x', math.cos(follower.tilt)),
-                p(f'{self.name}.tilt.y', math.sin(follower.tilt)),
-            )
-        at = self._touching(frames, laws[0])
-        if isinstance(follower, OscillatingFlat):
-            return hy.sin(at.value), -(float(follower.side) * hy.cos(at.value))
-        x, y = self._along(self._path(frames, at), laws)
-        speed = hy.sqrt(dense((x * x + y * y).value))
-        return dense(y.value) / speed, -(dense(x.value) / speed)
+        return off * (across + off * bend * 0.5)
 
     def _laws(self, frames: Frames, angle: Jet) -> list[Jet]:
         count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2

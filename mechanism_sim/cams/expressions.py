@@ -7,6 +7,7 @@ of the piece and of its wave. The equations of motion know the row of the presen
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import heyoka as hy
@@ -41,6 +42,7 @@ class Rows(NamedTuple):
     terms: int
 
 
+@lru_cache(maxsize=16)
 def rows_of(function: Piecewise) -> Rows:
     """The rows of a function of pieces; pieces longer than a right angle make several."""
     terms = max(len(p.polynomial) for p in function.pieces)

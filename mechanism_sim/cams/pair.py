@@ -43,8 +43,8 @@ class CamPair(HigherPair):
     """A cam on `first` and a follower on `second`; it may lift off.
 
     `on_first` is the camshaft's axis, `on_second` the centre of the roller, the tip of the knife
-    or a point of the face. The frame of `followers` has its origin on the axis and its x axis along
-    `direction`; the cam angle is ``sense * angle of first + phase``.
+    or a point of the face. The frame of `followers` has its origin on the axis and its x axis
+    along `direction`; the cam angle is ``sense * angle of first + phase``.
     """
 
     cam: Cam
@@ -60,19 +60,19 @@ class CamPair(HigherPair):
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'follower on its cam'
 
+    @property
+    def extent(self) -> float:
+        """The base radius [m]."""
+        return self.cam.base_radius
+
     @cached_property
     def distance(self) -> Distance:
         """Of the follower from the cam."""
         return Distance(self.name, self.cam, self.beside, self.exact)
 
     @property
-    def extent(self) -> float:
-        """From the camshaft to the follower on the base circle [m]."""
-        return self.cam.base_radius + float(getattr(self.cam.follower, 'roller', 0.0))
-
-    @property
     def mirror(self) -> int:
-        """-1 where the frame of `followers`, in which the cam turns clockwise, is seen mirrored."""
+        """-1 where the frame of `followers`, in which cams turn clockwise, is seen mirrored."""
         return -self.sense
 
     @property
@@ -91,7 +91,9 @@ class CamPair(HigherPair):
         angle = self.direction + self.sense * self.phase
         c, s = math.cos(angle), math.sin(angle)
         y = self.mirror * y
-        return np.array([c * x - s * y, s * x + c * y]) + np.array(self.on_first)[:, None]
+        placed: Array = np.array([c * x - s * y, s * x + c * y])
+        placed += np.array(self.on_first)[:, None]
+        return placed
 
     def closure(self, mechanism: Mechanism) -> CamClosure:
         """The follower touches, without play."""
@@ -148,11 +150,6 @@ class CamClosure:
         distance = self.joint.distance
         return [distance.value(frames, self._angle(frames), self._place(frames))]
 
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Into the cam."""
-        x, y = self._world(*self.joint.distance.normal(frames, self._angle(frames)), frames)
-        return constant(neg(x)), constant(neg(y))
-
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
         """The cam pushes the follower out, by torques about the camshaft and the pivot.
 
@@ -197,7 +194,7 @@ class CamClosure:
         return frames.angle(frame) * float(joint.sense) + constant(start)
 
     def _place(self, frames: Frames) -> Jet:
-        """Of the follower: along its line from the camshaft [m], or to the line of centres [rad]."""
+        """Of the follower: from the camshaft [m], or from the line of centres [rad]."""
         joint = self.joint
         if not joint.distance.swings:
             return self._arm_jets(frames)[0]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cycles.points import Paths, Place, Poses
-from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.known import Known
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.scene import Machine
@@ -132,10 +130,7 @@ class _OnGround:
         ]
         self._outside = tuple(frames.outside)
         known = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
-        expressions = list(hy.subs([dense(x) for x in terms], frames.evaluated()))
-        self._function = Evaluation(
-            compiled.function(expressions, known), parameters.values, [len(terms)]
-        )
+        self._function = Known(frames, [terms], known)
 
     def __call__(self, t: Array, o: Observation) -> Array:
         """Force x, y [N] and moment [N m], (3, N)."""

@@ -162,10 +162,8 @@ class MeshSpring:
         couples = self.closure.couples(frames, row)
         on_first, on_second = add(couples[0], bulge), couples[1]
         back = neg(second.x), neg(second.y)
-        reach = frames.parameters(f'{self.name}.reach', joint.reach)
-        n, _ = self.closure.across(frames)
-        x, y = mul(reach, n[0]), mul(reach, n[1])
-        turn = add(mul(x, back[1]), neg(mul(y, back[0])))
+        lever = frames.parameters(f'{self.name}.first.lever', joint.per_phase * joint.waves[0])
+        turn = mul(row, lever)
         found = [
             Load(f'{self.name}.first', joint.first, joint.on_first, back, add(turn, on_first)),
             Load(f'{self.name}.second', joint.second, joint.on_second, (second.x, second.y),

@@ -90,6 +90,11 @@ class GearMesh(HigherPair):
     play: float = 0.0  #: [m] along the line of action, to either side
     elasticity: Elasticity | None = None
 
+    @property
+    def extent(self) -> float:
+        """The first working pitch radius [m]."""
+        return abs(self.reach)
+
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""
         return MeshClosure(self, mechanism)
@@ -109,12 +114,6 @@ class GearMesh(HigherPair):
     def ends(self) -> tuple[str, str]:
         """The two links."""
         return self.first, self.second
-
-    @property
-    def extent(self) -> float:
-        """The larger of the base radii [m]; of a rack it does not count."""
-        gears = zip(self.waves, self.ends, strict=True)
-        return self.per_phase * max(abs(w) for w, link in gears if not self._rack(link))
 
     @property
     def per_phase(self) -> float:
@@ -191,7 +190,7 @@ class MeshClosure:
     def _place(self, frames: Frames, link: str) -> Jet:
         m, guide = self.mechanism, self.joint.guide
         if guide is not None and guide.second == link:
-            if m.tree_joints.get(link) is guide:
+            if m.tree_joints.get(link) == guide:
                 return frames.displacement(link)
             x, y = frames.position(m.separation(guide.name), guide.name)
             ux, uy = frames.position(m.direction(guide.first, guide.axis), f'{guide.name}.way')

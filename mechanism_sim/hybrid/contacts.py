@@ -106,6 +106,8 @@ class Contacts:
         self.status = Status(modes, self.approach)
         self.flying = int(Mode.FREE_FLIGHT) in modes
         s = self._system
+        smooth = not (s.frictional or s.compliant)
+        self._flies_free = smooth and all(m == Mode.FREE_FLIGHT for m in modes)
         for index, values in zip(
             (s.flag_index, s.stick_index, s.slip_index), s.flags(modes), strict=True
         ):
@@ -137,6 +139,13 @@ class Contacts:
         seen = self._at_present(self._system.watch)
         places: list[float] = seen[len(seen) - len(self.switches) :].tolist()
         return places
+
+    @property
+    def _jumps(self) -> bool:
+        """Whether a closed gap moves, more than by a step's error."""
+        count, seen = len(self._floor), self._at_present(self._system.watch).tolist()
+        rates = zip(self.modes, seen[count:], strict=False)
+        return any(abs(x) > self._still for mode, x in rates if mode > Mode.FREE_FLIGHT)
 
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
@@ -175,10 +184,11 @@ class Contacts:
 
     def handle(self, guard: int) -> None:
         """A guard fell through zero."""
-        if self._system.lone and self.flying:
-            self._bounce()
+        found = self._system.guards[guard]
+        if not (self._flies_free and found.switch is None and self._bounce(found.gap)):
+            self._respond(found)
+        elif len(self._floor) == len(self.modes):
             return
-        self._respond(self._system.guards[guard])
         if len(self._floor) > 1:
             for _ in self._floor:
                 other = self.fallen()
@@ -194,8 +204,11 @@ class Contacts:
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations:  # another closure may hold from now on
                 self._project()
-            if any(self.closed(i) for i in range(len(before))):  # or a gap close faster
-                self.settle()
+            if any(self.closed(i) for i in range(len(before))):
+                if self._system.frictional or self._jumps:  # a gap may close faster from now on
+                    self.settle()
+                else:
+                    self._project()
         elif self._system.compliant:
             self._touch(gap)
         elif not guard.friction:
@@ -223,8 +236,10 @@ class Contacts:
         if self._system.lone:  # one gap without friction, the common case
             fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
             return 0 if fell and seen_now is None else None
-        margin = 0.0 if seen_now is None else self._touching
         count = len(self._floor)
+        if min(seen[:count]) > 0.0:
+            return None
+        margin = 0.0 if seen_now is None else self._touching
         for i, (x, floor) in enumerate(zip(seen, self._floor, strict=False)):
             if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
@@ -318,24 +333,34 @@ class Contacts:
         tangents = [len(self.modes) + i for i in gaps] if self._system.frictional else []
         return [*gaps, *tangents]
 
-    def _bounce(self) -> None:
-        """Impact of a lone gap without friction: `_collide` without its bookkeeping."""
-        f, e = self._f, self._laws[0].restitution
+    def _bounce(self, i: int) -> bool:
+        """Impact of a gap without friction while all fly: `_collide` without its bookkeeping.
+
+        False, and nothing is done, if another gap might touch at the same instant.
+        """
+        f, m, e = self._f, len(self.modes), self._laws[i].restitution
         terms = self._at_present(self._system.contact_function).tolist()
-        value, rate, _, acceleration, *others = terms  # as `System.contact_terms` tells them apart
-        compliance, rate = others[f], min(rate, 0.0)
+        if m > 1 and any(x <= self._tie and k != i for k, x in enumerate(terms[:m])):
+            return False
+        # as `System.contact_terms` tells them apart
+        value, rate, acceleration = terms[i], min(terms[m + i], 0.0), terms[3 * m + i]
+        response = 4 * m + i * f
+        compliance = 4 * m + m * f + i * (m + 1)
+        drive, driven = 4 * m + m * (f + m), len(self.base.laws)
         stop = self._rule.ends(-e * rate, acceleration, e, -value)
         after = 0.0 if stop else -e * rate
-        p = (after - rate) / compliance
+        p = (after - rate) / terms[compliance]
         if p > 0.0:
             for k in range(f):
-                self._state[f + k] += others[k] * p
-            drives = [x * p for x in others[f + 1 : -1]]
+                self._state[f + k] += terms[response + k] * p
+            drives = [x * p for x in terms[drive + i * driven : drive + (i + 1) * driven]]
             left = remaining_time(-e * rate, acceleration, e) if stop else 0.0
-            self._enter_impact(0, others[-1], (p, 0.0), rate, after, 0.0, drives, stop, left)
+            angle = terms[drive + m * driven + i]
+            self._enter_impact(i, angle, (p, 0.0), rate, after, 0.0, drives, stop, left)
         self._expect_return(after, acceleration)
         if after <= -1e-9 * rate:
-            self._rest([0], [0])
+            self._rest([i], [i])
+        return True
 
     def _expect_return(self, rebound: float, acceleration: float) -> None:
         """Let the next step be no longer than 100 flights that fall back steadily.

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dynamics import Dynamics
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
+from mechanism_sim.planar.known import Known
 from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
@@ -440,7 +440,7 @@ class System:
             'energy': [kinetic, potential],
         }
 
-    def _compiled(self, names: Sequence[str]) -> Evaluation:
+    def _compiled(self, names: Sequence[str]) -> Known:
         """These terms as a function of what `_inputs` makes."""
         eq, d = self.equations, self.dynamics
         replace: dict[str | hy.expression, hy.expression] = {}
@@ -454,24 +454,20 @@ class System:
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
         groups = [self._terms[name] for name in names]
-        expressions = [dense(term) for group in groups for term in group]
-        replace |= eq.frames.evaluated()
         if replace:
-            expressions = list(hy.subs(expressions, replace))
+            groups = [list(hy.subs([dense(x) for x in group], replace)) for group in groups]
         frames = eq.frames
         symbols = [*frames.q.values(), *frames.v.values()]
         prescribed = [frames.a[c] for c in self.prescribed]
-        function = compiled.function(
-            expressions, [*symbols, *prescribed, *variables, *frames.outside.values()]
-        )
-        return Evaluation(function, eq.parameters.values, [len(group) for group in groups])
+        variables = [*symbols, *prescribed, *variables, *frames.outside.values()]
+        return Known(frames, groups, variables)
 
     @cached_property
-    def _observe(self) -> Evaluation:
+    def _observe(self) -> Known:
         return self._compiled(list(self._terms))
 
     @cached_property
-    def _account(self) -> Evaluation:
+    def _account(self) -> Known:
         return self._compiled(['gap', 'closure', 'normal_force', 'friction_power', 'drive_torque'])
 
     def observe(
@@ -568,12 +564,10 @@ class System:
         return np.array(rows).reshape(values.shape)
 
     @cached_property
-    def _gap_values(self) -> Evaluation:
-        values, frames = [dense(jet.value) for jet in self.dynamics.normal], self.equations.frames
-        if known := frames.evaluated():
-            values = list(hy.subs(values, known))
-        function = compiled.function(values, list(frames.q.values()))
-        return Evaluation(function, self.equations.parameters.values, [len(values)])
+    def _gap_values(self) -> Known:
+        frames = self.equations.frames
+        values = [jet.value for jet in self.dynamics.normal]
+        return Known(frames, [values], list(frames.q.values()))
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""

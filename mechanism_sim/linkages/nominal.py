@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Impact, ModeChange
@@ -32,6 +33,7 @@ from mechanism_sim.numerics.polynomials import (
 )
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Observation
+from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
@@ -43,9 +45,6 @@ _LONGEST = 0.1
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
 
-Guards = Callable[[Array], Array]
-
-
 class NominalRun:
     """Advances an ideal linkage piece by piece; the same surface as the event loop's.
 
@@ -55,8 +54,7 @@ class NominalRun:
     laws : of the driven coordinates
     first : configuration (n,) at the start, or near it
     size : [m] of the mechanism
-    guards : functions (g, N) of the coordinates (n, N), at whose changes of sign pieces end:
-        something begins or ceases to act there
+    edges : at which pieces end: something begins or ceases to act there
 
     Attributes
     ----------
@@ -70,14 +68,14 @@ class NominalRun:
         laws: Sequence[DriveLaw],
         first: Array,
         size: float,
-        guards: Guards | None = None,
+        edges: Edges | None = None,
         start: float = 0.0,
     ) -> None:
         self.steps = 0
         self.events = 0
         self.time = start
         self._ideal = ideal
-        self._guards = guards
+        self._edges = edges
         self._laws = list(laws)
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
@@ -170,38 +168,42 @@ class NominalRun:
         self._last -= TWO_PI * whole
 
     def _before_switch(self, h: float) -> float:
-        """The next h [s], or as much of it as ends where a guard changes its sign."""
-        if self._guards is None:
+        """The next h [s], or as much of it as ends where another row of a switch begins."""
+        edges = self._edges
+        if edges is None:
             return h
-        places = np.array([*_NODES, 1.0])
-        positive = self._guarded(h * places)
-        changed = np.flatnonzero((positive[:, 1:] != positive[:, :-1]).any(axis=0))
-        if not changed.size:
+        follow = {*edges.coordinates} - {*self._ideal.driven}
+        place = self._values if follow else self._driven
+        times = h * np.array([*_NODES, 1.0])
+        q = place(times)
+        present = edges.present(q[:, 0])
+        seen = edges.left(q, present)
+        over = np.flatnonzero((seen < 0.0).any(axis=0))
+        if not over.size or over[0] == 0:
             return h
-        low, high = h * places[changed[0]], h * places[changed[0] + 1]
-        before = positive[:, changed[0]]
-        while high - low > 1e-15 * max(self.time + h, 1.0):
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-            same = (self._guarded(np.array([middle]))[:, 0] == before).all()
-            low, high = (middle, high) if same else (low, middle)
-        return float(high)
+        ends, rounding = [], 1e-15 * max(self.time + h, 1.0)
+        for i in np.flatnonzero(seen[:, over[0]] < 0.0):
 
-    def _guarded(self, times: Array) -> NDArray[np.bool_]:
-        """Which guards are positive (g, N) at times [s] from now."""
-        q = self._values(times)
-        return (self._guards(q) if self._guards else np.zeros((0, len(times)))) > 0.0
+            def guard(t: float, i: int = int(i)) -> float:
+                return float(edges.left(place(np.array([t])), present)[i, 0])
+
+            a, b = times[over[0] - 1], times[over[0]]
+            ends.append(float(brentq(guard, a, b, xtol=rounding) if guard(b) < 0.0 else b))
+        return min(ends) if min(ends) > rounding else h
 
     def _values(self, times: Array) -> Array:
         """The coordinates at times [s] from now: (n, N)."""
-        driven = []
+        return self._ideal.follow(self._last, self._driven(times)[self._ideal.driven])
+
+    def _driven(self, times: Array) -> Array:
+        """The same, zero for those that follow."""
+        q = np.zeros((len(self._last), len(times)))
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
             self._turns[i], local = law.about(Fraction(self.time))
             self._last[i] = local[0]
             rows = np.repeat(np.array([local]), len(times), axis=0)
-            driven.append(shift_powers(rows, times)[:, 0])
-        return self._ideal.follow(self._last, np.array(driven))
+            q[i] = shift_powers(rows, times)[:, 0]
+        return q
 
     @property
     def _turning(self) -> NDArray[np.bool_]:

@@ -15,6 +15,9 @@ from functools import lru_cache
 
 import heyoka as hy
 
+# a root that its search gives up on is looked for again by the event loop
+hy.set_logger_level_error()
+
 _LARGEST = 200_000
 """Nodes of expressions that are compared in a few milliseconds."""
 

@@ -114,13 +114,6 @@ class Frames:
         local = Jet(known.local, along.gradient, along.rate, along.curvature)
         return known.numbers, local
 
-    def evaluated(self) -> dict[hy.expression, hy.expression]:
-        """What to put in for the symbols of switches where a motion is known."""
-        found: dict[hy.expression, hy.expression] = {}
-        for switch in self.switches.values():
-            found |= switch.evaluated()
-        return found
-
     def world(self, frame: str, x: Term, y: Term) -> tuple[Term, Term]:
         """Components in the ground's frame of a vector given in a link's frame."""
         if frame == GROUND:

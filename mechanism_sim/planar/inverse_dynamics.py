@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.evaluation import COLUMNS, Evaluation
-from mechanism_sim.numerics.symbolic import Term, add, dense, neg
+from mechanism_sim.numerics.evaluation import COLUMNS
+from mechanism_sim.numerics.symbolic import add, neg
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.kinematics import switch_guards
+from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
@@ -85,16 +84,14 @@ class InverseDynamics:
         """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
         return tuple(self.equations.frames.outside)
 
-    def guards(self, q: Array) -> Array:
-        """The guards (g, N) of loads that act in a part of the cycle only."""
-        return self._guards(q)[0]
+    @cached_property
+    def edges(self) -> Edges | None:
+        """Where a closure changes, or a load begins or ceases to act; None if nothing does."""
+        frames = self.equations.frames
+        return Edges(frames) if frames.switches else None
 
     @cached_property
-    def _guards(self) -> Evaluation:
-        return switch_guards(self.equations)
-
-    @cached_property
-    def _functions(self) -> tuple[Evaluation, Evaluation]:
+    def _functions(self) -> tuple[Known, Known]:
         """What must be supplied with the closure rows; and the joint forces from the closures'."""
         eq = self.equations
         frames, a = eq.frames, dict(eq.frames.a)
@@ -117,20 +114,10 @@ class InverseDynamics:
         potential = add(potential, *(e.energy(frames) for e in self.elements))
         lost = add(*(e.power_lost(frames) for e in self.elements))
         motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
-        first = self._compiled([supplied, rows], motion)
-        second = self._compiled([forces, moments, [kinetic, potential, lost]], [*motion, *closing])
+        first = Known(frames, [supplied, rows], motion)
+        books = [kinetic, potential, lost]
+        second = Known(frames, [forces, moments, books], [*motion, *closing])
         return first, second
-
-    def _compiled(
-        self, groups: Sequence[Sequence[Term]], variables: Sequence[hy.expression]
-    ) -> Evaluation:
-        eq = self.equations
-        expressions = [dense(x) for group in groups for x in group]
-        known = eq.frames.evaluated()
-        if known:
-            expressions = list(hy.subs(expressions, known))
-        function = compiled.function(expressions, variables)
-        return Evaluation(function, eq.parameters.values, [len(group) for group in groups])
 
     def __call__(self, q: Array, v: Array, a: Array, outside: Array | None = None) -> Observation:
         """Forces and energies at N instants.

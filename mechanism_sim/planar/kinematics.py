@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
 
@@ -64,35 +62,23 @@ class Kinematics:
         return [name for name, count in counts for _ in range(count)]
 
     @cached_property
-    def _position(self) -> Evaluation:
+    def _position(self) -> Known:
         eq = self._equations
         values = [dense(jet.value) for jet in eq.relation_jets]
         rows = [dense(x) for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        return self._evaluation([values, rows], [*eq.frames.q.values()])
+        return Known(eq.frames, [values, rows], [*eq.frames.q.values()])
 
     @cached_property
-    def _curvature(self) -> Evaluation:
+    def _curvature(self) -> Known:
         eq = self._equations
         curvatures = [dense(jet.curvature) for jet in eq.relation_jets]
-        return self._evaluation([curvatures], [*eq.frames.q.values(), *eq.frames.v.values()])
-
-    def _evaluation(
-        self, groups: Sequence[Sequence[hy.expression]], variables: Sequence[hy.expression]
-    ) -> Evaluation:
-        expressions = [x for group in groups for x in group]
-        known = self._equations.frames.evaluated()
-        if known:
-            expressions = list(hy.subs(expressions, known))
-        function = compiled.function(expressions, variables)
-        return Evaluation(function, self._equations.parameters.values, [len(g) for g in groups])
-
-    def guards(self, q: Array) -> Array:
-        """The guards (g, N) of what acts in a part of the cycle only; they change sign there."""
-        return self._guards(q)[0]
+        return Known(eq.frames, [curvatures], [*eq.frames.q.values(), *eq.frames.v.values()])
 
     @cached_property
-    def _guards(self) -> Evaluation:
-        return switch_guards(self._equations)
+    def edges(self) -> Edges | None:
+        """Where something begins to act that does so in a part of the cycle; None if nothing."""
+        frames = self._equations.frames
+        return Edges(frames) if frames.switches else None
 
     def closure(self, q: Array) -> tuple[Array, Array]:
         """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N)."""
@@ -160,14 +146,6 @@ class Kinematics:
             right = np.where(singular[:, None], np.nan, right)
         found[self.sought] = _solve(A, right).T
         return found
-
-
-def switch_guards(equations: Equations) -> Evaluation:
-    """The guards (g, N) of the switches known to some equations, by coordinates (n, N)."""
-    edges = [edge for s in equations.frames.switches.values() for edge in s.edges]
-    # the last one is none, for no function is empty
-    function = compiled.function([*edges, hy.expression(1.0)], [*equations.frames.q.values()])
-    return Evaluation(function, equations.parameters.values, [len(edges), 1])
 
 
 def _solve(A: Array, b: Array) -> Array:

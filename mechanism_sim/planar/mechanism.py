@@ -90,7 +90,7 @@ class HigherPair(ABC):
 
     @property
     def extent(self) -> float:
-        """How large it is, beyond the points of its links [m]."""
+        """How far from a joint of its links it touches at most [m]."""
         return 0.0
 
     @abstractmethod
@@ -151,9 +151,10 @@ class Mechanism:
 
     @cached_property
     def size(self) -> float:
-        """Longest distance between two points of one link, or extent of a higher pair [m].
+        """Longest distance between two points of one link [m].
 
-        The points are its joints, its origin and its centre of gravity; 1 m if all coincide.
+        The points are its joints, its origin and its centre of gravity; a higher pair may reach
+        farther. 1 m if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
@@ -165,8 +166,8 @@ class Mechanism:
             for a in points
             for b in points
         )
-        extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        return max(longest, *extents, 0.0) or 1.0
+        reaches = (j.extent for j in self.joints if isinstance(j, HigherPair))
+        return max((longest, *reaches)) or 1.0
 
     @cached_property
     def reach(self) -> float:

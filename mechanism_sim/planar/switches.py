@@ -39,11 +39,6 @@ class Switch(NamedTuple):
         """What the present row follows from."""
         return self.inside
 
-    @property
-    def edges(self) -> list[hy.expression]:
-        """What changes its sign where the row does."""
-        return [self.inside]
-
     def row_at(self, place: float) -> int:
         """1 inside, else 0."""
         return int(place > 0.0)
@@ -56,9 +51,9 @@ class Switch(NamedTuple):
         """Of the symbols."""
         return [float(row)]
 
-    def evaluated(self) -> dict[hy.expression, hy.expression]:
-        """The symbols where a motion is known, for compiled functions."""
-        return {self.flag: hy.select(hy.gt(self.inside, hy.expression(0.0)), 1.0, 0.0)}
+    def values_at(self, places: Array) -> Array:
+        """Of the symbol at places (N,): (1, N)."""
+        return (places > 0.0).astype(float)[None]
 
 
 class Table:
@@ -108,19 +103,16 @@ class Table:
         """Symbols of the numbers of the present row."""
         return self.symbols[: self._rows.shape[1]]
 
-    @property
-    def edges(self) -> list[hy.expression]:
-        """What changes its sign where the row does."""
+    def rows_at(self, places: Array) -> NDArray[np.intp]:
+        """The rows (N,) at places (N,) [rad, m]."""
         if self._periodic:
-            return [hy.sin(self.place - float(b)) for b in self._breaks[:-1]]
-        return [self.place - float(b) for b in self._breaks[1:-1]]
+            first = self._breaks[0]
+            places = first + (places - first) % (2.0 * math.pi)
+        return np.searchsorted(self._breaks[1:-1], places, 'right')
 
     def row_at(self, place: float) -> int:
         """The row at a place [rad, m]."""
-        if self._periodic:
-            first = self._breaks[0]
-            place = first + (place - first) % (2.0 * math.pi)
-        return int(np.searchsorted(self._breaks[1:-1], place, 'right'))
+        return int(self.rows_at(np.array(place)))
 
     def row_after(self, row: int, place: float) -> int:
         """The row that begins where another one ends, at a place near its end."""
@@ -134,27 +126,7 @@ class Table:
         found: list[float] = self._values[row].tolist()
         return found
 
-    def evaluated(self) -> dict[hy.expression, hy.expression]:
-        """The symbols where a motion is known, for compiled functions."""
-        place = self.place
-        if self._periodic:
-            middle = float(self._breaks[0]) + math.pi
-            off = place - middle
-            place = middle + hy.atan2(hy.sin(off), hy.cos(off))
-        inner = self._breaks[1:-1]
-        return {
-            symbol: _chosen(place, inner, column)
-            for symbol, column in zip(self.symbols, self._values.T, strict=True)
-        }
-
-
-def _chosen(place: hy.expression, breaks: Array, column: Array) -> hy.expression:
-    """The number between the breaks around a place, by halves."""
-    if (column == column[0]).all():
-        return hy.expression(float(column[0]))
-    k = len(column) // 2
-    below, above = (
-        _chosen(place, breaks[: k - 1], column[:k]),
-        _chosen(place, breaks[k:], column[k:]),
-    )
-    return hy.select(hy.lt(place, hy.expression(float(breaks[k - 1]))), below, above)
+    def values_at(self, places: Array) -> Array:
+        """Of the n symbols at places (N,): (n, N)."""
+        found: Array = self._values[self.rows_at(places)].T
+        return found

@@ -113,6 +113,7 @@ class _Brush:
             'support': self._support,
             'spring': self._spring,
             'wheel': self._wheel,
+            'cam': self._wheel,
             'link': self._link,
             'slot': self._slot,
             'slider': self._slider,

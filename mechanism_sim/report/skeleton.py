@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.cycles.points import Place, Poses
 from mechanism_sim.gears.involute import rack_teeth
 from mechanism_sim.gears.mesh import GearMesh, Teeth
@@ -27,9 +28,10 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
+from mechanism_sim.report.cam_shapes import cam_outlines, follower_outline
 
 Array = NDArray[np.float64]
-Kind = Literal['rail', 'support', 'spring', 'wheel', 'link', 'slot', 'slider', 'pin']
+Kind = Literal['rail', 'support', 'spring', 'wheel', 'cam', 'link', 'slot', 'slider', 'pin']
 """In the order in which they are painted."""
 
 _BOX = 1.7, 1.1
@@ -102,6 +104,8 @@ class Skeleton:
                 self._pin(joint)
             elif isinstance(joint, GearMesh):
                 self._mesh(joint)
+            elif isinstance(joint, CamPair):
+                self._cam(joint)
         largest_first = sorted(self._gears, key=lambda gear: -gear[0])
         self.shapes += [Shape('wheel', places) for _, places in largest_first]
         for ends in springs:
@@ -156,6 +160,15 @@ class Skeleton:
         else:
             self._rack(joint, way)
 
+    def _cam(self, joint: CamPair) -> None:
+        """A cam, and what touches it of its follower."""
+        ux, uy = self._poses.along[joint.second][:, 0]
+        turned = float(np.arctan2(uy, ux))
+        outlines = [*cam_outlines(joint), follower_outline(joint, turned, self.symbol)]
+        self.shapes += [Shape('cam', outline) for outline in outlines]
+        self._bodied |= {joint.first, joint.second}
+        self._reach(joint.second, joint.on_second)
+
     def _mesh(self, joint: GearMesh) -> None:
         """The gears of a mesh, each drawn once."""
         sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
@@ -166,7 +179,7 @@ class Skeleton:
             if teeth.rack:
                 outline = self._straight_teeth(joint, teeth)
             else:
-                outline = teeth.gear.outline(9, teeth.tooth)
+                outline = teeth.gear.outline(6, teeth.tooth)
                 if teeth.gear.internal:  # a ring around its teeth, cut open where they end
                     rim = teeth.gear.root_radius + 2.0 * teeth.gear.module
                     turn = np.linspace(0.0, 2.0 * math.pi, 181) + np.arctan2(*outline[0, ::-1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from mechanism_sim.study.lift_off import LiftOff
 from mechanism_sim.study.losses import Losses
 from mechanism_sim.study.periodic import Response
 from mechanism_sim.study.starts import Start
@@ -107,6 +108,38 @@ def losses_json(found: Sequence[Losses]) -> list[dict[str, object]]:
             'lost_at_revolutions': list(joint.turns),
         }
         for joint in found
+    ]
+
+
+def lift_offs(found: Sequence[LiftOff]) -> str:
+    """As text."""
+    lines = []
+    for x in found:
+        where = f'at {math.degrees(x.least.angle) % 360.0:.6g} deg of the drive'
+        lines.append(f'{x.joint}: least contact force {x.least.force:.6g} N, {where}')
+        if x.speed is None or x.begin is None:
+            force = 'never' if x.least.force > 0.0 else 'at any speed'
+            lines.append(f'  contact is lost {force}, of the speeds that were tried')
+            continue
+        rpm = x.speed * 30.0 / math.pi
+        at = math.degrees(x.begin.angle) % 360.0
+        lines.append(
+            f'  contact is lost from {x.speed:.9g} rad/s ({rpm:.7g} rpm) on, first at {at:.6g} deg'
+        )
+    return '\n'.join(lines)
+
+
+def lift_offs_json(found: Sequence[LiftOff]) -> list[dict[str, object]]:
+    """As plain dictionaries, in SI units."""
+    return [
+        {
+            'joint': x.joint,
+            'least_force': x.least.force,
+            'least_force_at': x.least.angle,
+            'lift_off_speed': x.speed,
+            'lift_off_at': x.begin.angle if x.begin else None,
+        }
+        for x in found
     ]
 
 

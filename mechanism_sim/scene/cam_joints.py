@@ -26,7 +26,6 @@ from mechanism_sim.cams.laws import (
     check_smoothness,
 )
 from mechanism_sim.cams.pair import CamPair, GroovePair
-from mechanism_sim.cams.piecewise import Piecewise
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
@@ -81,7 +80,7 @@ def cam_play(joint: LinkageJoint) -> Play | None:
     if groove and groove.clearance:
         return Play(
             radial=0.5 * groove.clearance,
-            restitution=groove.restitution,
+            restitution=groove.restitution or 0.0,
             hypothesis=groove.hypothesis,
             contact=groove.contact,
         )
@@ -254,11 +253,11 @@ class _Reader:
                 else f'law: the segment from {begin:g} to {end:g} deg has no length'
             )
         rise = self.places.measure(f'{where}.rise', part.rise, not swings, _UNITS)
-        curve: Piecewise = (
-            curves.spline_curve(*zip(*part.points, strict=True), ends=part.ends)
-            if part.curve == 'spline'
-            else getattr(curves, part.curve.upper())
-        )
+        if part.curve == 'spline':
+            x, y = zip(*part.points, strict=True)
+            curve = curves.spline_curve(x, y, part.ends)
+        else:
+            curve = getattr(curves, part.curve.upper())
         return Segment(part.begin, part.end, rise, curve)
 
     def _check_cam(self, cam: Cam) -> None:

@@ -41,7 +41,7 @@ class SegmentPart(Part):
     end: Angle = Field(alias='to')
     rise: Rise
     curve: Curve = 'cycloidal'
-    points: list[tuple[float, float]] = []  #: of a spline, from [0, 0] to [1, 1]
+    points: tuple[tuple[float, float], ...] = ()  #: of a spline, from [0, 0] to [1, 1]
     ends: Literal['clamped', 'natural', 'not-a-knot'] = 'clamped'  #: of a spline
 
     @model_validator(mode='after')
@@ -56,8 +56,8 @@ class SegmentPart(Part):
 class LawPart(Part):
     """The displacement of the follower over the cam angle, in one of three ways."""
 
-    segments: list[SegmentPart] = []
-    points: list[tuple[Angle, Rise]] = []  #: measured
+    segments: tuple[SegmentPart, ...] = ()
+    points: tuple[tuple[Angle, Rise], ...] = ()  #: measured
     degree: Literal[1, 3, 5, 7] = 5  #: of the spline through them
     eccentric: Length | None = None  #: a circle, so far from the camshaft
 

@@ -8,9 +8,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
+from mechanism_sim.scene.cam_notes import cam_notes
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import motion_notes
 
@@ -144,6 +146,9 @@ def _notes(machine: Machine) -> list[str]:
     scene, mechanism = machine.scene, machine.plan.ideal
     start = dict(zip(mechanism.coordinates, _start(machine), strict=True))
     notes = motion_notes(mechanism, start, machine.plan.laws)
+    for pair in mechanism.joints:
+        if isinstance(pair, CamPair):
+            notes += cam_notes(pair, loose=pair.name in machine.clearances)
     notes += [_mesh(machine, j, start) for j in machine.plan.joints if isinstance(j, GearMesh)]
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '

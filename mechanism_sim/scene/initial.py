@@ -15,6 +15,7 @@ from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import closed_near, nearest_rates
 from mechanism_sim.scene.four_bar_start import four_bar
 from mechanism_sim.scene.seats import seats
@@ -45,8 +46,13 @@ def initial_state(machine: Machine) -> State:
         (0,) * len(system.free),
         tuple(q[c] for c in system.free),
         tuple(v[c] for c in system.free),
-        tuple(seated and isinstance(gap, BearingClearance) for gap in system.gaps),
+        tuple(seated and _starts_closed(machine, gap) for gap in system.gaps),
     )
+
+
+def _starts_closed(machine: Machine, gap: Gap) -> bool:
+    """Pins are on their bushings, and what can only lift off is in contact."""
+    return machine.clearances[gap.joint].radial == 0.0 or isinstance(gap, BearingClearance)
 
 
 Values = dict[str, float]

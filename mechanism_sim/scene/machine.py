@@ -23,11 +23,12 @@ from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
-from mechanism_sim.linkages.nominal import Guards, NominalPhysics, NominalRun
+from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.scene.assembly import Assembly, assemble
@@ -355,18 +356,13 @@ class Machine:
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
         q = np.zeros(3) if self.plan.four_bar else self.assembly.q
-        return NominalRun(self.ideal, prescribed, q, self.plan.ideal.size, self._guards())
+        return NominalRun(self.ideal, prescribed, q, self.plan.ideal.size, self._edges())
 
-    def _guards(self) -> Guards | None:
+    def _edges(self) -> Edges | None:
         """Where something begins or ceases to act in the course of an ideal motion."""
-        sources = [self.inverse_dynamics.guards] if self.level is Level.INVERSE_DYNAMICS else []
-        if isinstance(self.ideal, LinkageMotion):
-            sources.append(self.ideal.kinematics.guards)
-        here = self.assembly.q[:, None] if self.plan.four_bar is None else np.zeros((3, 1))
-        used = [guards for guards in sources if len(guards(here))]
-        if not used:
-            return None
-        return lambda q: np.concatenate([guards(q) for guards in used])
+        if self.level is Level.INVERSE_DYNAMICS:
+            return self.inverse_dynamics.edges  # those of the closures among them
+        return self.ideal.kinematics.edges if isinstance(self.ideal, LinkageMotion) else None
 
     @property
     def _rows(self) -> int:

@@ -1,0 +1,111 @@
+"""A valve that leaves its cam and bounces, and gears that rattle: times of the impacts.
+
+Our method is the event loop of `simulate`, which knows nothing of these scenes but their files.
+The peers are written for their one coordinate alone, `mechanism_sim.bench.rattling`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mechanism_sim.bench.peers import rattling_scipy
+from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, without
+from mechanism_sim.bench.rattling import GEARS, VALVE, Rattling
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.scene import load_scene
+
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+
+
+def ours(rattling: Rattling) -> Callable[[float], Run]:
+    """The event loop of this package, by tolerance."""
+    end = rattling.duration
+
+    def prepare(rtol: float) -> Run:
+        machine = load_scene(rattling.name, {'solver.rtol': rtol})
+        loop = machine.start()
+        if not isinstance(loop, EventLoop):
+            raise TypeError('the scene has gaps, so it needs the event loop')
+        state = machine.initial_state()
+
+        def run() -> Callable[[], Outcome]:
+            loop.restart(state)
+            loop.advance(end, final=True)
+
+            def outcome() -> Outcome:
+                _, impacts, _ = loop.drain()
+                times = np.array([i.t for i in impacts])
+                hard = rattling.hard(times, np.array([i.approach_speed for i in impacts]))
+                return Outcome(hard, loop.steps, len(impacts))
+
+            return outcome
+
+        return run
+
+    return prepare
+
+
+def compiled(rattling: Rattling) -> Callable[[float], Run]:
+    """The loop compiled by numba, by tolerance."""
+
+    def prepare(rtol: float) -> Run:
+        from mechanism_sim.bench.kernels.rattling import bouncer  # noqa: PLC0415
+
+        revolve, (low, high) = bouncer(rattling.pull), rattling.walls
+        times, speeds = np.empty(10_000), np.empty(10_000)
+        given = (
+            rattling.constants, low, high, rattling.restitution, rattling.seated,
+            rattling.stops(), rattling.longest, rattling.size, rtol, times, speeds,
+        )  # fmt: skip
+        revolve(*given)
+
+        def run() -> Callable[[], Outcome]:
+            steps, n = revolve(*given)
+            return lambda: Outcome(rattling.hard(times[:n], speeds[:n]), steps, n)
+
+        return run
+
+    return prepare
+
+
+def problem(rattling: Rattling, title: str) -> Problem:
+    """The scene of that name against the times of its impacts."""
+    return Problem(
+        rattling.name,
+        title,
+        'revolution',
+        rattling.duration / rattling.period,
+        's',
+        'Times of the impacts faster than a hundredth of the fastest, from flights in closed form '
+        'in 50 digits (test/references/make_rattling.py).',
+        rattling.error,
+        (
+            Method(
+                OURS,
+                TOLERANCES,
+                'rtol',
+                ours(rattling),
+                'The event loop of `simulate`, which records motion as polynomials and impacts; '
+                'from the scene file.',
+            ),
+            Method(
+                'numba DOP853 loop',
+                TOLERANCES,
+                'rtol',
+                compiled(rattling),
+                'An event loop for one coordinate between walls, compiled with these equations as '
+                'one function; in contact, where the motion is known, nothing is integrated.',
+                lambda: without('numba'),
+            ),
+            *(
+                Method(name, TOLERANCES[1:], 'rtol', rattling_scipy.by(rattling, solver), how)
+                for name, solver, how in rattling_scipy.SOLVERS
+            ),
+        ),
+    )
+
+
+VALVE_TRAIN = problem(VALVE, 'Valve train beyond its lift-off speed, 5 revolutions of the cam')
+GEAR_RATTLE = problem(GEARS, 'Rattle of a gear pair, 5 revolutions of the pinion')

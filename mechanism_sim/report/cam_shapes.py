@@ -1,0 +1,71 @@
+"""What a cam and its follower look like in a drawing of a mechanism."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cams.followers import FlatFaced, OscillatingFlat
+from mechanism_sim.cams.pair import CamPair, GroovePair
+from mechanism_sim.cams.profiles import drawing_angles
+from mechanism_sim.cycles.points import Place
+from mechanism_sim.planar.mechanism import rotate
+
+Array = NDArray[np.float64]
+
+_STEP = math.radians(2.0)
+_FACE = 0.5  # thickness of a face, in units of the drawing's symbols
+_TIP = 1.5  # length of a knife's edge
+
+
+def cam_outlines(joint: CamPair) -> list[tuple[Place, ...]]:
+    """The cam, from its edge inwards: a groove has a rim and two walls, on the cam's link."""
+    angles = drawing_angles(joint.cam.law, _STEP)
+    if not isinstance(joint, GroovePair):
+        edges = [joint.cam.at(angles).profile]
+    else:
+        inner, outer = joint.cam.groove(angles)
+        rim = 1.12 * float(np.hypot(*outer).max())
+        edges = [rim * np.array([np.cos(angles), np.sin(angles)]), outer, inner]
+    return [_on(joint.first, joint.profile(edge)) for edge in edges]
+
+
+def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[Place, ...]:
+    """Roller, edge or face, on the follower's link.
+
+    Parameters
+    ----------
+    angle : of the follower's link in the world at some instant [rad]
+    symbol : size of the drawing's symbols [m]
+    """
+    follower = joint.cam.follower
+    if isinstance(follower, FlatFaced | OscillatingFlat):
+        angles = drawing_angles(joint.cam.law, _STEP)
+        if isinstance(follower, FlatFaced):  # the contact wanders by u' along the face
+            reach, behind = joint.cam.law(angles, 1), -1.0
+            turn = joint.direction + joint.mirror * follower.tilt + 0.5 * math.pi - angle
+        else:
+            reach, behind = joint.cam.at(angles).sliding, -float(joint.swing)
+            turn = joint.arm_angle
+        half = float(np.abs(reach).max()) + 0.3 * joint.cam.base_radius
+        thick = behind * _FACE * symbol
+        corners = np.array([(-half, 0.0), (half, 0.0), (half, thick), (-half, thick)]).T
+    elif follower.roller > 0.0:
+        around = np.linspace(0.0, 2.0 * math.pi, 49)[:-1]
+        corners = follower.roller * np.array([np.cos(around), np.sin(around)])
+        turn = 0.0
+    else:
+        size = _TIP * symbol
+        corners = np.array([(0.0, 0.0), (size, -0.3 * size), (size, 0.3 * size)]).T
+        turn = joint.direction - angle
+        if joint.distance.swings:
+            turn = joint.arm_angle + math.pi
+    c, s = rotate((1.0, 0.0), turn)
+    placed = np.array([c * corners[0] - s * corners[1], s * corners[0] + c * corners[1]])
+    return _on(joint.second, placed + np.array(joint.on_second)[:, None])
+
+
+def _on(link: str, points: Array) -> tuple[Place, ...]:
+    return tuple((link, (float(x), float(y))) for x, y in points.T)

@@ -1,0 +1,155 @@
+"""From which speed of the drive on followers leave their cams: where ideal contacts would pull."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from mechanism_sim.cams.pair import CamPair, GroovePair
+from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.nominal import NominalPhysics
+from mechanism_sim.numerics.symbolic import dense
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.known import Known
+from mechanism_sim.scene import Machine
+
+Array = NDArray[np.float64]
+
+_GRID = 721  # instants of a turn at which the least force is looked for first
+_ROUNDS = 12  # of narrowing, each to a sixteenth
+_FACTOR = 1.15  # between the speeds that are tried
+_RANGE = 100.0  # times slower and faster than the scene's
+
+
+class Least(NamedTuple):
+    """The least force of a contact over a turn, negative where it would have to pull."""
+
+    force: float  #: [N]
+    angle: float  #: [rad] of the drive
+
+
+@dataclass(frozen=True)
+class LiftOff:
+    """A cam that its follower can leave.
+
+    Attributes
+    ----------
+    joint : its name
+    least : at the speed of the scene
+    speed : of the drive from which on contact is lost [rad/s]; None: at no speed that was tried
+    begin : where it is lost first
+    """
+
+    joint: str
+    least: Least
+    speed: float | None
+    begin: Least | None
+
+
+def lift_offs(machine: Machine) -> list[LiftOff]:
+    """For every cam without a groove: its least contact force, and the speed that ends it.
+
+    The motion is that of the machine without any play; at other speeds rates scale with the speed
+    and accelerations with its square. Speeds from a hundredth to a hundred times that of the scene
+    are tried from below; the root is found to rounding.
+
+    Raises
+    ------
+    InputError
+        If there is no such cam, or no drive that turns at a constant speed.
+    """
+    pairs = [
+        j for j in machine.plan.joints if isinstance(j, CamPair) and not isinstance(j, GroovePair)
+    ]
+    if not pairs:
+        raise InputError(f'{machine.name}: there is no cam that its follower could leave')
+    steady = isinstance(machine.law, DriveLaw) and not machine.law.straight
+    if machine.torque_driven or len(machine.laws) > 1 or not steady or not machine.fastest:
+        raise InputError(
+            f'{machine.name}: the lift-off speed is that of a drive that turns at a constant '
+            "speed: give 'drive.speed'"
+        )
+    if not machine.plan.weighed:
+        raise InputError(f'{machine.name}: forces need the mass of every link')
+    cycle = _Cycle(machine)
+    return [_lift_off(cycle, pair) for pair in pairs]
+
+
+class _Cycle:
+    """The motion of a machine without play over a turn of its drive, at any speed."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.mechanism, self.period = machine.plan.ideal, machine.period
+        self.start, self.speed = machine.start_of_crank
+        self._forces = machine.inverse_dynamics
+        if 'time' in self._forces.outside:
+            raise InputError(
+                f'{machine.name}: loads that depend on the time have no lift-off speed'
+            )
+        run = machine.nominal([laws[0] for laws in machine.plan.laws.values()])
+        run.advance(self.period, final=True)
+        self._motion = run.drain()[0]
+        self._physics = NominalPhysics(machine.ideal, self.mechanism, None)
+
+    def angle(self, t: float) -> float:
+        """Of the drive [rad] at a time of the scene's speed."""
+        return self.start + self.speed * t
+
+    def at(self, times: Array) -> Observation:
+        """The motion without forces, at times (N,) [s] of the scene's speed."""
+        starts = self._motion.curve.start
+        t = times % self.period
+        segments = np.maximum(np.searchsorted(starts, t, 'right') - 1, 0)
+        return self._physics.observe(self._motion, segments, t - starts[segments])
+
+    def force(self, pair: CamPair, factor: float) -> Callable[[Array], Array]:
+        """The contact force (N,) at times (N,), the drive being `factor` times as fast."""
+        frames = Frames(self.mechanism.coordinates, Parameters())
+        unit = pair.closure(self.mechanism).wrench(frames, [hy.expression(1.0)])
+        direction = Known(frames, [[dense(unit.x), dense(unit.y)]], [*frames.q.values()])
+        index = self.mechanism.joints.index(pair)
+
+        def force(times: Array) -> Array:
+            o = self.at(times)
+            turns = np.zeros((len(self._forces.outside), len(times)))
+            v, a = factor * o.velocity, factor**2 * o.acceleration
+            seen = self._forces(o.position, v, a, turns)
+            (n,) = direction(o.position)
+            pressed: Array = (seen.reaction[index] * n).sum(axis=0) / (n * n).sum(axis=0)
+            return pressed
+
+        return force
+
+    def least(self, pair: CamPair, factor: float) -> Least:
+        """The least contact force of a turn."""
+        force = self.force(pair, factor)
+        t = np.linspace(0.0, self.period, _GRID)
+        for _ in range(_ROUNDS):
+            f = force(t)
+            i = int(np.argmin(f))
+            step = t[1] - t[0]
+            found = Least(float(f[i]), self.angle(float(t[i])))
+            t = np.linspace(t[i] - step, t[i] + step, 33)
+        return found
+
+
+def _lift_off(cycle: _Cycle, pair: CamPair) -> LiftOff:
+    least = cycle.least(pair, 1.0)
+    low = 1.0 / _RANGE
+    if cycle.least(pair, low).force <= 0.0:
+        return LiftOff(pair.name, least, None, None)
+    high = low
+    while cycle.least(pair, high).force > 0.0:
+        low, high = high, _FACTOR * high
+        if high > _RANGE:
+            return LiftOff(pair.name, least, None, None)
+    factor = brentq(lambda x: cycle.least(pair, x).force, low, high, xtol=1e-15, rtol=1e-15)
+    return LiftOff(pair.name, least, factor * abs(cycle.speed), cycle.least(pair, factor))
