@@ -26,7 +26,8 @@ install 'mechanism_sim[peers]'` installs those that are on PyPI. This page is ma
 `python docs/benchmarks.py`.
 
 * The error is that of the final answer against a reference computed by a second route: 256-bit
-  power series, 50-digit Newton-Euler equations, a quadrature. Its source stands above each table.
+  power series, 50-digit Newton-Euler equations, a quadrature, flights in closed form. Its source
+  stands above each table.
 * CPU time is that of the process (a peer in a process of its own tells its own), per unit, without
   preparation; all methods are run in turn, repeat by repeat, so that a noisy moment hits all
   alike. Quick runs are measured in batches of 5 ms. A method that has used 3 s at a setting is
@@ -34,7 +35,7 @@ install 'mechanism_sim[peers]'` installs those that are on PyPI. This page is ma
 * What is prepared once (compilation, building of models) is in the last column. Caches of compiled
   code are switched off for it. numba compiles at its first setting only.
 * `{OURS}` records its whole motion as polynomials, and every impact with its figures; the peers
-  keep no more than the final angles need.
+  keep no more than the final angles, or the times of impacts, need.
 * Under each table: the CPU time of each method over that of `{OURS}`, both at their cheapest
   setting that reaches the error stated. A peer that does not reach it is compared at its own best
   error, which luck may flatter where errors do not fall steadily.

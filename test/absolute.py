@@ -147,14 +147,19 @@ class Absolute:
         Chebyshev series; along a complex step it goes on linearly.
         """
         origin, turn, _ = self.link(x, j.first)
-        angle = j.sense * turn + j.phase
         breaks = j.cam.law.breaks
-        at = breaks[0] + (angle.real - breaks[0]) % (2.0 * np.pi)
+        if j.cam.law.reciprocating:
+            angle = self.slide(x, self.mechanism.tree_joints[j.first])[0]
+            at = angle.real
+        else:
+            angle = j.sense * turn + j.phase
+            at = breaks[0] + (angle.real - breaks[0]) % (2.0 * np.pi)
+        reach = 0.008 * (breaks[-1] - breaks[0])
         k = np.searchsorted(breaks[1:-1], at, 'right')
         inset = 1e-9 * (breaks[k + 1] - breaks[k])
         near = (
-            max(breaks[k] + inset, at - 0.05),
-            min(breaks[k + 1] - inset, at + 0.05),
+            max(breaks[k] + inset, at - reach),
+            min(breaks[k + 1] - inset, at + reach),
         )
         curve = [
             Chebyshev.interpolate(

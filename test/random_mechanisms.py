@@ -126,6 +126,48 @@ def linkage(random, size=1.0):
     return scene, poses, freedom
 
 
+def geared(random, scene, poses, freedom):
+    """The same with gears, or a gear and a rack, on links that have a common carrier."""
+    sliding, turning = [], []
+    for joint in scene['joints'].values():
+        kind, (one, other) = next(iter(joint.items()))
+        for carrier, moved in ((one, other), (other, one)):
+            ends = carrier.split('.')[0], moved
+            if kind == 'revolute':
+                turning.append(ends)
+            elif kind == 'prismatic' and carrier == one:
+                sliding.append((*ends, joint['axis']))
+    gears = {}
+
+    def world(reference):
+        link, name = reference.split('.')
+        return poses[link][:2] + turned(poses[link][2], scene['links'][link]['points'][name])
+
+    pairs = [
+        (a, b) for i, a in enumerate(turning) for b in (*turning[i + 1 :], *sliding)
+        if a[0] == b[0] and len({a[0], *(x[1].split('.')[0] for x in (a, b))}) == 3
+    ]  # fmt: skip
+    joints = dict(scene['joints'])
+    for i in random.permutation(len(pairs)):
+        if freedom < 2:
+            break
+        (carrier, one), (_, other, *axis) = pairs[i]
+        away = world(other) - world(one)
+        if axis:
+            along = poses[carrier][2] + axis[0]
+            distance = abs(away @ [-np.sin(along), np.cos(along)])
+        else:
+            distance = float(np.hypot(*away))
+        n = [int(x) for x in random.integers(18, 80, 2)]
+        module = 2.0 * distance / (n[0] + (0 if axis else n[1]))
+        second = {'rack': True} if axis else {'teeth': n[1]}
+        gears[f'a{i}'] = {'at': one, 'teeth': n[0], 'module': module}
+        gears[f'b{i}'] = {'at': other, 'module': module, **second}
+        joints[f'm{i}'] = {'mesh': [f'a{i}', f'b{i}']}
+        freedom -= 1
+    return {**scene, 'joints': joints, 'gears': gears}, poses, freedom
+
+
 def driven(random, scene, poses, freedom):
     """The same with drives: as many prescribed ones as there are freedoms, or fewer.
 

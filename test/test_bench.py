@@ -129,6 +129,18 @@ def test_methods_with_events_agree_with_the_reference(name):
         assert problems()[name].error(outcome.answer) < bound, method.name
 
 
+@pytest.mark.parametrize('name', ['valve_train', 'gear_rattle'])
+def test_impacts_of_valves_and_gears_are_those_of_the_closed_form(name):
+    problem = problems()[name]
+    for method in problem.methods:
+        if method.missing():
+            continue
+        outcome = method.prepare(1e-10)()()
+        assert problem.error(outcome.answer) < 1e-11, method.name
+        assert problem.error(outcome.answer + 1e-7) == pytest.approx(1e-7, rel=1e-3)
+        assert math.isnan(problem.error(outcome.answer[1:]))
+
+
 def test_a_run_can_be_repeated():
     for method in problems()['four_bar_clearance_e01'].methods:
         if method.name in {OURS, 'bare heyoka loop', 'SciPy DOP853 tuned'}:

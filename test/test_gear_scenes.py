@@ -412,3 +412,53 @@ def test_wheels_of_watt_turn_twice_a_stroke():
     assert turned['crank'] == pytest.approx(6.0 * math.pi, rel=1e-12)
     assert turned['sun'] == pytest.approx(12.0 * math.pi, rel=1e-12)
     assert turned['rod'] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_gears_on_all_pivots_of_a_loop_are_refused():
+    """Forces of a cut shaft would not be known; ratios instead of the last mesh are all right."""
+
+    def pivot(*ends):
+        return {'revolute': list(ends)}
+
+    gears = {f'g{k}': {'mass': 1.0, 'inertia': 1e-3} for k in range(4)}
+    content = {
+        'title': 'geared four-bar',
+        'mechanism': 'linkage',
+        'links': {
+            'ground': {'points': {'right': [0.21, 0.0]}},
+            'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 1e-3},
+            'coupler': {'length': 0.2, 'mass': 1.0, 'inertia': 3e-3},
+            'rocker': {'length': 0.11, 'mass': 1.0, 'inertia': 1e-3},
+            **gears,
+        },
+        'gears': {
+            'a': {'at': 'g0', 'teeth': 40, 'module': M},
+            'b': {'at': 'g1', 'teeth': 60, 'module': M},
+            'c': {'at': 'g1', 'teeth': 90, 'module': M},
+            'd': {'at': 'g2', 'teeth': 110, 'module': M},
+            'e': {'at': 'g2', 'teeth': 50, 'module': M},
+            'f': {'at': 'g3', 'teeth': 60, 'module': M},
+        },
+        'joints': {
+            'j0': pivot('ground', 'crank'),
+            'j1': pivot('crank.end', 'coupler'),
+            'j2': pivot('coupler.end', 'rocker.end'),
+            'j3': pivot('ground.right', 'rocker'),
+            'g0': pivot('ground', 'g0'),
+            'g1': pivot('crank.end', 'g1'),
+            'g2': pivot('coupler.end', 'g2'),
+            'g3': pivot('ground.right', 'g3'),
+            'm0': {'mesh': ['a', 'b']},
+            'm1': {'mesh': ['c', 'd']},
+            'm2': {'mesh': ['e', 'f']},
+        },
+        'drives': {'crank': {'speed': 3.0, 'start_angle': 1.0}, 'g0': {'speed': 8.0}},
+        'guess': {'coupler': 0.0, 'rocker': 1.0},
+    }
+    with pytest.raises(InputError, match='the shafts of gears form a closed loop'):
+        build('geared', check_scene('geared', content))
+    ratio = {'transmission': ['g2', 'g3'], 'ratio': '-5/6', 'carrier': 'rocker'}
+    content['joints']['m2'] = ratio
+    machine = build('geared', check_scene('geared', content))
+    solution = ms.simulate(machine, duration=0.3)
+    assert differences(machine, solution, np.array([0.1, 0.2]))[0].max() < 1e-10

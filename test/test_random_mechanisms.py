@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 from absolute import differences
-from random_mechanisms import driven, linkage
+from random_mechanisms import driven, geared, linkage
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -17,7 +17,7 @@ REFUSED = 'too many', 'cannot move', 'follow from the others'
 
 
 def made(seed, loose=False):
-    """The machine of a seed; skips what the program is right to refuse."""
+    """The machine of a seed."""
     random = np.random.default_rng(seed)
     size = float(10.0 ** random.uniform(-2.0, 1.0)) if seed % 3 == 0 else 1.0
     scene = driven(random, *linkage(random, size))
@@ -26,6 +26,11 @@ def made(seed, loose=False):
         joint = str(random.choice([n for n, j in scene['joints'].items() if 'revolute' in j]))
         scene['joints'][joint]['clearance'] = {'radial': 1e-3 * size, 'restitution': 0.5}
         scene['start'] = 'seated' if seed % 2 else 'centred'
+    return made_of(seed, scene)
+
+
+def made_of(seed, scene):
+    """The machine of a scene; skips what the program is right to refuse."""
     try:
         return build(f'seed {seed}', LinkageScene.model_validate(scene))
     except InputError as error:
@@ -51,6 +56,17 @@ def judge(machine):
 @pytest.mark.parametrize('seed', [*range(2), *range(3, 25)])  # 2 stops at a dead point
 def test_forces_and_books(seed):
     judge(made(seed))
+
+
+SEEDS = 60, 63, 70, 74, 75, 79, 81, 88, 93, 97, 105, 109, 111, 116, 119, 121, 125
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+def test_gears(seed):
+    random = np.random.default_rng(seed)
+    scene = driven(random, *geared(random, *linkage(random)))
+    assert scene['gears']
+    judge(made_of(seed, scene))
 
 
 @pytest.mark.parametrize('seed', [0, 3, 4, 5, 8, 11, 12, 15, 19])

@@ -119,7 +119,7 @@ class Rattling:
         return HARD * max(map(float, reference(self.name)['impacts']['approach_speed']))
 
     def error(self, answer: Answer) -> float:
-        """Largest error of the times of the impacts that count [s]; not a number if they differ."""
+        """Largest error of the times of impacts [s]; not a number if there are more or fewer."""
         right = np.array(reference(self.name)['impacts']['t'], float)
         if answer.shape != right.shape:
             return float('nan')

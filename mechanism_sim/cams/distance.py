@@ -1,4 +1,4 @@
-"""How far a follower is from its cam, as an expression of the cam's angle and its own place.
+"""How far a follower is from its cam, as an expression of the cam's place and its own.
 
 The frame is that of `followers`. With the place s of the follower (along its line [m], or the
 angle of its arm or face to the line of centres [rad]) and the place ``s0 + u`` where it touches,
@@ -6,7 +6,8 @@ the distance along the normal is ``D = W (s - s0 - u) + ...`` with ``W = dD/ds``
 the pressure angle, for a swinging follower times the arm. D vanishes exactly where the follower
 touches, and its derivatives there are those of the true distance, because
 ``dD/dtheta + u' dD/ds = 0`` along the law. In flight D is the distance to the first order; in a
-groove, where the roller has room, to the second, if the acceleration of the law does not jump.
+groove, where the roller has room, to the second, if the acceleration of the law does not jump. The
+angle theta of a cam that slides is its displacement [m].
 """
 
 from __future__ import annotations
@@ -59,17 +60,25 @@ class Distance:
         return isinstance(self.cam.follower, Oscillating | OscillatingFlat)
 
     @property
+    def slides(self) -> bool:
+        """Whether the cam does."""
+        return self.cam.law.reciprocating
+
+    @property
     def lowest(self) -> float:
-        """Place of the follower on the base circle [m, rad]."""
+        """Place of the follower on the base circle, or base line [m, rad]."""
         follower, base = self.cam.follower, self.cam.base_radius
         if isinstance(follower, FlatFaced):
             return base / math.cos(follower.tilt) - self.beside * math.tan(follower.tilt)
         if isinstance(follower, Translating):
-            return math.sqrt((base + follower.roller) ** 2 - follower.offset**2)
+            offset = 0.0 if self.slides else follower.offset
+            return math.sqrt((base + follower.roller) ** 2 - offset**2)
+        if isinstance(follower, Oscillating):
+            return follower.lowest(base, self.slides)
         return follower.lowest(base)
 
     def value(self, frames: Frames, angle: Jet, place: Jet) -> Jet:
-        """D [m] at a cam angle [rad] and a place [m, rad] of the follower."""
+        """D [m] at an angle [rad, m] of the cam and a place [m, rad] of the follower."""
         laws = self._laws(frames, angle)
         at = self._touching(frames, laws[0])
         off = place - at
@@ -83,9 +92,11 @@ class Distance:
             return off * constant(cosine)
         if isinstance(follower, OscillatingFlat):
             c, s = hy.cos(at.value), hy.sin(at.value)
-            a = constant(frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance))
-            turning = ONE + laws[1] * float(follower.side)
-            return off * (at.chain(c, -s, -c) * a * _reciprocal(turning))
+            arm, turning = at.chain(c, -s, -c), laws[1] * float(follower.side)
+            if not self.slides:
+                a = frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance)
+                arm, turning = arm * constant(a), ONE + turning
+            return off * arm * _reciprocal(turning)
         path = self._path(frames, at)
         along = self._along(path, laws)
         square = along[0] * along[0] + along[1] * along[1]
@@ -121,8 +132,10 @@ class Distance:
         return (a - x, -y), (y * side, -(x * side)), (x, y)
 
     def _along(self, path: tuple[Pair, Pair, Pair], laws: list[Jet]) -> Pair:
-        """Velocity of the roller's centre seen from the cam, per radian."""
+        """Velocity of the roller's centre seen from the cam, per radian or metre."""
         (x, y), way, _ = path
+        if self.slides:
+            return way[0] * laws[1], way[1] * laws[1] + ONE
         return way[0] * laws[1] - y, way[1] * laws[1] + x
 
     def _bend(
@@ -131,10 +144,14 @@ class Distance:
         """Second derivative of D by the follower's place, from the pitch curve's curvature."""
         p, way, bent = path
         _, u1, u2 = laws
-        p2 = [w * u2 + b * u1 * u1 for w, b in zip(way, bent, strict=True)]
+        p2 = way[0] * u2 + bent[0] * u1 * u1, way[1] * u2 + bent[1] * u1 * u1
         centripetal = (
-            p2[0] - way[1] * u1 * 2.0 - p[0],
-            p2[1] + way[0] * u1 * 2.0 - p[1],
+            p2
+            if self.slides
+            else (
+                p2[0] - way[1] * u1 * 2.0 - p[0],
+                p2[1] + way[0] * u1 * 2.0 - p[1],
+            )
         )
         beside = way[0] * along[0] + way[1] * along[1]
         curved = _cross(along, centripetal) * beside * beside * _reciprocal(square * square)

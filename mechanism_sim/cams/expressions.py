@@ -31,7 +31,7 @@ class Rows(NamedTuple):
 
     Parameters
     ----------
-    breaks : (k + 1,) [rad]
+    breaks : (k + 1,) [rad] or [m]
     values : (k, n) the coefficients of the polynomial about the middle of the row, in rising
         order; with waves anywhere also amplitude, frequency and phase there
     terms : how many of them are coefficients
@@ -72,7 +72,7 @@ def displacement(law: Law, name: str, angle: Jet, frames: Frames, count: int = 2
     Parameters
     ----------
     name : of the table in `frames`
-    angle : of the cam [rad], of any number of turns
+    angle : of the cam [rad], of any number of turns; of a cam that slides its displacement [m]
 
     Raises
     ------
@@ -87,7 +87,8 @@ def displacement(law: Law, name: str, angle: Jet, frames: Frames, count: int = 2
         found[0] = found[0] + law.eccentricity
     elif isinstance(function := getattr(law, 'function', None), Piecewise):
         rows = rows_of(function)
-        numbers, angle = frames.table(name, angle, rows.breaks, rows.values, periodic=True)
+        periodic = not law.reciprocating
+        numbers, angle = frames.table(name, angle, rows.breaks, rows.values, periodic)
         found = _piece(numbers, rows.terms, dense(angle.value), count + 2)
     else:
         raise TypeError(f'no expression of {type(law).__name__}')

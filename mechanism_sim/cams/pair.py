@@ -1,6 +1,6 @@
 """A cam and its follower as a joint of a mechanism: the relation, or the gap, and its force.
 
-The camshaft turns on the ground; the follower slides or swings on the ground. A cam that the
+The cam turns or slides on the ground; the follower slides or swings on the ground. A cam that the
 follower may leave is `CamPair`; one whose groove holds the roller on both sides is `GroovePair`.
 """
 
@@ -45,10 +45,14 @@ class CamPair(HigherPair):
     `on_first` is the camshaft's axis, `on_second` the centre of the roller, the tip of the knife
     or a point of the face. The frame of `followers` has its origin on the axis and its x axis
     along `direction`; the cam angle is ``sense * angle of first + phase``.
+
+    A cam that slides keeps the cam angle 0. What its law goes over is how far it has slid along
+    the negative y axis; `on_first` is the point that is then in the origin, abreast of the pivot
+    of a swinging follower.
     """
 
     cam: Cam
-    centre: Vector2  #: [m] of the camshaft, in the world
+    centre: Vector2  #: [m] of the camshaft, or of the origin in its place, in the world
     direction: float  #: [rad] in which the follower rises, or from the camshaft to its pivot
     sense: Literal[1, -1] = 1  #: 1 if the cam angle grows with the angle of `first`
     phase: float = 0.0  #: [rad]
@@ -59,11 +63,6 @@ class CamPair(HigherPair):
 
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'follower on its cam'
-
-    @property
-    def extent(self) -> float:
-        """The base radius [m]."""
-        return self.cam.base_radius
 
     @cached_property
     def distance(self) -> Distance:
@@ -103,7 +102,7 @@ class CamPair(HigherPair):
         """How far the follower is from the place where it touches [m]; as an arc if it swings."""
         law, follower = self.cam.law, pose(self.second)
         swinging = self.cam.follower
-        angle = self.sense * pose(self.first)[2] + self.phase
+        angle, by_cam = self._angle(pose(self.first))
         lowest = self.distance.lowest
         touching, slope = lowest + float(law(angle)), float(law(angle, 1))
         if isinstance(swinging, Oscillating | OscillatingFlat):
@@ -116,8 +115,15 @@ class CamPair(HigherPair):
             point, turning = turned(follower, self.on_second)
             value = float(x @ (point - self.centre)) - touching
             by_follower = np.array([*x, x @ turning])
-        by_cam = np.array([0.0, 0.0, -size * self.sense * slope])
-        return value, {self.first: by_cam, self.second: by_follower}
+        return value, {self.first: -size * slope * by_cam, self.second: by_follower}
+
+    def _angle(self, cam: Pose) -> tuple[float, Pose]:
+        """What the law goes over [rad, m], and its derivatives by the pose of the cam."""
+        if not self.distance.slides:
+            return self.sense * cam[2] + self.phase, np.array([0.0, 0.0, self.sense])
+        along = -np.array(self.world((0.0, 1.0)))
+        point, turning = turned(cam, self.on_first)
+        return float(along @ (point - self.centre)), np.array([*along, along @ turning])
 
 
 @dataclass(frozen=True)
@@ -154,23 +160,26 @@ class CamClosure:
         """The cam pushes the follower out, by torques about the camshaft and the pivot.
 
         Both follow from the power of the force along the row; together with the point or the
-        direction of the force they determine it.
+        direction of the force they determine it. On a cam that slides it is the force along its
+        way instead of the torque about the camshaft.
         """
         joint, force = self.joint, forces[0]
         follower, mirror = joint.cam.follower, float(joint.mirror)
         angle, place = self._angle(frames), self._place(frames)
         off = joint.distance.value(frames, _alone(angle, 'cam'), _alone(place, 'follower'))
-        about_shaft = mul(force, mul(off.gradient.get('cam'), hy.expression(-float(joint.sense))))
+        by_cam = mul(force, off.gradient.get('cam'))
+        about_shaft = mul(by_cam, hy.expression(-float(joint.sense)))
         along = mul(force, off.gradient.get('follower'))
         rx, ry = self._arm(frames)
-        x: Term
-        y: Term
+        x: Term = along
+        y: Term = by_cam
         if isinstance(follower, Oscillating | OscillatingFlat):
             about_pivot = mul(along, hy.expression(float(joint.swing)))
             a = frames.parameters(f'{self.name}.pivot_distance', follower.pivot_distance)
-            y = div(mul(add(about_shaft, neg(about_pivot)), hy.expression(mirror)), a)
-        else:
-            x = along
+            if joint.distance.slides:
+                about_shaft = add(about_pivot, mul(mul(a, y), hy.expression(mirror)))
+            else:
+                y = div(mul(add(about_shaft, neg(about_pivot)), hy.expression(mirror)), a)
         if isinstance(follower, FlatFaced):
             y = mul(x, frames.parameters(f'{self.name}.slope', math.tan(follower.tilt)))
         elif isinstance(follower, OscillatingFlat):
@@ -178,7 +187,7 @@ class CamClosure:
             x = -(float(follower.side) * y * s / c)
         elif isinstance(follower, Oscillating):
             x = add(mul(rx, y), mul(about_shaft, hy.expression(-mirror))) / ry
-        else:
+        elif not joint.distance.slides:
             y = add(mul(about_shaft, hy.expression(mirror)), mul(ry, x)) / rx
         wx, wy = self._world(x, y, frames)
         if isinstance(follower, FlatFaced | OscillatingFlat):
@@ -187,8 +196,10 @@ class CamClosure:
         return Wrench(wx, wy)
 
     def _angle(self, frames: Frames) -> Jet:
-        """Of the cam [rad]."""
+        """Of the cam [rad], or how far it has slid [m]."""
         joint = self.joint
+        if joint.distance.slides:
+            return -self._seen(frames, joint.first, joint.on_first, 'cam')[1]
         frame, offset = self.mechanism.frame(joint.first)
         start = frames.parameters(f'{self.name}.phase', joint.sense * offset + joint.phase)
         return frames.angle(frame) * float(joint.sense) + constant(start)
@@ -197,25 +208,24 @@ class CamClosure:
         """Of the follower: from the camshaft [m], or from the line of centres [rad]."""
         joint = self.joint
         if not joint.distance.swings:
-            return self._arm_jets(frames)[0]
+            return self._seen(frames, joint.second, joint.on_second, 'follower')[0]
         frame, offset = self.mechanism.frame(joint.second)
         sign = float(joint.swing)
         start = sign * (offset + joint.arm_angle - joint.direction - math.pi)
         known = frames.parameters(f'{self.name}.place', math.remainder(start, 2.0 * math.pi))
         return frames.angle(frame) * sign + constant(known)
 
-    def _arm_jets(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the camshaft to the follower's point, in the frame of `followers` [m]."""
-        joint = self.joint
-        at = self.mechanism.point(joint.second, joint.on_second)
-        px, py = frames.position(at, f'{self.name}.follower')
-        ox, oy = frames.position({(GROUND, None): joint.centre}, f'{self.name}.centre')
+    def _seen(self, frames: Frames, link: str, at: Vector2, label: str) -> tuple[Jet, Jet]:
+        """From the camshaft to a point of a link, in the frame of `followers` [m]."""
+        px, py = frames.position(self.mechanism.point(link, at), f'{self.name}.{label}')
+        ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
         x, y = px - ox, py - oy
         cx, cy, sx, sy = self._axes(frames)
         return x * cx + y * cy, x * sx + y * sy
 
     def _arm(self, frames: Frames) -> tuple[Term, Term]:
-        x, y = self._arm_jets(frames)
+        joint = self.joint
+        x, y = self._seen(frames, joint.second, joint.on_second, 'follower')
         return x.value, y.value
 
     def _axes(self, frames: Frames) -> list[Jet]:

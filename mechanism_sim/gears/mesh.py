@@ -82,6 +82,7 @@ class GearMesh(HigherPair):
     """Where each has its angle zero on the line of centres: angle against the carrier [rad]; of a
     rack the displacement [m] with `on_second` there."""
     guide: Prismatic | None = None  #: along which a rack slides on the carrier
+    bearings: tuple[str, ...] = ()  #: shafts between gears and carrier, and the guide
     wheels: tuple[Teeth, ...] = ()
     contact_ratio: float = math.nan
     helix_angle: float = 0.0  #: [rad] on the working pitch circles
@@ -89,11 +90,6 @@ class GearMesh(HigherPair):
     errors: tuple[Harmonic, ...] = ()
     play: float = 0.0  #: [m] along the line of action, to either side
     elasticity: Elasticity | None = None
-
-    @property
-    def extent(self) -> float:
-        """The first working pitch radius [m]."""
-        return abs(self.reach)
 
     def closure(self, mechanism: Mechanism) -> MeshClosure:
         """Without play."""

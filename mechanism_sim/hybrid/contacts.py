@@ -200,7 +200,10 @@ class Contacts:
         gap, before = guard.gap, self.modes
         if guard.switch is not None:
             k, rows = guard.switch, self.switches
-            after = self._system.switches[k].row_after(rows[k], self._places[k])
+            try:
+                after = self._system.switches[k].row_after(rows[k], self._places[k])
+            except RunError as error:
+                raise RunError(f'{error} (t = {self.time:.9g} s)') from error
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations:  # another closure may hold from now on
                 self._project()

@@ -176,6 +176,7 @@ class NominalRun:
         place = self._values if follow else self._driven
         times = h * np.array([*_NODES, 1.0])
         q = place(times)
+        edges.check(q)
         present = edges.present(q[:, 0])
         seen = edges.left(q, present)
         over = np.flatnonzero((seen < 0.0).any(axis=0))

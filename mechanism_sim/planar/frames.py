@@ -101,7 +101,7 @@ class Frames:
         breaks : (k + 1,) [rad, m] between which the rows hold; of a turn if it is periodic, each
             then not longer than a right angle
         rows : (k, n)
-        periodic : whether the first row follows on the last; else these go on beyond the breaks
+        periodic : whether the first row follows on the last; else a run ends beyond the breaks
 
         Returns
         -------

@@ -80,6 +80,16 @@ class Edges:
             [count],
         )
 
+    def check(self, q: Array) -> None:
+        """Refuse coordinates (n, N) where a switch has no row.
+
+        Raises
+        ------
+        RunError
+        """
+        for known, places in zip(self._switches, self._places(q)[0], strict=True):
+            known.check(places)
+
     def present(self, q: Array) -> Array:
         """The values (k, 1) of the switches at coordinates (n,)."""
         (places,) = self._places(q[:, None])

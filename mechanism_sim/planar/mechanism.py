@@ -84,6 +84,14 @@ class HigherPair(ABC):
     parts: ClassVar[str] = 'pin between the walls of a slot'
 
     @property
+    def bearings(self) -> tuple[str, ...]:
+        """Lower pairs that the row takes for granted: they belong in the tree.
+
+        If such a joint is cut, its force is not that of its own rows alone.
+        """
+        return ()
+
+    @property
     def elastic(self) -> bool:
         """Whether it has forces of its own, `elements`, instead of a closure and walls."""
         return False
@@ -151,7 +159,7 @@ class Mechanism:
 
     @cached_property
     def size(self) -> float:
-        """Longest distance between two points of one link [m].
+        """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; a higher pair may reach
         farther. 1 m if all coincide.
@@ -166,15 +174,16 @@ class Mechanism:
             for a in points
             for b in points
         )
-        reaches = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        return max((longest, *reaches)) or 1.0
+        extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
+        return max(longest, *extents, 0.0) or 1.0
 
     @cached_property
     def reach(self) -> float:
-        """Scale of the rounding errors of places [m]: the size, or how far off it stands."""
+        """Scale of the rounding of places [m]: the size, or how far off the origin it is."""
         ends = [(j.first, j.on_first) for j in self.joints]
         ends += [(j.second, j.on_second) for j in self.joints]
-        return max(self.size, *(math.hypot(*at) for link, at in ends if link == GROUND), 0.0)
+        away = (math.hypot(*at) for link, at in ends if link == GROUND)
+        return max(self.size, *away, 0.0)
 
     @cached_property
     def _tree(self) -> tuple[dict[str, Joint], tuple[str, ...]]:
@@ -282,8 +291,9 @@ def closing_joints(
     """The joints to cut so that the rest is a tree: of every loop one, and all that are loose.
 
     Links are reached breadth first from the ground. Prismatic joints that carry a `driven` link
-    come first, since a drive needs its coordinate; then revolute joints and guides fixed to the
-    ground; guides on moving links last, because their displacements cost more.
+    come first, since a drive needs its coordinate, and the bearings of higher pairs; then revolute
+    joints and guides fixed to the ground; guides on moving links last, because their displacements
+    cost more.
     """
     usable = [j for j in joints if j.name not in loose and not isinstance(j, HigherPair)]
     kept: list[str] = []
@@ -299,6 +309,10 @@ def closing_joints(
 
     for j in usable:
         if isinstance(j, Prismatic) and j.second in driven:
+            join(j)
+    bearings = {n for j in joints if isinstance(j, HigherPair) for n in j.bearings}
+    for j in usable:
+        if j.name in bearings and j.name not in kept:
             join(j)
     for movable in (False, True):
         reached, grown = {GROUND}, True

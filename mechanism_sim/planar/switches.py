@@ -13,9 +13,11 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import RunError
+
 Array = NDArray[np.float64]
 
-_FAR = 1e3  # times the length of a table that is not periodic: its outer rows reach so far
+_BEYOND = 1e-9  # of its length: what a table that is not periodic allows for rounding at its ends
 
 
 class Switch(NamedTuple):
@@ -39,6 +41,9 @@ class Switch(NamedTuple):
         """What the present row follows from."""
         return self.inside
 
+    def check(self, places: Array) -> None:
+        """It holds everywhere."""
+
     def row_at(self, place: float) -> int:
         """1 inside, else 0."""
         return int(place > 0.0)
@@ -61,7 +66,7 @@ class Table:
 
     With the place x and the middle and the half length of the present row, the guard of a periodic
     table is ``1 - (sin((x - middle)/2)/sin(half/2))^2``, whatever the turns in x; of a straight
-    one ``1 - ((x - middle)/half)^2``.
+    one ``1 - ((x - middle)/half)^2``, the outermost rows being a hair longer for it.
 
     Attributes
     ----------
@@ -73,18 +78,17 @@ class Table:
     def __init__(
         self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool
     ) -> None:
-        self.place = place
+        self.name, self.place = name, place
         self._breaks, self._rows, self._periodic = np.array(breaks), np.array(rows), periodic
-        ends = self._breaks.copy()
-        if not periodic:
-            far = _FAR * (ends[-1] - ends[0])
-            ends[0], ends[-1] = ends[0] - far, ends[-1] + far
+        ends = self._breaks
         self._middle, half = 0.5 * (ends[1:] + ends[:-1]), 0.5 * np.diff(ends)
         if periodic:
             turned = 0.5 * self._middle
             bounds = [np.cos(turned), np.sin(turned), 1.0 / np.sin(0.5 * half)]
         else:
-            bounds = [self._middle, 1.0 / half]
+            hair = _BEYOND * (ends[-1] - ends[0])
+            ends = np.array([ends[0] - hair, *ends[1:-1], ends[-1] + hair])
+            bounds = [self._middle, 0.5 * (ends[1:] + ends[:-1]), 2.0 / np.diff(ends)]
         self._values = np.column_stack([self._rows, *bounds])
         self.symbols = tuple(hy.make_vars(f'{name}_row_{k}') for k in range(len(self._values.T)))
         own = self.symbols[self._rows.shape[1] :]
@@ -95,7 +99,7 @@ class Table:
             share = sine * own[2]
         else:
             self.local = place - own[0]
-            share = self.local * own[1]
+            share = (place - own[1]) * own[2]
         self.guard = 1.0 - share * share
 
     @property
@@ -115,11 +119,39 @@ class Table:
         return int(self.rows_at(np.array(place)))
 
     def row_after(self, row: int, place: float) -> int:
-        """The row that begins where another one ends, at a place near its end."""
+        """The row that begins where another one ends, at a place near its end.
+
+        Raises
+        ------
+        RunError
+            If there is none.
+        """
         away = place - float(self._middle[row])
         if self._periodic:
             return (row + (1 if math.sin(away) > 0.0 else -1)) % len(self._rows)
-        return row + (1 if away > 0.0 else -1)
+        after = row + (1 if away > 0.0 else -1)
+        if not 0 <= after < len(self._rows):
+            raise self._outside(place)
+        return after
+
+    def check(self, places: Array) -> None:
+        """Refuse places (N,) [rad, m] where no row holds, but for rounding.
+
+        Raises
+        ------
+        RunError
+        """
+        first, last = self._breaks[[0, -1]]
+        beyond = np.maximum(first - places, places - last)
+        if not self._periodic and beyond.max(initial=0.0) > 2.0 * _BEYOND * (last - first):
+            raise self._outside(float(places[beyond.argmax()]))
+
+    def _outside(self, place: float) -> RunError:
+        first, last = self._breaks[[0, -1]]
+        return RunError(
+            f'{self.name} comes to {place:.6g} m, but its law goes from {first:.6g} to '
+            f'{last:.6g} m only'
+        )
 
     def values(self, row: int) -> list[float]:
         """Of the symbols in a row."""

@@ -9,27 +9,45 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cams.followers import FlatFaced, OscillatingFlat
 from mechanism_sim.cams.pair import CamPair, GroovePair
-from mechanism_sim.cams.profiles import drawing_angles
+from mechanism_sim.cams.profiles import drawing_angles, extent
 from mechanism_sim.cycles.points import Place
 from mechanism_sim.planar.mechanism import rotate
 
 Array = NDArray[np.float64]
 
-_STEP = math.radians(2.0)
+_PARTS = 180  # of a turn or stroke
 _FACE = 0.5  # thickness of a face, in units of the drawing's symbols
 _TIP = 1.5  # length of a knife's edge
 
 
 def cam_outlines(joint: CamPair) -> list[tuple[Place, ...]]:
-    """The cam, from its edge inwards: a groove has a rim and two walls, on the cam's link."""
-    angles = drawing_angles(joint.cam.law, _STEP)
-    if not isinstance(joint, GroovePair):
+    """The cam, from its edge inwards: a groove has a rim and two walls, on the cam's link.
+
+    A cam that slides is a bar from its base line on; a groove in it is what lies between bars.
+    """
+    angles = _angles(joint)
+    if joint.distance.slides:
+        edges = [_bar(joint.cam.at(angles).profile, 0.0)]
+        if isinstance(joint, GroovePair):
+            inner, outer = joint.cam.groove(angles)
+            edges = [_bar(inner, 0.0), _bar(outer, outer[0].max() + joint.cam.base_radius)]
+    elif not isinstance(joint, GroovePair):
         edges = [joint.cam.at(angles).profile]
     else:
         inner, outer = joint.cam.groove(angles)
         rim = 1.12 * float(np.hypot(*outer).max())
         edges = [rim * np.array([np.cos(angles), np.sin(angles)]), outer, inner]
     return [_on(joint.first, joint.profile(edge)) for edge in edges]
+
+
+def _angles(joint: CamPair) -> Array:
+    law = joint.cam.law
+    return drawing_angles(law, extent(law) / _PARTS)
+
+
+def _bar(edge: Array, back: float) -> Array:
+    """Closed behind an edge (2, N), at a height."""
+    return np.column_stack([edge, (back, edge[1, -1]), (back, edge[1, 0])])
 
 
 def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[Place, ...]:
@@ -42,7 +60,7 @@ def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[Place
     """
     follower = joint.cam.follower
     if isinstance(follower, FlatFaced | OscillatingFlat):
-        angles = drawing_angles(joint.cam.law, _STEP)
+        angles = _angles(joint)
         if isinstance(follower, FlatFaced):  # the contact wanders by u' along the face
             reach, behind = joint.cam.law(angles, 1), -1.0
             turn = joint.direction + joint.mirror * follower.tilt + 0.5 * math.pi - angle

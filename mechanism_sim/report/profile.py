@@ -99,9 +99,9 @@ def write(outline: Outline, path: Path) -> None:
 
 
 def _speed(machine: Machine, link: str) -> float:
-    """Of a turning link at the start [rad/s]."""
+    """Of a link at the start [rad/s], or [m/s] if it slides."""
     ideal = machine.plan.ideal
-    frame, _ = ideal.frame(link)
+    frame = link if link in ideal.sliding else ideal.frame(link)[0]
     rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))
     return float(rates.get(frame, 0.0))
 
@@ -111,7 +111,8 @@ def _cam(machine: Machine, joint: CamPair) -> tuple[Sheet, Outline]:
     if isinstance(joint, GroovePair):
         play = machine.clearances.get(joint.name)
         clearance = 2.0 * (play.radial or 0.0) if play else 0.0
-    speed = joint.sense * _speed(machine, joint.first)
+    sense = 1 if joint.distance.slides else joint.sense
+    speed = sense * _speed(machine, joint.first)
     title = f'{machine.name}: the cam on {joint.first} that moves {joint.second}'
     return cam_sheet(title, joint.cam, clearance, speed), cam_outline(joint.cam, clearance)
 

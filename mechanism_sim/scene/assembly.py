@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
@@ -44,7 +44,8 @@ def assemble(machine: Machine) -> Assembly:
     Raises
     ------
     InputError
-        If the loops cannot be closed: which is open by how much, near which configuration.
+        If the loops cannot be closed: which is open by how much, near which configuration; or if
+        a cam starts beyond its law.
     """
     plan, ideal = machine.plan, machine.plan.ideal
     held = {**plan.begins, **{c: (x, 0.0) for c, x in plan.given[0].items()}}
@@ -57,6 +58,11 @@ def assemble(machine: Machine) -> Assembly:
     guess = np.array([known.get(c, 0.0) for c in ideal.coordinates])
     kinematics = machine.kinematics([c for c in ideal.coordinates if c in held])
     q = closed_near(machine.name, kinematics, guess)
+    if kinematics.edges:
+        try:
+            kinematics.edges.check(q[:, None])
+        except RunError as error:
+            raise InputError(f'{machine.name}: at the start {error}') from error
     moving = machine.kinematics(plan.prescribed)
     _, J = moving.closure(q[:, None])
     # free of units: rows in the longest link, displacements too

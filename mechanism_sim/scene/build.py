@@ -78,8 +78,9 @@ def _check_linkage(machine: Machine) -> None:
             'remove a joint, or make ratios agree that contradict each other'
         )
     if assembly.overdriven:
+        count = len(plan.prescribed)
         raise InputError(
-            f'{machine.name}: {len(plan.prescribed)} drives ({", ".join(plan.prescribed)}) are '
+            f'{machine.name}: {count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
             f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
             'remove a drive'
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -24,11 +24,13 @@ from mechanism_sim.cams.laws import (
     Raised,
     Segment,
     check_smoothness,
+    spelled,
 )
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
+from mechanism_sim.planar.mechanism import Vector2, rotate
+from mechanism_sim.scene.cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.cam_keys import SegmentPart
 from mechanism_sim.scene.linkage import LinkageJoint
 from mechanism_sim.scene.places import Places
@@ -36,15 +38,6 @@ from mechanism_sim.scene.schema import Play
 
 Place = tuple[str, Vector2]
 _UNITS = ('rad', 'm')
-
-
-class _Guide(NamedTuple):
-    """How a follower moves on the ground."""
-
-    swings: bool
-    at: Vector2  #: [m] its pivot, or its point when its displacement is zero, in the world
-    arm: Vector2  #: [m] from its pivot to its point, in its own frame
-    axis: float = 0.0  #: [rad] along which it slides
 
 
 def read_cam(
@@ -98,16 +91,20 @@ class _Reader:
         """The joint."""
         joint, (link, at) = self.joint, cam
         self._check_keys()
-        centre, on_cam = self.places.pivot(f'joints.{self.name}', link)
-        if at != on_cam:
-            raise InputError('name the point where the cam turns on the ground')
-        guide = self._guide(*follower)
+        carrier = find_guide(self.places, self.where, *cam, 'cam')
+        guide = find_guide(self.places, self.where, *follower, 'follower')
         self._check_guide(guide)
-        sense: Literal[1, -1] = -1 if joint.sense == 'clockwise' else 1
-        direction, beside = guide.axis, 0.0
-        if guide.swings:
-            direction = math.atan2(guide.at[1] - centre[1], guide.at[0] - centre[0])
+        self._slides, phase = not carrier.swings, joint.phase
+        if self._slides:
+            self._check_straight()
+            centre, direction, sense = along(carrier, guide)
+            phase = -sense * carrier.angle
+            x, y = rotate((centre[0] - carrier.at[0], centre[1] - carrier.at[1]), -carrier.angle)
+            at = at[0] + x, at[1] + y
         else:
+            centre, direction, sense = around(carrier, guide, joint.sense == 'clockwise')
+        beside = 0.0
+        if not guide.swings:
             away = guide.at[0] - centre[0], guide.at[1] - centre[1]
             beside = -sense * rotate(away, -direction)[1]
         touching = self._follower(guide, math.dist(guide.at, centre), beside, sense)
@@ -124,7 +121,7 @@ class _Reader:
             centre,
             direction,
             sense,
-            joint.phase,
+            phase,
             math.atan2(*guide.arm[::-1]),
             beside,
             # a jump of its second order would be one of the gap
@@ -136,7 +133,10 @@ class _Reader:
         joint, where = self.joint, self.where
         for key, what in (
             ('follower', "'knife', 'roller' or 'flat'"),
-            ('base_radius', "the radius of the base circle, such as '20 mm'"),
+            (
+                'base_radius',
+                "the radius of the base circle, or the height of a base line, such as '20 mm'",
+            ),
             ('law', "its displacement by 'segments', 'points' or 'eccentric'"),
         ):
             if getattr(joint, key) is None:
@@ -158,28 +158,16 @@ class _Reader:
                 f"{where}.clearance has no meaning for a cam: write 'lift_off' or 'groove'"
             )
 
-    def _guide(self, link: str, at: Vector2) -> _Guide:
-        places = self.places
-        for name, joint in places.scene.joints.items():
-            if joint.kind not in ('revolute', 'prismatic'):
-                continue
-            (a, on_a), (b, on_b) = (places.find(f'joints.{name}', p) for p in joint.points)
-            if {a, b} != {GROUND, link}:
-                continue
-            if joint.clearance:
-                raise InputError(f'{self.where}: the joint {name} of its follower cannot be loose')
-            if joint.revolute:
-                pivot, own = (on_a, on_b) if a == GROUND else (on_b, on_a)
-                return _Guide(True, pivot, (at[0] - own[0], at[1] - own[1]))
-            if a == GROUND:
-                x, y = rotate((at[0] - on_b[0], at[1] - on_b[1]), joint.angle)
-                return _Guide(False, (on_a[0] + x, on_a[1] + y), (0.0, 0.0), joint.axis)
-        raise InputError(
-            f'{self.where}: the follower {link} must slide or swing on the ground: add a joint '
-            f"'prismatic: [ground, {link}]' or 'revolute: [ground, {link}]'"
-        )
+    def _check_straight(self) -> None:
+        """Keys that only cams that turn have."""
+        for key in ('phase', 'sense'):
+            if getattr(self.joint, key):
+                raise InputError(
+                    f'{self.where}.{key} has no meaning for a cam that slides: its law goes over '
+                    'the displacement along its guide'
+                )
 
-    def _check_guide(self, guide: _Guide) -> None:
+    def _check_guide(self, guide: Guide) -> None:
         """Keys that only one way of moving has."""
         joint, where = self.joint, self.where
         if guide.swings and joint.side is None:
@@ -201,7 +189,7 @@ class _Reader:
                     f'{"swings" if guide.swings else "slides"}'
                 )
 
-    def _follower(self, guide: _Guide, distance: float, beside: float, sense: int) -> Follower:
+    def _follower(self, guide: Guide, distance: float, beside: float, sense: int) -> Follower:
         joint = self.joint
         if not guide.swings:
             if joint.follower == 'flat':
@@ -212,7 +200,7 @@ class _Reader:
             return OscillatingFlat(distance, joint.face, side)
         return Oscillating(distance, math.hypot(*guide.arm), joint.roller, side)
 
-    def _law(self, guide: _Guide, follower: Follower) -> Law:
+    def _law(self, guide: Guide, follower: Follower) -> Law:
         given, where = self.joint.law, f'joints.{self.name}.law'
         assert given is not None  # noqa: S101 - checked
         if given.segments:
@@ -220,14 +208,23 @@ class _Reader:
                 [
                     self._segment(f'{where}.segments.{i}', s, guide.swings)
                     for i, s in enumerate(given.segments)
-                ]
+                ],
+                self._slides,
             )
         if given.points:
-            rises = [
-                self.places.measure(f'{where}.points.{i}', rise, not guide.swings, _UNITS)
-                for i, (_, rise) in enumerate(given.points)
-            ]
-            return Measured([angle for angle, _ in given.points], rises, given.degree)
+            ways, rises = (
+                [
+                    self.places.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
+                    for i, point in enumerate(given.points)
+                ]
+                for k, straight in enumerate((self._slides, not guide.swings))
+            )
+            return Measured(ways, rises, given.degree, self._slides)
+        if self._slides:
+            raise InputError(
+                "law.eccentric is for cams that turn: describe this one's by 'segments' or "
+                "'points'"
+            )
         e, radius = given.eccentric or 0.0, self.joint.base_radius or 0.0
         if follower == FlatFaced():
             return Raised(e)
@@ -239,18 +236,24 @@ class _Reader:
         )
 
     def _segment(self, where: str, part: SegmentPart, swings: bool) -> Segment:
-        if part.end - part.begin > 2.0 * math.pi * (1.0 + 1e-9):
+        begin, end = (
+            self.places.measure(f'{where}.{key}', way, self._slides, _UNITS)
+            for key, way in (('from', part.begin), ('to', part.end))
+        )
+        if not self._slides and end - begin > 2.0 * math.pi * (1.0 + 1e-9):
             raise InputError(
-                f'law: the segment from {part.begin:g} to {part.end:g} rad is longer than a turn; '
+                f'law: the segment from {begin:g} to {end:g} rad is longer than a turn; '
                 "numbers without a unit are radians: write for example '30 deg'"
             )
-        if part.end <= part.begin:
-            begin, end = math.degrees(part.begin), math.degrees(part.end)
+        if end <= begin:
+            said = (
+                f'law: the segment from {spelled(begin, end, reciprocating=self._slides)} has no'
+            )
+            if end == begin or self._slides:
+                raise InputError(f'{said} {"positive " * (end < begin)}length')
+            turned = math.degrees(end) + 360.0 * math.ceil((begin - end) / (2.0 * math.pi))
             raise InputError(
-                f'law: the segment from {begin:g} to {end:g} deg has no positive length; past a '
-                f'full turn count on, to {end + 360.0 * math.ceil((begin - end) / 360.0):g} deg'
-                if end < begin
-                else f'law: the segment from {begin:g} to {end:g} deg has no length'
+                f'{said} positive length; past a full turn count on, to {turned:g} deg'
             )
         rise = self.places.measure(f'{where}.rise', part.rise, not swings, _UNITS)
         if part.curve == 'spline':
@@ -258,7 +261,7 @@ class _Reader:
             curve = curves.spline_curve(x, y, part.ends)
         else:
             curve = getattr(curves, part.curve.upper())
-        return Segment(part.begin, part.end, rise, curve)
+        return Segment(begin, end, rise, curve)
 
     def _check_cam(self, cam: Cam) -> None:
         """Refuse what no follower can follow."""
@@ -270,8 +273,7 @@ class _Reader:
         swings = isinstance(cam.follower, Oscillating | OscillatingFlat)
         lift = float(np.ptp(cam.law(drawing_angles(cam.law, 0.02))))
         for flaw in [*find_flaws(cam, clearance), *find_cut_away(cam)]:
-            raise InputError(
-                f'{flaw}: take a larger base_radius'
-                + (', a smaller roller' if self.joint.roller else '')
-                + f' or a smaller lift than {lift:.4g} {_UNITS[not swings]}'
-            )
+            ways = [] if self._slides else ['a larger base_radius']
+            ways += ['a smaller roller'] if self.joint.roller else []
+            ways += [f'a smaller lift than {lift:.4g} {_UNITS[not swings]}']
+            raise InputError(f'{flaw}: take {" or ".join(ways)}')

@@ -18,6 +18,9 @@ from mechanism_sim.scene.schema import (
 )
 from mechanism_sim.units import Measure, to_si_of
 
+Way = Annotated[Measure, BeforeValidator(lambda value: to_si_of(value, ('rad', 'm')))]
+"""An angle of a cam, or a displacement if it slides."""
+
 Rise = Annotated[Measure, BeforeValidator(lambda value: to_si_of(value, ('m', 'rad')))]
 """A displacement of the follower: an angle if it swings."""
 
@@ -35,10 +38,13 @@ Curve = Literal[
 
 
 class SegmentPart(Part):
-    """A rise, a return or, with no rise, a dwell over an interval of the cam angle."""
+    """A rise, a return or, with no rise, a dwell over an interval of the cam angle.
 
-    begin: Angle = Field(alias='from')
-    end: Angle = Field(alias='to')
+    Of a cam that slides: of its displacement.
+    """
+
+    begin: Way = Field(alias='from')
+    end: Way = Field(alias='to')
     rise: Rise
     curve: Curve = 'cycloidal'
     points: tuple[tuple[float, float], ...] = ()  #: of a spline, from [0, 0] to [1, 1]
@@ -54,10 +60,10 @@ class SegmentPart(Part):
 
 
 class LawPart(Part):
-    """The displacement of the follower over the cam angle, in one of three ways."""
+    """The displacement of the follower over the place of the cam, in one of three ways."""
 
     segments: tuple[SegmentPart, ...] = ()
-    points: tuple[tuple[Angle, Rise], ...] = ()  #: measured
+    points: tuple[tuple[Way, Rise], ...] = ()  #: measured
     degree: Literal[1, 3, 5, 7] = 5  #: of the spline through them
     eccentric: Length | None = None  #: a circle, so far from the camshaft
 

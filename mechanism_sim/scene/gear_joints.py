@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
@@ -106,7 +106,8 @@ class _Placed(NamedTuple):
     facing: tuple[float, float]
     half: float  #: [rad] N times half the angle of a tooth of the first at the pitch point
     waves: tuple[float, float]
-    guide: Prismatic | None
+    bearings: tuple[str, ...]  #: shafts, and the guide of a rack
+    guide: Prismatic | None = None
 
 
 def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
@@ -144,8 +145,8 @@ def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
     return GearMesh(
         name, one.link, two.link, one.at, two.at, placed.carrier, placed.waves,
         one.gear.base_pitch, placed.pressure_angle, placed.towards, placed.reach,
-        placed.facing, placed.guide, play=play, elasticity=elasticity,
-        errors=_errors(where, joint, placed, one.gear.base_pitch),
+        placed.facing, placed.guide, bearings=placed.bearings, play=play,
+        errors=_errors(where, joint, placed, one.gear.base_pitch), elasticity=elasticity,
         wheels=(Teeth(one.name, one.gear), _teeth(one, two)),
         contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
         helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
@@ -163,8 +164,8 @@ def _pair(places: Places, one: Wheel, two: Wheel) -> _Placed:
     if one.part.internal and two.part.internal:
         raise InputError('one of the gears must have external teeth')
     signs = tuple(-1.0 if g.internal else 1.0 for g in gears)
-    carrier, centres = _carrier(places, one, two)
-    x, y = centres[1][0] - centres[0][0], centres[1][1] - centres[0][1]
+    carrier, (here, there) = _carrier(places, one, two)
+    x, y = there.at[0] - here.at[0], there.at[1] - here.at[1]
     distance = math.hypot(x, y)
     pinion, wheel = gears if signs[0] > 0.0 else gears[::-1]
     tight = Pair(pinion, wheel).centre_distance
@@ -190,7 +191,7 @@ def _pair(places: Places, one: Wheel, two: Wheel) -> _Placed:
         (towards + (0.0 if signs[1] > 0.0 else math.pi),
          towards + (math.pi if signs[0] > 0.0 else 0.0)),
         gears[0].teeth * gears[0].half_angle(radii[0]),
-        (signs[0] * gears[0].teeth, signs[1] * gears[1].teeth), None,
+        (signs[0] * gears[0].teeth, signs[1] * gears[1].teeth), (*here.by, *there.by),
     )  # fmt: skip
 
 
@@ -202,8 +203,9 @@ def _with_rack(places: Places, one: Wheel, two: Wheel) -> _Placed:
         if not joint.prismatic:
             continue
         (a, on_a), (b, on_b) = (places.find(f'joints.{n}', p) for p in joint.points)
-        centre = _axes(places, one).get(a)
-        if b == two.link and a != one.link and centre is not None:
+        shaft = _axes(places, one).get(a)
+        if b == two.link and a != one.link and shaft is not None:
+            centre = shaft.at
             guide = Prismatic(n, a, b, on_a, on_b, joint.axis, joint.angle)
             break
     else:
@@ -238,41 +240,55 @@ def _with_rack(places: Places, one: Wheel, two: Wheel) -> _Placed:
         gear.system.pressure_angle, path, 2.0 * out * math.tan(gear.system.pressure_angle),
         f'a pitch line {tight:.9g} m from the centre',
         (guide.axis + side * 0.5 * math.pi, -along),
-        gear.teeth * gear.half_angle(gear.pitch_radius), (gear.teeth, slope), guide,
+        gear.teeth * gear.half_angle(gear.pitch_radius), (gear.teeth, slope),
+        (*shaft.by, guide.name), guide,
     )  # fmt: skip
 
 
-def _axes(places: Places, wheel: Wheel) -> dict[str, Vector2]:
-    """The links that turn about a gear's centre, each with the point where they do."""
-    pins = []
-    for n, joint in places.scene.joints.items():
-        if joint.revolute:
-            ends = dict(places.find(f'joints.{n}', p) for p in joint.points)
-            pins.append((n, joint.clearance, ends))
-    found, grown = {wheel.link: wheel.at}, True
-    loose = set()
-    while grown:
-        grown = False
-        for n, clearance, ends in pins:
-            here = [x for x in ends if x in found and math.dist(ends[x], found[x]) < 1e-9]
-            if here and (rest := {k: v for k, v in ends.items() if k not in found}):
-                found |= rest
-                grown = True
-                if clearance:
-                    loose.add(n)
-    if loose:
-        raise InputError(
-            f'the shaft of {wheel.name} has a clearance ({min(loose)}), so that its centre is '
-            'nowhere fixed: gears need ideal bearings'
-        )
+class _Axis(NamedTuple):
+    """Where a link turns about a gear's centre, and the joints on the way to it."""
+
+    at: Vector2  #: [m] in the link's frame
+    by: tuple[str, ...] = ()
+
+
+def _axes(places: Places, wheel: Wheel) -> dict[str, _Axis]:
+    """The links that turn about a gear's centre.
+
+    Raises
+    ------
+    InputError
+        If one does so with a clearance.
+    """
+    found = {wheel.link: _Axis(wheel.at)}
+    waiting = [n for n, joint in places.scene.joints.items() if joint.revolute]
+    while True:
+        for n in waiting:
+            ends = dict(places.find(f'joints.{n}', p) for p in places.scene.joints[n].points)
+            here = [x for x in ends if x in found and math.dist(ends[x], found[x].at) < 1e-9]
+            if here:
+                by = (*found[here[0]].by, n)
+                found = {x: _Axis(at, by) for x, at in ends.items()} | found
+                waiting.remove(n)
+                break
+        else:
+            break
+        if places.scene.joints[n].clearance:
+            raise InputError(
+                f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is nowhere '
+                'fixed: gears need ideal bearings'
+            )
     return found
 
 
-def _carrier(places: Places, one: Wheel, two: Wheel) -> tuple[str, tuple[Vector2, Vector2]]:
+def _carrier(places: Places, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
     """The link on which both gears turn, the ground if possible, and their centres on it."""
     a, b = (_axes(places, x) for x in (one, two))
     both = [x for x in (GROUND, *places.links) if x in a and x in b]
-    both = [x for x in both if x not in (one.link, two.link) and math.dist(a[x], b[x]) > 1e-9]
+    both = [
+        x for x in both
+        if x not in (one.link, two.link) and math.dist(a[x].at, b[x].at) > 1e-9
+    ]  # fmt: skip
     if not both:
         raise InputError(
             f'{one.name} and {two.name} have no common carrier: both must be pivoted on the '
@@ -365,6 +381,21 @@ def read_transmission(places: Places, name: str, joint: LinkageJoint) -> Transmi
     return Transmission(
         name, a, b, on_a, on_b, Fraction(joint.ratio), joint.phase, carrier
     )  # fmt: skip
+
+
+def check_bearings(places: Places, joints: tuple[Joint, ...], closing: Collection[str]) -> None:
+    """Refuse gears whose shafts cannot all be joints of the tree.
+
+    Raises
+    ------
+    InputError
+    """
+    for mesh in (j for j in joints if isinstance(j, GearMesh)):
+        if torn := [n for n in mesh.bearings if n in closing]:
+            raise InputError(
+                f'{places.name}: joints.{mesh.name}: the shafts of gears form a closed loop, of '
+                f'which {torn[0]} is one: leave out a mesh of that loop, or make it a transmission'
+            )
 
 
 def in_mesh(

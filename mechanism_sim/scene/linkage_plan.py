@@ -5,7 +5,7 @@ from __future__ import annotations
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.mechanism import Body, Mechanism, closing_joints
 from mechanism_sim.scene.cam_joints import cam_play
-from mechanism_sim.scene.gear_joints import backlashes, in_mesh, read_wheel
+from mechanism_sim.scene.gear_joints import backlashes, check_bearings, in_mesh, read_wheel
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_drives import is_straight, read_drives, read_laws
 from mechanism_sim.scene.linkage_forces import read_forces
@@ -31,6 +31,7 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
     joints, drives = read_joints(places), read_drives(places)
     straight = [c for c, drive in drives.items() if is_straight(drive)]
     closing = closing_joints(places.links, joints, (), straight)
+    check_bearings(places, joints, closing)
     massless = tuple(Body(link, 0.0, 0.0, (0.0, 0.0)) for link in places.links)
     tree = Mechanism(massless, joints, closing)
     laws: dict[str, tuple[Law, ...]] = {}

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.cams.touch import Passage
 from mechanism_sim.sensing.joint_view import Array, Course, JointView
 
 
@@ -26,11 +27,12 @@ class CamMode(IntEnum):
 class CamReading(NamedTuple):
     """A cam at N instants; forces are NaN where masses are not known.
 
-    Lift and follower count from the base circle; those of a swinging follower are angles.
+    Lift and follower count from the base circle; those of a swinging follower are angles. Angle
+    and speed of a cam that slides are its displacement and velocity, its torque is a force.
     """
 
-    cam_angle: Array  #: (N,) [rad] that the law is asked for
-    cam_speed: Array  #: (N,) [rad/s]
+    cam_angle: Array  #: (N,) [rad] or [m] that the law is asked for
+    cam_speed: Array  #: (N,) [rad/s] or [m/s]
     lift: Array  #: (N,) [m] or [rad] of the law
     follower_position: Array  #: (N,) [m] or [rad] likewise: in contact the lift, but for play
     follower_velocity: Array  #: (N,) [m/s] or [rad/s]
@@ -38,29 +40,41 @@ class CamReading(NamedTuple):
     gap: Array  #: (N,) [m] to the cam, or the nearer wall of its groove
     contact_force: Array  #: (N,) [N] of the cam on the follower along the normal out of the cam
     pressure_angle: Array  #: (N,) [rad] where the follower touches at this cam angle
-    cam_torque: Array  #: (N,) [N m] of the follower on the cam, in the sense of the cam angle
+    cam_torque: Array  #: (N,) [N m] or [N] of the follower on the cam, as the cam angle counts
     mode: NDArray[np.uint8]  #: (N,) of `CamMode`
 
 
 def read_cam(joint: CamPair, view: JointView) -> CamReading:
     """A cam that its follower may leave, or in whose groove it has play."""
-    cam = view.turning(joint.first)
-    angle = joint.sense * cam.position + joint.phase
+    cam, torque = _cam(joint, view)
+    angle = cam.position
     lift, touch = joint.cam.law(angle), joint.cam.at(angle)
     follower = _follower(joint, view, lift)
     # from the frame of the cam to that of the follower, and to the world
-    nx, ny = touch.normal
-    x = nx * np.cos(angle) + ny * np.sin(angle)
-    y = joint.mirror * (ny * np.cos(angle) - nx * np.sin(angle))
+    nx, ny = Passage.of(joint.cam.law).directions(touch.normal, -angle)
+    x, y = nx, joint.mirror * ny
     c, s = math.cos(joint.direction), math.sin(joint.direction)
     fx, fy = view.force
     force = np.copysign(np.hypot(fx, fy), fx * (c * x - s * y) + fy * (s * x + c * y))
     gap, mode = _contact(joint, view)
-    torque = joint.sense * view.moment_on_first(np.array(joint.centre)[:, None])
     return CamReading(
-        angle, joint.sense * cam.velocity, lift, *follower, gap, force, touch.pressure_angle,
+        angle, cam.velocity, lift, *follower, gap, force, touch.pressure_angle,
         torque, mode,
     )  # fmt: skip
+
+
+def _cam(joint: CamPair, view: JointView) -> tuple[Course, Array]:
+    """Where the cam is, and the torque or force on it, as its law counts."""
+    if joint.distance.slides:
+        x, y = joint.world((0.0, -1.0))
+        p, v, a = (x * px + y * py for px, py in view.path(joint.first, joint.on_first))
+        start = x * joint.centre[0] + y * joint.centre[1]
+        return Course(p - start, v, a), -(x * view.force[0] + y * view.force[1])
+    turn, sense = view.turning(joint.first), joint.sense
+    course = Course(
+        sense * turn.position + joint.phase, sense * turn.velocity, sense * turn.acceleration
+    )
+    return course, sense * view.moment_on_first(np.array(joint.centre)[:, None])
 
 
 def _follower(joint: CamPair, view: JointView, lift: Array) -> Course:

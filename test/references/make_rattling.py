@@ -1,10 +1,10 @@
 """References for the scenes `valve_train` and `gear_rattle`, without any integrator.
 
-Both have one free coordinate, whose motion between impacts is known in closed form: the valve is a
-harmonic oscillator above a cycloidal cam, the wheel turns under a sine of time and a linear drag
-against a pinion of constant speed. So a flight ends at the first root of a function in closed form,
-found in 50 digits with `mpmath`; in contact the motion is given, and contact ends at a root of the
-force. Bounces on are followed until they are 1e-30 m high.
+Both have one free coordinate, whose motion between impacts is known in closed form: the valve is
+a harmonic oscillator above a cycloidal cam, the wheel turns under a sine of time and a linear drag
+against a pinion of constant speed. So a flight ends at the first root of a function in closed
+form, found in 50 digits with `mpmath`; in contact the motion is given, and contact ends at a root
+of the force. Bounces are followed until they are less than 1e-30 m high.
 
 `python make_rattling.py` writes `valve_train.json` and `gear_rattle.json` to
 mechanism_sim/bench/references.
@@ -15,7 +15,9 @@ from __future__ import annotations
 import json
 import platform
 from datetime import date
+from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import mpmath as mp
 
@@ -28,7 +30,7 @@ mp.mp.dps = 50
 class Valve:
     """Its height u above the base circle, and the cam's lift below it."""
 
-    parameters = {
+    parameters: ClassVar = {
         'mass': '0.15', 'stiffness': '20000', 'preload': '201.4715', 'lift': '0.008',
         'lift_angle': 'pi/2', 'speed': '120 pi', 'start_angle': '10 pi/9', 'restitution': '0.3',
     }  # fmt: skip
@@ -58,7 +60,7 @@ class Valve:
         """Where the follower touches, and how fast that goes."""
         return self.cam(t)[:2]
 
-    def pull(self, t, _):
+    def pull(self, t, side):
         """Acceleration away from the wall of what just touches it."""
         u, _, a = self.cam(t)
         return -(self.preload + self.k * u) / self.m - a
@@ -78,7 +80,7 @@ class Valve:
 class Wheel:
     """The pinion's lead x along the line of action, between the flanks at -c and c."""
 
-    parameters = {
+    parameters: ClassVar = {
         'teeth': '20, 40', 'module': '0.002', 'pressure_angle': '20 deg', 'backlash': '0.0001',
         'inertia': '0.0015', 'speed': '20 pi', 'swing': '3', 'frequency': '40 pi',
         'drag': '0.02', 'restitution': '0.6',
@@ -127,8 +129,13 @@ def root(function, a, b):
     return mp.findroot(function, (a, b), solver='anderson', tol=mp.mpf('1e-80'), verify=False)
 
 
+def distance(machine, at, side, t):
+    """From a wall."""
+    return at(t)[0] - machine.wall(t, side)[0]
+
+
 def run(machine):
-    """Times and speeds of all impacts, first contact and its loss."""
+    """Times and speeds of all impacts; times at which contact begins and ends."""
     end, longest = REVOLUTIONS * machine.period, machine.period / 500
     t, side = mp.mpf(0), machine.seated
     x, v = machine.wall(t, side) if side else (mp.mpf(0), mp.mpf(0))
@@ -141,7 +148,7 @@ def run(machine):
             if t >= end:
                 break
             if machine.pull(t, side) < 0:
-                t = root(lambda s: machine.pull(s, side), t, t + longest)
+                t = root(partial(machine.pull, side=side), t, t + longest)
             releases.append(t)
             x, v = machine.wall(t, side)
             side, step = 0, longest / 1000
@@ -155,7 +162,7 @@ def run(machine):
             a, step = b, min(longest, step * mp.mpf('1.3'))
         if struck is None:
             break
-        t = root(lambda s: at(s)[0] - machine.wall(s, struck)[0], a, b)
+        t = root(partial(distance, machine, at, struck), a, b)
         (_, v), (x, face) = at(t), machine.wall(t, struck)
         approach = struck * (face - v)
         impacts.append((t, approach))

@@ -7,6 +7,10 @@ integrated.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -15,7 +19,8 @@ from mechanism_sim.bench.kernels.dop853 import ROWS, STAGES, resize, stepper
 LOOK = 8  #: points of a step at which the way is looked at
 
 
-def bouncer(pull):
+@cache
+def bouncer(pull: Callable[..., float]) -> Any:
     """Compiled run of a coordinate whose acceleration is ``pull(t, z, v, p)``."""
     pull = njit(error_model='numpy')(pull)
 
@@ -27,7 +32,7 @@ def bouncer(pull):
     step, densify, dense = stepper(rate, 2)
 
     @njit(error_model='numpy')
-    def root(a, fa, b, fb, t, h, y, F, z, wall, side):
+    def root(a, fa, b, fb, y, F, z, wall, side):
         """Where the distance from a wall is zero, between a and b, by the Illinois rule."""
         last = 0
         x = b
@@ -46,7 +51,7 @@ def bouncer(pull):
         return x
 
     @njit(error_model='numpy')
-    def first_touch(t, h, y, F, z, low, high, leaving):
+    def first_touch(h, y, F, z, low, high, leaving):
         """Fraction of the step at which a wall is touched first, and its side; 2 if none is.
 
         `leaving`: the side of the wall from which the step starts, 0 if it starts from none.
@@ -65,10 +70,9 @@ def bouncer(pull):
                     for _ in range(40):
                         m = 0.5 * (lo + hi)
                         dense(y, F, m, z)
-                        if side * (z[0] - wall) <= 0.0:
-                            return root(
-                                a, ga, m, side * (z[0] - wall), t, h, y, F, z, wall, side
-                            ), side
+                        gm = side * (z[0] - wall)
+                        if gm <= 0.0:
+                            return root(a, ga, m, gm, y, F, z, wall, side), side
                         lo, hi = (m, hi) if side * z[1] < 0.0 else (lo, m)
                 if gb <= 0.0:
                     at, gat = a, ga
@@ -80,7 +84,7 @@ def bouncer(pull):
                             if gat > 0.0:
                                 break
                             b, gb = at, gat
-                    return root(at, gat, b, gb, t, h, y, F, z, wall, side), side
+                    return root(at, gat, b, gb, y, F, z, wall, side), side
             a, za, va = b, zb, vb
         return 2.0, 0
 
@@ -140,7 +144,7 @@ def bouncer(pull):
                 at, hit = 2.0, 0
                 if not fresh:  # what starts with no speed and no acceleration strikes later
                     densify(t, y, h, K, p, new, F)
-                    at, hit = first_touch(t, h, y, F, z, low, high, leaving)
+                    at, hit = first_touch(h, y, F, z, low, high, leaving)
                 fresh, leaving = False, 0
                 if at > 1.0:
                     t = stop if h == stop - t else t + h

@@ -112,9 +112,9 @@ def tuned(
     while solver.status == 'running':
         solver.step()
         steps += 1
-        a, b = solver.t_old, solver.t
-        assert a is not None
+        a, b = t, solver.t
         if fresh and steps == 1:  # what starts with neither speed nor acceleration strikes later
+            t = b
             continue
         dense = solver.dense_output()
         times = a + NODES * (b - a)
@@ -130,13 +130,17 @@ def tuned(
                 if side * (dense(begin)[0] - wall) > 0.0:
                     break
                 end = begin
-            hit = float(brentq(lambda x, w=wall: dense(x)[0] - w, begin, end, xtol=1e-17))
+            hit = float(brentq(_off, begin, end, (dense, wall), xtol=1e-17))
             again = DOP853(fun, a, dense.y_old, hit, rtol=1, atol=1, first_step=hit - a)
             again.step()
             shift = (wall - again.y[0]) / again.y[1]
             return Landing(hit + shift, again.y + shift * again.f, side, steps, last)
-        last = b - a
+        last, t = b - a, b
     return Landing(stop, solver.y, 0, steps, last)
+
+
+def _off(t: float, dense: Any, wall: float) -> float:
+    return float(dense(t)[0]) - wall
 
 
 def rate(r: Rattling) -> Callable[[float, Answer], tuple[float, float]]:
