@@ -70,11 +70,6 @@ class CamPair(HigherPair):
         return Distance(self.name, self.cam, self.beside, self.exact)
 
     @property
-    def extent(self) -> float:
-        """From the camshaft to the follower on the base circle [m]."""
-        return self.cam.base_radius + float(getattr(self.cam.follower, 'roller', 0.0))
-
-    @property
     def mirror(self) -> int:
         """-1 where the frame of `followers`, in which cams turn clockwise, is seen mirrored."""
         return -self.sense

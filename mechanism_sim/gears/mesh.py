@@ -112,12 +112,6 @@ class GearMesh(HigherPair):
         return self.first, self.second
 
     @property
-    def extent(self) -> float:
-        """The larger of the base radii [m]; of a rack it does not count."""
-        gears = zip(self.waves, self.ends, strict=True)
-        return self.per_phase * max(abs(w) for w, link in gears if not self._rack(link))
-
-    @property
     def per_phase(self) -> float:
         """Way along the line of action by phase of the teeth [m/rad]."""
         return self.base_pitch / (2.0 * math.pi)
