@@ -401,3 +401,20 @@ def test_the_engine_rattles_in_a_groove_as_the_second_route(clearance):
     assert times < 1e-9 + third / 1e-2
     assert impulses < 1e-5
     assert abs(solution.energy.residual) < 1e-12
+
+
+@pytest.mark.parametrize('law', ['hertz', 'hunt_crossley'])
+def test_a_stiff_contact_comes_near_the_rigid_one(law):
+    """Seated at its static depth; where contact is lost first differs by the time of an impact."""
+    contact = {'law': law, 'stiffness': 1e12}
+    soft = ms.simulate(
+        ms.load_scene('eccentric_cam', {'joints.contact.lift_off.contact': contact}),
+        duration=0.006,
+    )
+    rigid = ms.simulate(ms.load_scene('eccentric_cam'), duration=0.006)
+    first = [
+        next(m.t for m in s.modes if m.t > 0.0 and m.mode == Mode.FREE_FLIGHT)
+        for s in (soft, rigid)
+    ]
+    assert first[0] == pytest.approx(first[1], rel=1e-2)
+    assert abs(soft.energy.residual) < 1e-9

@@ -52,8 +52,7 @@ def initial_state(machine: Machine) -> State:
 
 def _starts_closed(machine: Machine, gap: Gap) -> bool:
     """Pins are on their bushings, and what can only lift off is in contact."""
-    lifts = machine.clearances[gap.joint].radial == 0.0 and gap.law is None
-    return lifts or isinstance(gap, BearingClearance)
+    return machine.clearances[gap.joint].radial == 0.0 or isinstance(gap, BearingClearance)
 
 
 Values = dict[str, float]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
     """Where the pins rest (2,) [m], from the centres of their bushings, by joint.
 
+    Of a pair that can only lift off, how deep its compliant contact is (1,) [m], negative.
+
     Parameters
     ----------
     q, v, a : (n, 1) of the ideal mechanism
@@ -33,10 +35,11 @@ def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
     )
     found = {}
     for name, clearance in machine.clearances.items():
-        if not isinstance(machine.mechanism.joint(name), Revolute):
+        pin = isinstance(machine.mechanism.joint(name), Revolute)
+        if not pin and clearance.radial:
             continue  # pins start in the middle of their slots
         force = forces[name]
-        if not force.any():
+        if pin and not force.any():
             raise InputError(
                 f'{machine.name}: start = seated, but no force presses the pin of {name} on its '
                 "bushing; write 'start: centred'"
@@ -45,7 +48,10 @@ def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
         contact = clearance.contact
         soft = contact.stiffness if contact else None
         depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
-        found[name] = (clearance.radial + depth) * force / size
+        if pin:
+            found[name] = (clearance.radial + depth) * force / size
+        else:  # what can only lift off
+            found[name] = np.array([-depth])
     return found
 
 
