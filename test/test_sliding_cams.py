@@ -292,7 +292,7 @@ def test_energy_closes_where_a_slider_crank_moves_the_cam():
     assert len(hard) > 8
     assert solution.energy.dissipated > 0.01
     assert abs(solution.energy.residual) < 1e-12
-    assert solution.max_penetration < 1e-15
+    assert solution.max_penetration < 1e-13
 
 
 @pytest.mark.parametrize('kind', ['roller', 'swinging roller'])
@@ -411,5 +411,5 @@ def test_a_stroke_may_end_exactly_where_its_law_does(restitution):
         'sliding_cam', {'joints.contact.law.segments': law, 'joints.contact.lift_off': off}
     )
     solution = ms.simulate(machine, revolutions=5)
-    assert solution.duration == pytest.approx(0.6)
+    assert solution.duration == pytest.approx(0.5)
     assert abs(solution.energy.residual) < 1e-12
