@@ -31,6 +31,7 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.initial import initial_state
@@ -332,8 +333,7 @@ class Machine:
                 solver.rtol,
                 solver.atol,
                 min(self.period / 8.0, 0.1),
-                compact=self.system.elements != ()
-                or len(self.system.free) + self._rows >= _COMPACT_FROM,
+                compact=self._large,
                 fastest=self.fastest,
             )
         else:
@@ -363,6 +363,14 @@ class Machine:
         if self.level is Level.INVERSE_DYNAMICS:
             return self.inverse_dynamics.edges  # those of the closures among them
         return self.ideal.kinematics.edges if isinstance(self.ideal, LinkageMotion) else None
+
+    @property
+    def _large(self) -> bool:
+        """Whether the equations are so long that compact code pays."""
+        system = self.system
+        tabulated = any(isinstance(s, Table) for s in system.switches)
+        many = len(system.free) + self._rows >= _COMPACT_FROM
+        return bool(system.elements) or tabulated or many
 
     @property
     def _rows(self) -> int:
