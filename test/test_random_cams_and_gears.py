@@ -1,6 +1,6 @@
 """Cams and gear trains made by chance: motion, forces and books by a second route each.
 
-Two hundred more of either kind were run when this was written; those with a comment broke
+Many more of either kind were run when this was written; those with a comment broke
 something.
 """
 
