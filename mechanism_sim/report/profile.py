@@ -24,10 +24,10 @@ from mechanism_sim.gears.pair import Pair, path_with_rack
 from mechanism_sim.gears.pair import Path as ContactPath
 from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
 from mechanism_sim.scene.files import nearest
-from mechanism_sim.scene.gear_joints import Wheel, read_wheel
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.wheels import Wheel, read_wheel
 
 #: teeth of a rack that is drawn by itself
 RACK_TEETH = 10
