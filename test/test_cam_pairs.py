@@ -128,7 +128,7 @@ def test_the_drawn_profile_touches_the_follower(kind, sense):
         points = np.hstack([whole, fine])
         drawn = world(machine, 'cam', q, pair.profile(points))
         tip = world(machine, 'follower', q, np.array([pair.on_second]).T)
-        if 'fa' in kind or kind in ('flat', 'tilted'):
+        if kind in ('flat', 'tilted', 'swinging face'):
             normal = face_normal(machine, kind, q)
             face = normal @ tip[:, 0] + getattr(pair.cam.follower, 'face_offset', 0.0)
             gap = face - (normal @ drawn).max()

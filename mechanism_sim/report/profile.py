@@ -20,14 +20,13 @@ from mechanism_sim.export.outlines import (
 from mechanism_sim.export.svg import to_svg
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.pair import Pair, path_with_rack
-from mechanism_sim.gears.pair import Path as ContactPath
+from mechanism_sim.gears.pair import Pair
 from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
 from mechanism_sim.scene.files import nearest
-from mechanism_sim.scene.gear_joints import Wheel, read_wheel
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.wheels import Wheel, read_wheel
 
 #: teeth of a rack that is drawn by itself
 RACK_TEETH = 10
@@ -185,14 +184,11 @@ class _Mesh:
         return pair, (pinion.name, wheel.name)
 
     def _with_rack(self) -> Iterator[Figure]:
-        gear, out = self.wheels[0].gear, self._rack_stands_off
-        angle = gear.system.pressure_angle
-        start, end = path_with_rack(gear)
-        path = ContactPath(start + out / math.sin(angle), end)
+        angle = self.joint.pressure_angle
         yield Figure('distance_of_the_pitch_line', self._rack_distance, 'm')
         yield Figure('working_pressure_angle', angle, 'rad')
-        yield Figure('contact_ratio', (path.end - path.start) / gear.base_pitch)
-        yield Figure('backlash', 2.0 * out * math.tan(angle), 'm')
+        yield Figure('contact_ratio', self.joint.contact_ratio)
+        yield Figure('backlash', 2.0 * self._rack_stands_off * math.tan(angle), 'm')
 
     @property
     def _rack_distance(self) -> float:

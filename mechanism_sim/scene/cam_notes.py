@@ -24,6 +24,7 @@ def cam_notes(pair: CamPair, *, loose: bool) -> list[str]:
     limit = LARGEST_PRESSURE[pair.distance.swings]
     note = f'{name}: pressure angle up to {pressure:.4g} deg'
     notes.append(note + (f', more than the usual {limit:g} deg' if pressure > limit else ''))
+    unit = 'm' if pair.distance.slides else 'rad'
     jumps = check_smoothness(cam.law, 2)
-    notes += [f'{name}: {jump} [per rad^2]: the force jumps' for jump in jumps]
+    notes += [f'{name}: {jump} [per {unit}^2]: the force jumps' for jump in jumps]
     return notes

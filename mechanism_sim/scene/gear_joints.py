@@ -1,4 +1,4 @@
-"""Gears of a scene, their meshes and other transmissions."""
+"""Meshes of gears and other transmissions of a scene, and how the teeth stand at the start."""
 
 from __future__ import annotations
 
@@ -6,108 +6,16 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from fractions import Fraction
-from typing import NamedTuple
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.compliance import Elasticity, middle, touching
-from mechanism_sim.gears.involute import Gear, ToothSystem, transverse
 from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
-from mechanism_sim.gears.pair import Pair, Path, path_with_rack
 from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.planar.mechanism import (
-    GROUND,
-    Joint,
-    Mechanism,
-    Prismatic,
-    Vector2,
-    rotate,
-)
-from mechanism_sim.scene.files import nearest
-from mechanism_sim.scene.gear_keys import GearPart
+from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism
 from mechanism_sim.scene.linkage import LinkageJoint
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Play
-
-_FITS = 1e-6  # of a module: how exact a centre distance must be
-
-
-class Wheel(NamedTuple):
-    """A gear of a scene on its link."""
-
-    name: str
-    part: GearPart
-    link: str
-    at: Vector2  #: [m] in the link's frame
-
-    @property
-    def system(self) -> ToothSystem:
-        """The rack in the plane of rotation: lower in modules, for the module is larger there."""
-        part, c = self.part, math.cos(self.part.helix_angle)
-        angle = transverse(part.pressure_angle, part.helix_angle)
-        return ToothSystem(angle, part.addendum * c, part.dedendum * c)
-
-    @property
-    def module(self) -> float:
-        """In the plane of rotation [m]."""
-        return self.part.module / math.cos(self.part.helix_angle)
-
-    @property
-    def gear(self) -> Gear:
-        """In the plane of rotation.
-
-        Raises
-        ------
-        InputError
-            If such teeth cannot be cut.
-        """
-        shift = self.part.shift * math.cos(self.part.helix_angle)
-        return Gear(self.part.teeth or 0, self.module, self.system, shift, self.part.internal)
-
-
-def read_wheel(places: Places, name: str) -> Wheel:
-    """A gear by name.
-
-    Raises
-    ------
-    InputError
-        If there is none, its keys contradict each other, or its teeth cannot be cut.
-    """
-    gears = places.scene.gears
-    if name not in gears:
-        raise InputError(
-            f"{places.name}: there is no gear '{name}'{nearest(name, gears)}; gears: "
-            f"{', '.join(gears) or 'none'}; they stand under 'gears'"
-        )
-    part, where = gears[name], f'{places.name}: gears.{name}'
-    if (part.teeth is None) != part.rack:
-        raise InputError(f"{where}: {'a rack has no' if part.rack else 'a gear has'} 'teeth'")
-    if part.rack and (part.internal or part.shift):
-        raise InputError(f'{where}: a rack is not internal, and has no shift')
-    if not abs(part.helix_angle) < math.radians(60.0):
-        raise InputError(f'{where}.helix_angle must be less than 60 deg')
-    wheel = Wheel(name, part, *places.find(f'gears.{name}.at', part.at))
-    try:
-        _ = wheel.system if part.rack else wheel.gear
-    except InputError as error:
-        raise InputError(f'{where}: {error}') from error
-    return wheel
-
-
-class _Placed(NamedTuple):
-    """A pair on its carrier."""
-
-    carrier: str
-    towards: float
-    reach: float
-    pressure_angle: float
-    path: Path  #: as the first drives
-    backlash: float  #: [m] along the working pitch circle
-    tight: str  #: what would leave no backlash
-    facing: tuple[float, float]
-    half: float  #: [rad] N times half the angle of a tooth of the first at the pitch point
-    waves: tuple[float, float]
-    bearings: tuple[str, ...]  #: shafts, and the guide of a rack
-    guide: Prismatic | None = None
+from mechanism_sim.scene.wheels import Placed, Wheel, place, read_wheel
 
 
 def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
@@ -137,7 +45,7 @@ def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
             'shafts have equal helix angles, of opposite hands'
         )
     try:
-        placed = _with_rack(places, one, two) if two.part.rack else _pair(places, one, two)
+        placed = place(places, one, two)
         play = _play(joint, placed, one.gear.base_pitch)
         elasticity = _elasticity(joint, one, placed)
     except InputError as error:
@@ -159,145 +67,7 @@ def _teeth(one: Wheel, two: Wheel) -> Teeth:
     return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
 
 
-def _pair(places: Places, one: Wheel, two: Wheel) -> _Placed:
-    gears = one.gear, two.gear
-    if one.part.internal and two.part.internal:
-        raise InputError('one of the gears must have external teeth')
-    signs = tuple(-1.0 if g.internal else 1.0 for g in gears)
-    carrier, (here, there) = _carrier(places, one, two)
-    x, y = there.at[0] - here.at[0], there.at[1] - here.at[1]
-    distance = math.hypot(x, y)
-    pinion, wheel = gears if signs[0] > 0.0 else gears[::-1]
-    tight = Pair(pinion, wheel).centre_distance
-    slip = distance - tight if min(signs) > 0.0 else tight - distance
-    if slip < -_FITS * one.module:
-        raise InputError(
-            f'the teeth of {one.name} and {two.name} jam: the distance of their centres is '
-            f'{distance:.9g} m, without backlash it is {tight:.9g} m'
-        )
-    try:
-        pair = Pair(pinion, wheel, tight if abs(slip) <= _FITS * one.module else distance)
-    except InputError as error:
-        raise InputError(
-            f'{error}; without backlash the distance of the centres is {tight:.9g} m'
-        ) from error
-    left = pair.backlash if slip > _FITS * one.module else 0.0
-    towards = math.atan2(y, x)
-    radii = pair.pitch_radii if pinion is gears[0] else pair.pitch_radii[::-1]
-    path = pair.path if pinion is gears[0] else Path(-pair.path.end, -pair.path.start)
-    return _Placed(
-        carrier, towards, signs[1] * radii[0], pair.pressure_angle, path, left,
-        f'a centre distance of {tight:.9g} m',
-        (towards + (0.0 if signs[1] > 0.0 else math.pi),
-         towards + (math.pi if signs[0] > 0.0 else 0.0)),
-        gears[0].teeth * gears[0].half_angle(radii[0]),
-        (signs[0] * gears[0].teeth, signs[1] * gears[1].teeth), (*here.by, *there.by),
-    )  # fmt: skip
-
-
-def _with_rack(places: Places, one: Wheel, two: Wheel) -> _Placed:
-    gear = one.gear
-    if gear.internal:
-        raise InputError(f'the rack {two.name} needs a gear with external teeth')
-    for n, joint in places.scene.joints.items():
-        if not joint.prismatic:
-            continue
-        (a, on_a), (b, on_b) = (places.find(f'joints.{n}', p) for p in joint.points)
-        shaft = _axes(places, one).get(a)
-        if b == two.link and a != one.link and shaft is not None:
-            centre = shaft.at
-            guide = Prismatic(n, a, b, on_a, on_b, joint.axis, joint.angle)
-            break
-    else:
-        raise InputError(
-            f'{two.link}, the link of the rack {two.name}, must slide on the link that carries '
-            f"the shaft of {one.name}: add a joint 'prismatic: [CARRIER, {two.link}]'"
-        )
-    x, y = rotate((two.at[0] - on_b[0], two.at[1] - on_b[1]), guide.angle)
-    # the rack's point from the centre, where the displacement is zero
-    along, away = rotate((on_a[0] + x - centre[0], on_a[1] + y - centre[1]), -guide.axis)
-    tight = gear.pitch_radius + gear.shift * gear.module
-    if abs(away) < tight - _FITS * gear.module:
-        raise InputError(
-            f"the teeth of {one.name} and {two.name} jam: the rack's pitch line is "
-            f'{abs(away):.9g} m from the centre, without backlash it is {tight:.9g} m'
-        )
-    side = math.copysign(1.0, away)
-    out = abs(away) - tight
-    out = out if out > _FITS * gear.module else 0.0
-    reference = path_with_rack(gear)
-    # the rack's tips reach less deep if it stands off
-    start = reference.start + out / math.sin(gear.system.pressure_angle)
-    path = Path(start, reference.end)
-    if path.end - path.start < gear.base_pitch:
-        raise InputError(
-            'a pair of teeth lets go before the next one touches: without backlash the pitch '
-            f'line is {tight:.9g} m from the centre'
-        )
-    slope = side * 2.0 / gear.module  # E n . t, with the pitch line on that side of the centre
-    return _Placed(
-        guide.first, guide.axis + side * 0.5 * math.pi, gear.pitch_radius,
-        gear.system.pressure_angle, path, 2.0 * out * math.tan(gear.system.pressure_angle),
-        f'a pitch line {tight:.9g} m from the centre',
-        (guide.axis + side * 0.5 * math.pi, -along),
-        gear.teeth * gear.half_angle(gear.pitch_radius), (gear.teeth, slope),
-        (*shaft.by, guide.name), guide,
-    )  # fmt: skip
-
-
-class _Axis(NamedTuple):
-    """Where a link turns about a gear's centre, and the joints on the way to it."""
-
-    at: Vector2  #: [m] in the link's frame
-    by: tuple[str, ...] = ()
-
-
-def _axes(places: Places, wheel: Wheel) -> dict[str, _Axis]:
-    """The links that turn about a gear's centre.
-
-    Raises
-    ------
-    InputError
-        If one does so with a clearance.
-    """
-    found = {wheel.link: _Axis(wheel.at)}
-    waiting = [n for n, joint in places.scene.joints.items() if joint.revolute]
-    while True:
-        for n in waiting:
-            ends = dict(places.find(f'joints.{n}', p) for p in places.scene.joints[n].points)
-            here = [x for x in ends if x in found and math.dist(ends[x], found[x].at) < 1e-9]
-            if here:
-                by = (*found[here[0]].by, n)
-                found = {x: _Axis(at, by) for x, at in ends.items()} | found
-                waiting.remove(n)
-                break
-        else:
-            break
-        if places.scene.joints[n].clearance:
-            raise InputError(
-                f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is nowhere '
-                'fixed: gears need ideal bearings'
-            )
-    return found
-
-
-def _carrier(places: Places, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
-    """The link on which both gears turn, the ground if possible, and their centres on it."""
-    a, b = (_axes(places, x) for x in (one, two))
-    both = [x for x in (GROUND, *places.links) if x in a and x in b]
-    both = [
-        x for x in both
-        if x not in (one.link, two.link) and math.dist(a[x].at, b[x].at) > 1e-9
-    ]  # fmt: skip
-    if not both:
-        raise InputError(
-            f'{one.name} and {two.name} have no common carrier: both must be pivoted on the '
-            'ground or on one link, at two points of it'
-        )
-    return both[0], (a[both[0]], b[both[0]])
-
-
-def _play(joint: LinkageJoint, placed: _Placed, base_pitch: float) -> float:
+def _play(joint: LinkageJoint, placed: Placed, base_pitch: float) -> float:
     """Free way of the teeth to either side, along the line of action [m]."""
     backlash = joint.backlash
     if backlash is None:
@@ -329,7 +99,7 @@ def _play(joint: LinkageJoint, placed: _Placed, base_pitch: float) -> float:
     return 0.5 * width * math.cos(placed.pressure_angle)
 
 
-def _elasticity(joint: LinkageJoint, one: Wheel, placed: _Placed) -> Elasticity | None:
+def _elasticity(joint: LinkageJoint, one: Wheel, placed: Placed) -> Elasticity | None:
     given = joint.elasticity
     if given is None:
         return None
@@ -341,7 +111,7 @@ def _elasticity(joint: LinkageJoint, one: Wheel, placed: _Placed) -> Elasticity 
 
 
 def _errors(
-    where: str, joint: LinkageJoint, placed: _Placed, base_pitch: float
+    where: str, joint: LinkageJoint, placed: Placed, base_pitch: float
 ) -> tuple[Harmonic, ...]:
     error = joint.error
     if error is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.mechanism import Body, Mechanism, closing_joints
 from mechanism_sim.scene.cam_joints import cam_play
-from mechanism_sim.scene.gear_joints import backlashes, check_bearings, in_mesh, read_wheel
+from mechanism_sim.scene.gear_joints import backlashes, check_bearings, in_mesh
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_drives import is_straight, read_drives, read_laws
 from mechanism_sim.scene.linkage_forces import read_forces
@@ -13,6 +13,7 @@ from mechanism_sim.scene.linkage_joints import read_bodies, read_joints
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.plan import Plan
 from mechanism_sim.scene.schema import Play
+from mechanism_sim.scene.wheels import read_wheel
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 

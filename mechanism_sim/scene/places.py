@@ -76,7 +76,13 @@ class Places:
         return link, points[point or 'start']
 
     def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
-        """Where a link turns on the ground, in the world and in its own frame."""
+        """Where a link turns on the ground, in the world and in its own frame [m].
+
+        Raises
+        ------
+        InputError
+            If it does not, or in a loose joint.
+        """
         for name, joint in self.scene.joints.items():
             if not joint.revolute:
                 continue
