@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from scipy.integrate import DOP853, solve_ivp
 from mechanism_sim.bench import measure as measuring
 from mechanism_sim.bench import scaling as sizes
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
+from mechanism_sim.bench.hard import cases
 from mechanism_sim.bench.measure import machine, measure
 from mechanism_sim.bench.peers import numba_dop853
 from mechanism_sim.bench.peers.scipy_compliant import damping_ratio
@@ -293,6 +295,15 @@ def test_bench_without_a_name_lists_what_there_is():
     text = run('bench').stdout
     assert 'four_bar_clearance' in text
     assert 'scaling' in text
+
+
+def test_every_hard_case_is_on_its_page():
+    page = Path(__file__).parents[1] / 'docs' / 'hard_cases.md'
+    lines = page.read_text(encoding='utf-8').splitlines()
+    shown = [line.removeprefix('## ') for line in lines if line.startswith('## ')]
+    assert shown == [case.name for case in cases()]
+    for case in cases():
+        assert {case.hard, f'*Truth:* {case.truth}'} <= {*lines}
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,8 @@ _WHY = {
     'with closed loops',
     Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
     'free flight, impact and following',
-    Level.COMPLIANT: 'joints have clearance and a law of contact force: equations of motion with '
-    'forces where pin and bushing overlap',
+    Level.COMPLIANT: 'joints have clearance and a law of contact force, or elastic teeth: '
+    'equations of motion with forces where parts overlap',
 }
 
 

@@ -209,7 +209,7 @@ def rattle_from_1_um_to_1_mm() -> list[Figure]:
 
 
 @hard_case(
-    'Teeth of 1e9 N/m, stiffer where two pairs carry: a swing of ten kilohertz whose '
+    'Teeth of 1e9 N/m, stiffer where two pairs carry: a swing of five kilohertz whose '
     'frequency jumps about with the teeth.',
     'The books; over the run the mesh turns the wheel as fast as its inertia and its brake say.',
 )
