@@ -88,7 +88,9 @@ class Distance:
             off = off.chain(t, slope, 0.5 * t * slope)
         follower = self.cam.follower
         if isinstance(follower, FlatFaced):
-            cosine = frames.parameters(f'{self.name}.tilt.x', math.cos(follower.tilt))
+            if not follower.tilt:
+                return off
+            cosine = frames.parameters(f'{self.name}.cosine', math.cos(follower.tilt))
             return off * constant(cosine)
         if isinstance(follower, OscillatingFlat):
             c, s = hy.cos(at.value), hy.sin(at.value)
