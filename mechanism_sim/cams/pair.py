@@ -20,6 +20,7 @@ from mechanism_sim.cams.distance import Distance, constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
 from mechanism_sim.cams.profiles import Cam
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
+from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
@@ -135,21 +136,13 @@ class GroovePair(CamPair):
 
 
 @dataclass(frozen=True)
-class CamClosure:
+class CamClosure(HigherClosure[CamPair]):
     """The follower touches the cam: their `Distance` along the normal is zero.
 
     Its gradient in contact is that of the true distance, so the force along it is the true normal
     force. What it does to the follower is the force that has the same power: through the centre
     of the roller, or across the face at the point where it touches.
     """
-
-    joint: CamPair
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        """The joint's."""
-        return self.joint.name
 
     def values(self, frames: Frames) -> list[Jet]:
         """The distance [m]."""

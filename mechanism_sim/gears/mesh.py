@@ -25,6 +25,7 @@ import numpy as np
 from mechanism_sim.gears.compliance import Elasticity, MeshSpring
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -167,16 +168,8 @@ class GearMesh(HigherPair):
 
 
 @dataclass(frozen=True)
-class MeshClosure:
+class MeshClosure(HigherClosure[GearMesh]):
     """Gears in mesh without play."""
-
-    joint: GearMesh
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        """The joint's."""
-        return self.joint.name
 
     def places(self, frames: Frames) -> tuple[Jet, Jet]:
         """Angles of the gears against the carrier [rad]; of a rack, its displacement [m]."""

@@ -12,6 +12,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, dense, mul
+from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
@@ -52,16 +53,8 @@ class Transmission(HigherPair):
 
 
 @dataclass(frozen=True)
-class TransmissionClosure:
+class TransmissionClosure(HigherClosure[Transmission]):
     """A ratio that is kept."""
-
-    joint: Transmission
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        """The joint's."""
-        return self.joint.name
 
     def values(self, frames: Frames) -> list[Jet]:
         """How far the second is off [rad], times the size of the mechanism [m].

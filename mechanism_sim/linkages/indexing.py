@@ -16,6 +16,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
+from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -92,16 +93,8 @@ class SlottedRack(HigherPair):
 
 
 @dataclass(frozen=True)
-class GenevaClosure:
+class GenevaClosure(HigherClosure[Geneva]):
     """A Geneva wheel without play."""
-
-    joint: Geneva
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        """The joint's."""
-        return self.joint.name
 
     def _pin(self, frames: Frames) -> Pair:
         """From the wheel's centre to the pin, in the world [m]."""
@@ -129,13 +122,6 @@ class GenevaClosure:
         entry = lift(dense(p(f'{self.name}.entry', joint.entry)))
         locked = _sine(wheel - towards, joint.slots) * entry
         return _either(self.engaged(frames), slot, locked)
-
-    def normal(self, frames: Frames) -> Pair:
-        """Across the direction from the wheel's centre to the pin."""
-        x, y = self._pin(frames)
-        half = x.half_square() + y.half_square()
-        r = hy.sqrt(2.0 * half.value)
-        return -y / r, x / r
 
     def values(self, frames: Frames) -> list[Jet]:
         """The offset [m]."""
@@ -174,16 +160,8 @@ class GenevaClosure:
 
 
 @dataclass(frozen=True)
-class RackClosure:
+class RackClosure(HigherClosure[SlottedRack]):
     """A slotted rack without play."""
-
-    joint: SlottedRack
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        """The joint's."""
-        return self.joint.name
 
     def _along(self, frames: Frames, x: Jet, y: Jet) -> tuple[Jet, Jet]:
         """Components along the rack and across it."""
@@ -203,12 +181,6 @@ class RackClosure:
         joint = self.joint
         _, across = self._from_centre(frames, joint.first, joint.on_first)
         return frames.switch(self.name, -dense(across.value) * (2.0 / joint.pitch))
-
-    def normal(self, frames: Frames) -> Pair:
-        """Along the rack."""
-        p, a = frames.parameters, self.joint.axis
-        x, y = p(f'{self.name}.axis.x', math.cos(a)), p(f'{self.name}.axis.y', math.sin(a))
-        return lift(dense(x)), lift(dense(y))
 
     def values(self, frames: Frames) -> list[Jet]:
         """How far the pin, or the locked rack, is off its place along the rack [m]."""

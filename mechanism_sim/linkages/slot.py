@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mechanism_sim.numerics.symbolic import Term, mul, neg
+from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
@@ -36,16 +37,8 @@ class PinInSlot(HigherPair):
 
 
 @dataclass(frozen=True)
-class SlotClosure:
+class SlotClosure(HigherClosure[PinInSlot]):
     """A pin in a slot: the first link's point stays on a line of the second link."""
-
-    joint: PinInSlot
-    mechanism: Mechanism
-
-    @property
-    def name(self) -> str:
-        """The joint's."""
-        return self.joint.name
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Across the slot, 90 degrees counterclockwise from its axis."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
@@ -68,6 +69,22 @@ class PrismaticClosure:
         nx, ny = self._normal(frames)
         moment = mul(forces[1], frames.parameters(f'{self.name}.size', self.mechanism.size))
         return Wrench(mul(forces[0], nx.value), mul(forces[0], ny.value), moment)
+
+
+J = TypeVar('J', bound=HigherPair)
+
+
+@dataclass(frozen=True)
+class HigherClosure(Generic[J]):
+    """What the closures of all higher pairs have: their pair, and the tree it closes."""
+
+    joint: J
+    mechanism: Mechanism
+
+    @property
+    def name(self) -> str:
+        """The joint's."""
+        return self.joint.name
 
 
 def closures(mechanism: Mechanism, joints: Sequence[str]) -> list[Relation]:

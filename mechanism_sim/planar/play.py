@@ -59,7 +59,7 @@ class Wall:
         ------
         NotImplementedError
         """
-        raise NotImplementedError('walls of slots are without friction')
+        raise NotImplementedError('walls of higher pairs have no friction')
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """Along the force of the wall."""
