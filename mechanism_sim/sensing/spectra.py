@@ -72,7 +72,7 @@ def power(
 
 def _lines(length: int, rate: float) -> Array:
     """Frequencies [Hz] of the transform of so many real samples."""
-    return np.arange(length // 2 + 1) * (rate / length)
+    return np.asarray(np.arange(length // 2 + 1) * (rate / length))
 
 
 def amplitude(x: Array, rate: float, window: str = 'boxcar') -> Spectrum:
