@@ -70,18 +70,15 @@ class Measure(NamedTuple):
 def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
     """A quantity in the first of several SI units that it fits; a bare number fits any.
 
-    A `Measure` is taken as it is, also as the list ``[value, unit]`` that JSON makes of it.
-
     Raises
     ------
     ValueError
         One clause that says what is wrong and what would do.
     """
-    match value:
-        case Measure():
-            return value
-        case [int() | float() as number, str() as unit] if unit in ('', *units):
-            return Measure(float(number), unit)
+    if isinstance(value, Measure):
+        return value
+    if isinstance(value, list | tuple) and len(value) == 2 and value[1] in ('', *units):
+        return Measure(float(value[0]), value[1])  # as JSON has it
     for unit in units[:-1]:
         try:
             found = to_si(value, unit)
