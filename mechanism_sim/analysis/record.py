@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.signals import Signal, SignalCollector
+from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
@@ -63,12 +63,12 @@ class Record:
     Attributes
     ----------
     piece : its motion and events; sampled as a solution is
-    signals : of the accelerometers by name
+    signals : of the accelerometers by name, as far as they are recorded or were asked for
     """
 
     machine: Machine
     piece: Piece
-    signals: Mapping[str, Signal]
+    signals: dict[str, Signal]
 
     @property
     def start(self) -> float:
@@ -158,20 +158,26 @@ class Record:
         return np.asarray(t)
 
     def signal(self, sensor: str) -> Signal:
-        """What a sensor said.
+        """What a sensor said, as recorded; computed from the motion if that is all there is.
 
         Raises
         ------
         InputError
-            If it said nothing.
+            If there is no such sensor.
         """
-        if sensor not in self.signals:
-            known = ', '.join(self.signals) or 'none'
+        if sensor not in self.sensors:
+            known = ', '.join(self.sensors) or 'none'
             raise InputError(
-                f"there is no signal of a sensor '{sensor}'{nearest(sensor, self.signals)}; "
-                f'recorded: {known}'
+                f"there is no sensor '{sensor}'{nearest(sensor, self.sensors)}; there are: {known}"
             )
+        if sensor not in self.signals:
+            self.signals[sensor] = measured(self.machine, self.piece.motion, sensor)
         return self.signals[sensor]
+
+    @property
+    def sensors(self) -> list[str]:
+        """Those that were recorded, and those of the scene."""
+        return sorted({*self.signals, *self.machine.scene.sensors})
 
     def loose(self, joint: str) -> str:
         """The joint, once sure that it has a pin loose in a bushing.
