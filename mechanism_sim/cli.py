@@ -710,6 +710,8 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
 
     if options.skip < 0:
         raise InputError('--skip must be at least 0')
+    if options.against and not wanted.deviations:
+        raise InputError('--against goes with --deviation: it compares two deviations')
     record = read_record(options.bag, options.namespace)
     against = read_record(options.against, options.namespace) if options.against else None
     return find_details(record, wanted if wanted else everything(record, wanted), against)

@@ -131,7 +131,7 @@ def _average(turns: Turns, unit: str) -> dict[str, Any]:
 
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
-    """All that can be drawn of a run, every sensor and loose bearing, in the way that is wanted."""
+    """All that can be drawn of a run, in the way that is wanted: of each sensor and bearing."""
     sensors, joints = record.sensors, record.loose_joints
     turning = sensors if record.has_turns else ()
     return replace(
@@ -157,8 +157,6 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
     InputError
         If there is no such sensor, quantity or joint, or the run is too short for it.
     """
-    if against and not wanted.deviations:
-        raise InputError('--against goes with --deviation: it compares two deviations')
     skip = wanted.skip
     begin = record.begin(skip)
 

@@ -113,10 +113,13 @@ def _average(name: str, average: Average, drive: str) -> Figure:
 
 
 def _polar(figure: Figure, count: int) -> list[Any]:
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
     found = figure.subplots(1, count, subplot_kw={'projection': 'polar'}, squeeze=False)[0]
     for axes in found:
         axes.tick_params(labelsize=6.5, pad=0.0)
         axes.set_rlabel_position(22.5)
+        axes.yaxis.set_major_locator(MaxNLocator(4))
     return list(found)
 
 
@@ -157,6 +160,7 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
     turn = cycles.first + np.arange(len(cycles.count))
     below.step(turn, 1e3 * cycles.impulse, where='mid', color='0.1', lw=1.1, label='sum')
     below.step(turn, 1e3 * cycles.I_n, where='mid', color='0.5', lw=1.1, ls='--', label='I_n')
+    below.xaxis.get_major_locator().set_params(integer=True)
     below.set_xlabel(f'turn of the {drive}')
     below.set_ylabel('impulse [mN s]')
     below.set_ylim(bottom=0.0)
