@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import beta
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
@@ -50,14 +51,22 @@ class Material:
 
 @dataclass(frozen=True)
 class Listener:
-    """Where the ear is, from the joint that knocks, in the plane of the machine."""
+    """Where the ear is, from the joint that knocks, in the plane of the machine.
+
+    Raises
+    ------
+    InputError
+        If it has no distance.
+    """
 
     distance: float = 1.0  #: [m]
     direction: float = 0.0  #: [rad] from the x axis
 
     def __post_init__(self) -> None:
         if not (0.0 < self.distance < math.inf and math.isfinite(self.direction)):
-            raise ValueError('the distance of a listener must be positive and finite')
+            raise InputError(
+                f'the listener must be away from the machine, not {self.distance:g} m'
+            )
 
 
 AIR, STEEL = Air(), Material()
@@ -242,9 +251,11 @@ def pressure(
 
     Raises
     ------
-    ValueError
-        If the listener is inside of a sphere.
+    InputError
+        If the listener is inside of a sphere, or pulses have no duration.
     """
+    if pulse is not None and not pulse > 0.0:
+        raise InputError(f'a pulse must last longer than {pulse:g} s')
     samples = np.zeros(int(end * rate) + 1)
     for strike in train:
         moved = np.array(strike.mass) > 0.0
@@ -260,9 +271,9 @@ def pressure(
         ahead = listener.distance * math.cos(turn) * way - radius
         distance = np.hypot(ahead, listener.distance * math.sin(turn))
         if distance.min() <= radius.max():
-            raise ValueError(
-                f'{listener.distance:g} m is too near: a body that strikes has a radius of '
-                f'{radius.max():.3g} m'
+            raise InputError(
+                f'the listener is too near, at {listener.distance:g} m: a body that strikes has a '
+                f'radius of {radius.max():.3g} m'
             )
         strength = np.array(strike.jump)[moved] * ahead / distance
         modes = sphere_modes(radius, distance, air)
