@@ -122,7 +122,7 @@ class Channel:
             values = values.reshape(-1, len(curve), len(_NODES)).transpose(1, 0, 2)
             polynomials = fit_powers(values, 1.0)
             steps = np.zeros_like(impulses) if pulses else impulses
-            states = filtered.advance(curve.duration, polynomials, steps)
+            response = filtered.advance(curve.duration, polynomials, steps)
         heard = pulses.take(motion, impulses) if pulses else None
 
         def at(t: Array) -> Array:
@@ -131,9 +131,7 @@ class Channel:
             if filtered.direct.any():
                 y += (filtered.direct @ self._source.read(motion, k, dt))[0]
             if len(filtered):
-                width = curve.duration[k]
-                fractions = np.divide(dt, width, out=np.zeros_like(dt), where=width > 0.0)
-                y += filtered.read(states[k], width, polynomials[k], fractions)[:, 0]
+                y += response(k, dt)[:, 0]
             return y + heard(t) if heard else y
 
         return at
@@ -148,7 +146,7 @@ class _Pulses:
     def __init__(self, system: ModalFilter, duration: float) -> None:
         self._system, self._duration = system, duration
         self._last = 0.0, 0.0
-        inputs = system.state.shape[0]
+        inputs = system.state.shape[1]
         self._times = np.zeros((2, 0))  # of what is still to come, and what rounding takes away
         self._sizes = np.zeros((0, inputs))
 
@@ -168,11 +166,11 @@ class _Pulses:
         self._last = starts[0, -1], starts[1, -1]
         durations = np.append(np.diff(starts[0]) + np.diff(starts[1]), 0.0)
         polynomials, none = silent(sizes.shape[1], len(durations))
-        states = system.advance(durations, polynomials, np.concatenate([none[:1], sizes[due]]))
+        response = system.advance(durations, polynomials, np.concatenate([none[:1], sizes[due]]))
 
         def at(t: Array) -> Array:
             k = np.searchsorted(starts[0], t, side='right') - 1
             dt = (t - starts[0, k]) - starts[1, k]
-            return system.read(states[k], dt, polynomials[k], np.ones(len(t)))[:, 0]
+            return response(k, dt)[:, 0]
 
         return at
