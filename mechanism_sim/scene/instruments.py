@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
 
 
-def channel(machine: Machine, name: str) -> Channel:
+def channel(machine: Machine, name: str, beside: Channel | None = None) -> Channel:
     """The channel of a sensor of the scene, from the start of a run on.
+
+    It may share the analogue part of another that differs in sampling, converter or noise only.
 
     Raises
     ------
@@ -29,4 +31,4 @@ def channel(machine: Machine, name: str) -> Channel:
         sensor.transducer.transverse,
     )
     drive = mechanism.coordinates.index(machine.main) if sensor.trigger else 0
-    return Channel(place, sensor.chain(), name, drive)
+    return Channel(place, sensor.chain(), name, drive, beside)

@@ -105,10 +105,9 @@ class Plan:
     @property
     def fingerprint(self) -> str:
         """Of what is to be computed, in a few letters."""
-        content = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
+        content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
         if self.windows:  # what measures does not rule the motion, but the windows
-            sensors = [run.scene.model_dump(include={'sensors', 'oscillators'}) for run in self.runs]
-            content += [vars(self.windows), sensors]
+            content += [vars(self.windows), [_measuring(run.scene) for run in self.runs]]
         return _hash(content)
 
 
@@ -206,6 +205,11 @@ def _value(scene: Scene, path: str) -> float | str | bool | None:
     if isinstance(place, Measure):
         return place.value
     return json.dumps(place.model_dump() if hasattr(place, 'model_dump') else place)
+
+
+def _measuring(scene: Scene) -> dict[str, Any]:
+    """What a scene says of its measurements."""
+    return scene.model_dump(include={'sensors', 'oscillators'})
 
 
 def _is_path(scene: str) -> bool:

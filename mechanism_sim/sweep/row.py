@@ -23,7 +23,7 @@ from mechanism_sim.scene.machine import Machine, Scene
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import BagError, RunBag
 from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.shards import Shard, ShardError, ShardWriter
+from mechanism_sim.sweep.shards import Channels, Shard, ShardError, ShardWriter
 
 Array = NDArray[np.float64]
 Value = float | int | str | None
@@ -146,7 +146,11 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     run = machine.start()
     with ExitStack() as files:
         bag = files.enter_context(RunBag(task.bag, machine, edges[-1])) if task.bag else None
-        cut = [files.enter_context(ShardWriter(s, task.name, edges[skip])) for s in task.shards]
+        channels: Channels = {}
+        cut = [
+            files.enter_context(ShardWriter(s, task.name, edges[skip], channels))
+            for s in task.shards
+        ]
         while run.time < edges[-1]:
             run.advance(edges[-1], final=True, most=_BATCH)
             motion, impacts, changes = run.drain()

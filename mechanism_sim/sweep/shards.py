@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -18,12 +18,18 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.scene.machine import Machine, Scene
+from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sweep.labels import column, label_columns
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.windows import Cutter, Windows
 
 SIGNAL = 'signal'
 _ROWS = 256  # of a row group
+_DIGITAL = {'instrument', 'sample_rate', 'trigger', 'adc', 'noise'}
+"""Keys of a sensor that say nothing of its analogue part, or nothing that others do not say."""
+
+Channels = dict[str, Channel]
+"""Channels of one motion by all that their analogue parts follow from."""
 
 
 class ShardError(RunError):
@@ -94,6 +100,7 @@ class ShardWriter:
     ----------
     name : of the scene
     since : [s] windows that begin earlier are left out
+    channels : those of other shards of this motion, which may serve this one too; it adds its own
 
     Raises
     ------
@@ -101,11 +108,13 @@ class ShardWriter:
         From any method: nothing can be written there.
     """
 
-    def __init__(self, shard: Shard, name: str, since: float) -> None:
+    def __init__(self, shard: Shard, name: str, since: float, channels: Channels) -> None:
         self._shard, machine = shard, Machine(name, shard.scene)
         scene, windows = machine.scene, shard.windows
         self._main = machine.mechanism.coordinates.index(machine.main)
-        self._sensors = [_Sensor(shard, machine, n, since) for n in windows.chosen(scene)]
+        self._sensors = [
+            _Sensor(shard, machine, n, since, channels) for n in windows.chosen(scene)
+        ]
         self._rows: list[dict[str, Any]] = []
         self._signals: list[np.ndarray[Any, Any]] = []
         self._curves: list[PiecewisePolynomial] = []  # of motion in which windows may begin
@@ -188,18 +197,25 @@ class ShardWriter:
         return self
 
     def __exit__(self, *_failure: object) -> None:
-        if not self._stream.closed:
-            self._stream.close()
+        if not self._stream.closed:  # the run failed, or the disk
+            with suppress(OSError):
+                self._parquet.close()
+            with suppress(OSError):
+                self._stream.close()
             self._part.unlink(missing_ok=True)
 
 
 class _Sensor:
     """A sensor of a shard: its channel, its cutter, and what its rows say."""
 
-    def __init__(self, shard: Shard, machine: Machine, name: str, since: float) -> None:
+    def __init__(
+        self, shard: Shard, machine: Machine, name: str, since: float, channels: Channels
+    ) -> None:
         scene = machine.scene.sensors[name]
         self.name, self.count = name, 0
-        self.channel = machine.channel(name)
+        key = f'{name} {scene.model_dump_json(exclude=_DIGITAL)}'
+        self.channel = machine.channel(name, channels.get(key))
+        channels.setdefault(key, self.channel)
         self._most = shard.windows.per_run or math.inf
         self.cutter = Cutter(shard.windows, scene.sample_rate, since)
         self._labels = {
