@@ -176,6 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
     sub.add_argument('--bags', metavar='DIR', help='also record every run there')
+    sub.add_argument('--windows', metavar='DIR', help='where windows go; TABLE.windows if not')
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
     sub.add_argument('--over', metavar='PATH', help='draw them over this one')
@@ -625,8 +626,9 @@ def _sweep(options: argparse.Namespace) -> int:
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
             summary, rows = sweep(
-                plan, table, options.workers, options.dask, options.bags, options.restart, show
-            )
+                plan, table, options.workers, options.dask, options.bags, options.windows,
+                options.restart, show,
+            )  # fmt: skip
     except Interrupted as interrupted:
         return _tell(interrupted, 130)
     if chart:
