@@ -90,8 +90,8 @@ def test_base_excitation(random):
     shaken = push(o, o.mass * w**2 * base)
     states = state_space.forced(matrix(o), t, shaken, [w], relative_start)
     motion = base * np.exp(1j * w * t)
-    absolute = states + [motion.real, (1j * w * motion).real]
-    agree(base_excited(o, t, base, w, *start), absolute)
+    carried = np.array([motion.real, (1j * w * motion).real])
+    agree(base_excited(o, t, base, w, *start), states + carried)
 
 
 def test_periodic_excitation(random):

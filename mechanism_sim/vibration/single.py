@@ -142,8 +142,10 @@ class Oscillator:
         """
         w, t = np.asarray(frequency, np.float64), np.asarray(t, np.float64)
         strength = np.asarray(force) / self.mass
-        answer = np.exp(1j * w * t) * second_difference(*self._roots_from(w), 0.0, t)
-        rate = 1j * w * answer + first_difference(*self.roots, t)
+        near, far = self._roots_from(w)
+        carrier = np.exp(1j * w * t)
+        answer = carrier * second_difference(near, far, 0.0, t)
+        rate = self.roots[0] * answer + carrier * first_difference(far, 0.0, t)
         free = self.free(t, displacement, velocity)
         return Response(
             free.displacement + (strength * answer).real, free.velocity + (strength * rate).real

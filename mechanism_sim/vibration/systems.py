@@ -25,8 +25,8 @@ ComplexArray = NDArray[np.complex128]
 
 #: what is smaller, against the largest of its kind, is rounding
 ROUNDING = 1e-13
-#: condition number of damped modes beyond which sums over them have lost half of their digits
-DEPENDENT = 1e8
+#: condition number of damped modes beyond which sums over them lose more than six digits
+DEPENDENT = 1e6
 
 
 class Modes(NamedTuple):
