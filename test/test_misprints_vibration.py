@@ -372,6 +372,15 @@ def test_v_6_237_equation_of_the_whirl():
     assert abs(c * rate + k * z - push) > 0.5 * abs(push)
 
 
+def test_v_6_253_acceleration_of_the_mass_centres():
+    """A disk turned by 6.253: with a position for the acceleration the rotor would whirl less."""
+    rotor, w, e = Rotor(M, 1e-3, (M * WN**2,) * 2, (0.4, 0.4)), 0.8 * WN, 1e-3
+    z = rotor.whirl(w).x
+    force = M * -(w**2) * (z + e) + (0.4j * w + M * WN**2) * z
+    assert abs(force) < 1e-14 * M * WN**2
+    assert abs(M * (z + e) + (0.4j * w + M * WN**2) * z) > 0.5 * abs(M * WN**2 * z)
+
+
 # 6.14.4: the data of the example
 SPAN, PLACES, EI = 1.2, np.array([0.325, 0.675]), shaft_rigidity(200e9, 0.05)
 DISK = 7860 * math.pi * 0.25**2 / 4 * 0.05
