@@ -49,7 +49,8 @@ class Oscillator:
         for name in ('natural_frequency', 'decay_rate', 'mass'):
             value = np.asarray(getattr(self, name))
             if not np.isfinite(value).all() or (value < 0.0).any():
-                raise InputError(f'the {name.replace("_", " ")} of an oscillator is negative')
+                words = name.replace('_', ' ')
+                raise InputError(f'the {words} of an oscillator is a number, and not negative')
         if (np.asarray(self.mass) == 0.0).any():
             raise InputError('an oscillator needs a mass')
 
