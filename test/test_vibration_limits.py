@@ -95,6 +95,16 @@ def test_resonance_approached(near, ratio):
         assert np.isinf(o.receptance(w))
 
 
+def test_a_step_near_critical_damping_ends_in_a_standstill():
+    """A constant force: the rate dies out to its last digit, however close the roots are."""
+    for a in (3.0, 3.0 * (1 - 4e-16), 3.0 * (1 + 4e-16), 3.0 * (1 - 1e-6)):
+        o = Oscillator(3.0, a)
+        for t in (0.1, 2.0, 20.0, 30.0):
+            found = np.array(o.forced(t, 1.0 - 2.0j, 0.0))
+            expected = of_one(o, t, (0.0, 0.0), [1.0 - 2.0j])
+            np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
 def test_a_slowly_creeping_oscillator_keeps_its_digits():
     """Roots 16 decades apart: -a + sqrt(a^2 - wn^2) would be zero."""
     o = Oscillator(1.0, 1e8)

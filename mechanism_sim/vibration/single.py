@@ -49,7 +49,8 @@ class Oscillator:
         for name in ('natural_frequency', 'decay_rate', 'mass'):
             value = np.asarray(getattr(self, name))
             if not np.isfinite(value).all() or (value < 0.0).any():
-                raise InputError(f'the {name.replace("_", " ")} of an oscillator is negative')
+                words = name.replace('_', ' ')
+                raise InputError(f'the {words} of an oscillator is a number, and not negative')
         if (np.asarray(self.mass) == 0.0).any():
             raise InputError('an oscillator needs a mass')
 
@@ -145,7 +146,14 @@ class Oscillator:
         near, far = self._roots_from(w)
         carrier = np.exp(1j * w * t)
         answer = carrier * second_difference(near, far, 0.0, t)
-        rate = self.roots[0] * answer + carrier * first_difference(far, 0.0, t)
+        # the rate is x times the answer and the difference over the others, for any of the three
+        # nodes x: the smallest, so that a standstill comes out as one
+        slow, fast = self.roots
+        rate = np.where(
+            w < np.abs(slow),
+            1j * w * answer + first_difference(slow, fast, t),
+            slow * answer + carrier * first_difference(far, 0.0, t),
+        )
         free = self.free(t, displacement, velocity)
         return Response(
             free.displacement + (strength * answer).real, free.velocity + (strength * rate).real
@@ -195,10 +203,10 @@ class Oscillator:
     def _roots_from(self, w: Array) -> tuple[ComplexArray, ComplexArray]:
         """The roots less i w; near resonance the difference would cancel in the first."""
         slow, fast = self.roots
-        sum_ = slow.imag + w
-        nearness = self._detuning(w) - np.square(self.decay_rate)
-        with np.errstate(divide='ignore', invalid='ignore'):
-            near = np.where(slow.imag > 0.0, nearness / sum_, -w)
+        a, wn = np.asarray(self.decay_rate), np.asarray(self.natural_frequency)
+        weak = a < wn / 2.0  # there the distance may be far less than the frequencies
+        sum_ = np.where(weak, slow.imag + w, 1.0)
+        near = np.where(weak, (self._detuning(w) - a**2) / sum_, slow.imag - w)
         return slow.real + 1j * near, fast - 1j * w
 
     def _detuning(self, w: Array) -> Array:

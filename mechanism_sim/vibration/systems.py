@@ -81,7 +81,7 @@ class System:
     stiffness: Array
 
     def __post_init__(self) -> None:
-        n = len(self.mass)
+        n = len(np.atleast_1d(self.mass))
         for name in ('mass', 'damping', 'stiffness'):
             matrix = np.asarray(getattr(self, name), np.float64)
             if matrix.shape != (n, n) or not np.isfinite(matrix).all():
