@@ -108,6 +108,16 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument('bag', metavar='BAG')
     sub.add_argument('--namespace', help='of the machine, where a bag holds several')
     _detail_options(sub)
+    sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
+    _scene_options(sub, 'a scene, or a bag (.mcap) of a run')
+    _length_options(sub)
+    sub.add_argument('-o', '--output', metavar='FILE', help='.wav; SCENE.wav if not')
+    sub.add_argument('--distance', default='1 m', metavar='R', help='of the listener')
+    sub.add_argument(
+        '--direction', default='0 deg', metavar='ANGLE', help='to the listener, from the x axis'
+    )
+    sub.add_argument('--pulse', metavar='T', help="how long impacts last, as '0.1 ms'")
+    sub.add_argument('--slow', type=float, default=1.0, metavar='N', help='play N times slower')
     sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
     _scene_options(sub)
     sub.add_argument('--longest', type=int, default=8, metavar='P', help='period to look for')
@@ -166,6 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
     sub.add_argument('--bags', metavar='DIR', help='also record every run there')
+    sub.add_argument('--windows', metavar='DIR', help='where windows go; TABLE.windows if not')
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
     sub.add_argument('--over', metavar='PATH', help='draw them over this one')
@@ -193,8 +204,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _scene_options(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument('scene', metavar='SCENE', help='a scene of the package, or a YAML file')
+def _scene_options(
+    sub: argparse.ArgumentParser, text: str = 'a scene of the package, or a YAML file'
+) -> None:
+    sub.add_argument('scene', metavar='SCENE', help=text)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="override a value, for example 'drive.speed=300 rpm'",
@@ -395,6 +408,37 @@ def _info(options: argparse.Namespace) -> int:
     return 0
 
 
+def _sound(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.report import progress, sound  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
+
+    listener = Listener(
+        _quantity('--distance', options.distance, 'm')[0],
+        _quantity('--direction', options.direction, 'rad')[0],
+    )
+    pulse = None if options.pulse is None else _quantity('--pulse', options.pulse, 's')[0]
+    file = sound.check_file(options.output or f'{Path(options.scene).stem}.wav')
+    if Path(options.scene).suffix == '.mcap':
+        if _overrides(options) or options.duration or options.revolutions:
+            raise InputError('a bag is heard as it was recorded: leave out --set and lengths')
+        record = read_record(options.scene)
+        machine, run = record.machine, record.piece
+    else:
+        machine = load_scene(options.scene, _overrides(options))
+        end = span(machine, options.revolutions, options.duration)
+        with progress.bar('sound', end, quiet=options.json) as show:
+            run = simulate(machine, duration=end, progress=show)
+    train = strikes(machine.mechanism, run.motion, run.impacts)
+    written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
+    if options.json:
+        _print_json(written.to_json())
+    else:
+        print(sound.render(written))
+    return 0
+
+
 def _periodic(options: argparse.Namespace) -> int:
     from mechanism_sim.report import study  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
@@ -582,8 +626,9 @@ def _sweep(options: argparse.Namespace) -> int:
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
             summary, rows = sweep(
-                plan, table, options.workers, options.dask, options.bags, options.restart, show
-            )
+                plan, table, options.workers, options.dask, options.bags, options.windows,
+                options.restart, show,
+            )  # fmt: skip
     except Interrupted as interrupted:
         return _tell(interrupted, 130)
     if chart:
