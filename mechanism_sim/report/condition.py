@@ -58,9 +58,11 @@ def _figure(title: str, width: float = 7.0, height: float = 3.4) -> Figure:
 def _spectrum(name: str, line: Line) -> Figure:
     figure = _figure(f'power spectral density of {name}')
     axes, s = figure.subplots(), line.spectrum
-    axes.semilogy(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
+    axes.plot(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
     axes.set_xlim(0.0, s.frequency[-1])
-    axes.set_ylim(bottom=_DECADES * s.values[1:].max())
+    if highest := s.values[1:].max():
+        axes.set_yscale('log')
+        axes.set_ylim(bottom=_DECADES * highest)
     axes.set_xlabel('frequency [Hz]')
     axes.set_ylabel(f'[{line.unit}]')
     return figure
