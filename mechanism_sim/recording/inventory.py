@@ -83,10 +83,18 @@ def displacements(bag: Bag) -> frozenset[str]:
     )
 
 
-def scene_text(bag: Bag) -> str | None:
-    """Return what the latched topic `scene` of a bag says, None without one."""
+def scene_text(bag: Bag, namespace: str | None = None) -> str | None:
+    """Return what the latched topic `scene` of a bag holds, None without one.
+
+    Args:
+        bag: The bag.
+        namespace: Of the machine, as '/left'; the first scene in the bag unless told.
+
+    """
+    prefix = f'{(namespace or "").rstrip("/")}/'
     for topic in bag.topics.values():
-        if topic.name.rpartition('/')[2] == 'scene' and topic.type == 'std_msgs/msg/String':
+        own = topic.name.startswith(prefix) and topic.name.rpartition('/')[2] == 'scene'
+        if own and topic.type == 'std_msgs/msg/String':
             for _, message, _ in bag.messages(topic.name):
                 return str(message.data)
     return None

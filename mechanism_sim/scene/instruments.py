@@ -12,8 +12,10 @@ if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
 
 
-def channel(machine: Machine, name: str) -> Channel:
+def channel(machine: Machine, name: str, beside: Channel | None = None) -> Channel:
     """The channel of a sensor of the scene, from the start of a run on.
+
+    It may share the analogue part of another that differs in sampling, converter or noise only.
 
     Raises
     ------
@@ -29,7 +31,7 @@ def channel(machine: Machine, name: str) -> Channel:
         sensor.gravity,
         sensor.transducer.transverse,
     )
-    return Channel(place, sensor.chain(), name, _drive(machine, name))
+    return Channel(place, sensor.chain(), name, _drive(machine, name), beside)
 
 
 def inertial_unit(machine: Machine, name: str) -> InertialUnit:

@@ -412,15 +412,18 @@ class Machine:
         """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
         return initial_state(self)
 
-    def channel(self, name: str) -> Channel:
+    def channel(self, name: str, beside: Channel | None = None) -> Channel:
         """The measured channel of a sensor, to be fed with motion from the start of a run on.
+
+        It may share the analogue part of a channel `beside` it, fed with the same motions, that
+        differs in sampling, converter and noise only.
 
         Raises
         ------
         KeyError
             If there is no such sensor.
         """
-        return channel(self, name)
+        return channel(self, name, beside)
 
     def inertial_unit(self, name: str) -> InertialUnit:
         """The inertial unit in the place of a sensor, to be fed likewise.
