@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -225,7 +226,7 @@ def test_a_cutter_gives_the_same_windows_however_the_signal_comes():
     x = rng.standard_normal(1000)
     windows = Windows((), 64, 40, None, 'float64')
     edges = [0, *np.sort(rng.choice(np.arange(1, 1000), 20, replace=False)), 1000]
-    blocks = [Block(a / 100.0, x[a:b], 0, False) for a, b in zip(edges, edges[1:], strict=False)]
+    blocks = [Block(a / 100.0, x[a:b], 0, False) for a, b in itertools.pairwise(edges)]
     found = list(Cutter(windows, 100.0, 1.0).cut(blocks))
     firsts = [k for k in range(0, 1000 - 63, 40) if k / 100.0 >= 1.0]
     assert [w.start for w in found] == [k / 100.0 for k in firsts]
