@@ -14,16 +14,16 @@ from pathlib import Path
 import numpy as np
 import pyarrow.dataset as ds
 from numpy.typing import NDArray
-from scipy.stats import kurtosis, skew
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.metrics import confusion_matrix
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, StratifiedKFold
+
+from mechanism_sim.sensing.indicators import indicators
 
 CLEARANCE = 'joints.coupler_rocker.clearance.radial'
 RESTITUTION = 'joints.coupler_rocker.clearance.restitution'
 NOISE = 'sensors.rocker_accelerometer.noise.rms'
 SPEED = 'drive.speed'
-BANDS = 12
 Array = NDArray[np.float64]
 
 
@@ -34,7 +34,6 @@ class Data:
     Attributes
     ----------
     figures : (N, features) of each window
-    names : of the figures
     label : (N,) which of the clearances it is
     clearances : (classes,) [m]
     speed, noise : (N,) [rad/s] and [m/s^2]
@@ -43,7 +42,6 @@ class Data:
     """
 
     figures: Array
-    names: list[str]
     label: NDArray[np.intp]
     clearances: Array
     speed: Array
@@ -68,28 +66,26 @@ def read(folder: str, every: int = 1) -> Data:
     clearances, label = np.unique(known[CLEARANCE], return_inverse=True)
     machines = np.column_stack([known[name] for name in (CLEARANCE, RESTITUTION, SPEED)])
     motion = np.unique(machines, axis=0, return_inverse=True)[1].ravel()
-    names = ['rms', 'peak', 'crest', 'kurtosis', 'skewness', *(f'band {k}' for k in range(BANDS))]
-    # the operator knows the speed
-    all_figures = np.column_stack([np.concatenate(figures), known[SPEED]])
     return Data(
-        all_figures, [*names, 'speed'], label, clearances, known[SPEED], known[NOISE], motion,
+        np.column_stack([np.concatenate(figures), known[SPEED]]),  # the operator knows the speed
+        label,
+        clearances,
+        known[SPEED],
+        known[NOISE],
+        motion,
         known['run'],
-    )  # fmt: skip
+    )
 
 
 def describe(signal: Array) -> Array:
-    """Figures (N, features) of windows (N, samples): size, shape, and energy in bands."""
+    """Figures (N, features) of windows (N, samples): indicators, and the energy in thirds of octaves."""
     x = signal - signal.mean(axis=1, keepdims=True)
-    rms, peak = x.std(axis=1), np.abs(x).max(axis=1)
+    found = [indicators(window) for window in x]
+    levels = np.log([(i.rms, i.peak) for i in found])
+    shapes = [(i.crest, i.kurtosis, i.skewness, i.shape, i.impulse, i.clearance) for i in found]
     power = np.abs(np.fft.rfft(x * np.hanning(x.shape[1]))) ** 2
-    edges = np.unique(np.geomspace(1, power.shape[1], BANDS + 1).astype(int))
-    bands = np.add.reduceat(power, edges[:-1], axis=1)
-    return np.column_stack(
-        [
-            np.log(rms), np.log(peak), peak / rms, kurtosis(x, axis=1), skew(x, axis=1),
-            np.log(bands),
-        ]
-    )  # fmt: skip
+    thirds = np.unique(np.round(2.0 ** np.arange(0.0, np.log2(power.shape[1]), 1 / 3)).astype(int))
+    return np.column_stack([levels, shapes, np.log(np.add.reduceat(power, thirds, axis=1))])
 
 
 def predict(data: Data, folds) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

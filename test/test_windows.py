@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import os
 import signal
 import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pyarrow.dataset
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from four_bars import RADIAL
 from running import command, environment, run, run_json
 
@@ -219,6 +223,35 @@ def test_a_run_with_too_few_triggers_fails_and_leaves_no_file(tmp_path):
     assert (summary.failed, summary.windows) == (1, 0)
     assert 'gave 5 windows, not 60' in rows[0]['status']
     assert not list(folder_of(table).iterdir())
+
+
+def test_the_example_learns_from_motions_it_was_not_asked_about(tmp_path):
+    model_selection = pytest.importorskip('sklearn.model_selection')
+    root = Path(__file__).parents[1]
+    spec = importlib.util.spec_from_file_location('c', root / 'docs' / 'classify_clearance.py')
+    sys.modules['c'] = example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    text = yaml.safe_load((root / 'config/sweeps/bearing_wear.yaml').read_text(encoding='utf-8'))
+    text['grid'] |= {
+        'drive.speed': ['300 rpm'], RADIAL: ['0.0254 mm', '0.254 mm'],
+        f'{SENSOR}.noise.rms': ['1 m/s^2', '3 m/s^2'],
+    }  # fmt: skip
+    text |= {'windows': {'samples': 1024, 'per_run': 20}, 'duration': 2.5, 'skip': 0.4}
+    table = tmp_path / 't.parquet'
+    sweep(read_plan(sweep_file(tmp_path, yaml.safe_dump(text))), table, workers=1)
+    data = example.read(str(folder_of(table)))
+    rows = rows_of(table)
+    assert [data.clearances[k] for k in data.label] == [row[RADIAL] for row in rows]
+    assert len(np.unique(data.motion)) == 8
+    assert len(np.unique(data.run)) == 16
+    signals = np.array([row['signal'] for row in rows])
+    assert np.exp(data.figures[:, 0]) == pytest.approx(signals.std(axis=1))
+    assert example.read(str(folder_of(table)), 4).figures == pytest.approx(data.figures[::4])
+    folds = model_selection.GroupKFold(4).split(data.figures, data.label, data.motion)
+    asked, said = example.predict(data, folds)
+    assert np.sort(asked).tolist() == list(range(320))
+    assert (said == data.label[asked]).mean() > 0.9
+    assert example.vote(data, asked, said) == 1.0
 
 
 def test_a_cutter_gives_the_same_windows_however_the_signal_comes():
