@@ -10,6 +10,7 @@ from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
+from mechanism_sim.scene.oscillators import check_oscillators
 from mechanism_sim.scene.plan import check_motor, check_times
 from mechanism_sim.scene.schema import FourBarScene, Play
 
@@ -28,6 +29,7 @@ def build(name: str, scene: Scene) -> Machine:
     else:
         _check_linkage(machine)
     _check_joints(machine)
+    check_oscillators(machine)
     for sensor, placed in scene.sensors.items():
         if not sensor.isidentifier():
             raise InputError(f"{name}: the sensor name '{sensor}' must be letters, digits and _")

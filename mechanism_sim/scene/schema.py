@@ -45,7 +45,11 @@ Friction = Annotated[
 Coefficient = Annotated[float, _si(''), Field(ge=0.0, le=1.0)]
 
 
+MountStiffness = Annotated[float, _si('N/m'), _NOT_NEGATIVE]
+MountDamping = Annotated[float, _si('N s/m'), _NOT_NEGATIVE]
+
 Gravity = tuple[Acceleration, Acceleration]
+Place = tuple[Position, Position]
 
 
 class Part(BaseModel):
@@ -198,7 +202,25 @@ class Outputs(Part):
     linkage_state: Rate = 100.0
     joint_reactions: Rate = 100.0
     transforms: Rate = 50.0
-    part_states: Rate = 100.0  #: of each cam, pair of gears and Geneva wheel
+    part_states: Rate = 100.0  #: of each cam, pair of gears, Geneva wheel and oscillator
+
+
+class Mount(Part):
+    """Springs and dampers between a frame and the ground, along x and y."""
+
+    at: Place = (0.0, 0.0)  #: in the world
+    stiffness: tuple[MountStiffness, MountStiffness]
+    damping: tuple[MountDamping, MountDamping] = (0.0, 0.0)
+
+
+class Oscillator(Part):
+    """A rigid frame on mounts that the machine shakes."""
+
+    mass: Mass
+    inertia: Inertia | None = None  #: about its centre of gravity; without one it does not turn
+    cog: Place = (0.0, 0.0)  #: in the world
+    mounts: dict[str, Mount] = Field(min_length=1)
+    joints: list[str] | None = None  #: whose forces shake it; without, all that the machine does
 
 
 class Solver(Part):
@@ -218,6 +240,7 @@ class AnyScene(Part):
     start: Literal['seated', 'centred'] = 'seated'
     outputs: Outputs = Outputs()
     solver: Solver = Solver()
+    oscillators: dict[str, Oscillator] = {}
 
 
 class FourBarScene(AnyScene):

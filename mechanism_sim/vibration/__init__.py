@@ -1,0 +1,1 @@
+"""Vibration: parts on springs, their frequencies and modes, and how they respond."""

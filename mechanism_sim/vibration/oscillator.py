@@ -1,0 +1,106 @@
+"""A frame on springs, shaken by a machine that it carries.
+
+One way: the machine moves as if the frame were at rest, which is right to the ratio of their
+masses times the square of the frequency ratio of the disturbance. The response is exact for forces
+that are polynomials on every piece of the motion, and for the impulses between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.modal_filter import ModalFilter
+from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
+from mechanism_sim.numerics.rational import Array, ComplexArray, Modes
+from mechanism_sim.vibration.excitation import Excitation, Forces
+from mechanism_sim.vibration.frame import Frame
+
+_NODES = Nodes(tuple(chebyshev_nodes(20)))
+
+
+class FrameStates(NamedTuple):
+    """A frame at N instants; rows x, y and, if it can turn, angle, (n, N)."""
+
+    position: Array  #: [m, rad] of the centre of gravity, from where mounts carry the frame alone
+    velocity: Array  #: [m/s, rad/s]
+    acceleration: Array  #: [m/s^2, rad/s^2]
+    force: Array  #: [N, N m] of the machine on the frame, without impulses
+    mount_force: Array  #: [N, N m] of the mounts on the ground, less the frame's own weight
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """The motion of a frame on a part of a run.
+
+    Attributes
+    ----------
+    motion : of the machine on its m pieces
+    polynomials : (m, n, d + 1) forces less those at the start of the run [N, N m]
+    states : (m, n, 2 n) of its modes where pieces begin
+    start : (n,) forces at the start of the run
+    """
+
+    frame: Frame
+    excitation: Excitation
+    modes: ModalFilter
+    motion: Motion
+    polynomials: Array
+    states: ComplexArray
+    start: Array
+
+    def __call__(self, t: Array | float) -> FrameStates:
+        """The frame at times `t` (N,) [s] within that part; at an impact, what holds after it.
+
+        Raises
+        ------
+        ValueError
+            For a time outside of it.
+        """
+        frame, n = self.frame, self.frame.freedom
+        k, dt = self.motion.curve.find(np.atleast_1d(np.asarray(t, float)))
+        width = self.motion.curve.duration[k]
+        fraction = np.divide(dt, width, out=np.zeros_like(dt), where=width > 0.0)
+        force = self.excitation.read(self.motion, k, dt)
+        found = self.modes.read(self.states[k], width, self.polynomials[k], fraction).T
+        position = found[:n] + np.linalg.solve(frame.K, self.start)[:, None]
+        velocity = found[n : 2 * n]
+        acceleration = found[2 * n :] + (force - self.start[:, None]) / np.diag(frame.M)[:, None]
+        on_ground = frame.K @ position + frame.C @ velocity
+        return FrameStates(position, velocity, acceleration, force, on_ground)
+
+
+class Oscillator:
+    """A frame that follows the motion of a machine, piece by piece.
+
+    It starts at rest where its mounts bear what acts on it then.
+
+    Parameters
+    ----------
+    frame : with n degrees of freedom
+    forces : of the machine on it
+    """
+
+    def __init__(self, frame: Frame, forces: Forces) -> None:
+        self.frame = frame
+        self._excitation = Excitation(frame, forces)
+        poles, residues = frame.receptance
+        outputs = np.concatenate([residues * poles**d for d in range(3)])
+        nothing = np.zeros((3 * frame.freedom, frame.freedom))
+        self._modes = ModalFilter(Modes(poles, outputs, nothing))
+
+    def take(self, motion: Motion) -> FrameMotion:
+        """Follow a piece of motion, which comes after that of the last call."""
+        excitation = self._excitation
+        start = excitation.at_start(motion)
+        values = excitation.read(motion, np.arange(len(motion)), _NODES) - start[:, None]
+        values = values.reshape(-1, len(motion), len(_NODES)).transpose(1, 0, 2)
+        polynomials = fit_powers(values, 1.0)
+        impulses = excitation.impulses(motion)
+        states = self._modes.advance(motion.curve.duration, polynomials, impulses)
+        return FrameMotion(
+            self.frame, excitation, self._modes, motion, polynomials, states, start
+        )
