@@ -35,12 +35,14 @@ from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.initial import initial_state
+from mechanism_sim.scene.instruments import channel
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
 from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.scene.plan import Plan, four_bar_plan
 from mechanism_sim.scene.schema import FourBarScene, Play
-from mechanism_sim.vibration.oscillator import Oscillator
+from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.vibration.shaken_frame import ShakenFrame
 
 Scene = FourBarScene | LinkageScene
 
@@ -275,7 +277,7 @@ class Machine:
         forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
         return NominalPhysics(self.ideal, self.mechanism, forces)
 
-    def oscillator(self, name: str) -> Oscillator:
+    def oscillator(self, name: str) -> ShakenFrame:
         """A frame of the scene on its springs, at the start of a run.
 
         ``machine.oscillator('frame').take(solution.motion)`` gives its motion, a function of time;
@@ -286,7 +288,7 @@ class Machine:
         InputError
             If there is none of that name, or what shakes it is not known.
         """
-        return Oscillator(read_frame(self, name), forces_on(self, name))
+        return ShakenFrame(read_frame(self, name), forces_on(self, name))
 
     @property
     def fastest(self) -> float:
@@ -423,6 +425,16 @@ class Machine:
     def initial_state(self) -> State:
         """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
         return initial_state(self)
+
+    def channel(self, name: str) -> Channel:
+        """The measured channel of a sensor, to be fed with motion from the start of a run on.
+
+        Raises
+        ------
+        KeyError
+            If there is no such sensor.
+        """
+        return channel(self, name)
 
     def prepare(self) -> None:
         """Compile all that a run will need, so that it does not wait later."""

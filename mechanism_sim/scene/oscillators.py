@@ -13,7 +13,7 @@ from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.files import nearest
-from mechanism_sim.vibration.excitation import Forces, WholeMachine
+from mechanism_sim.vibration.shaking import Forces, WholeMachine
 from mechanism_sim.vibration.frame import Frame, Mount
 from mechanism_sim.vibration.joint_forces import JointForces
 

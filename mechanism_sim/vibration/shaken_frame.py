@@ -16,7 +16,7 @@ from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.modal_filter import ModalFilter
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.numerics.rational import Array, ComplexArray, Modes
-from mechanism_sim.vibration.excitation import Excitation, Forces
+from mechanism_sim.vibration.shaking import Shaking, Forces
 from mechanism_sim.vibration.frame import Frame
 
 _NODES = Nodes(tuple(chebyshev_nodes(20)))
@@ -45,7 +45,7 @@ class FrameMotion:
     """
 
     frame: Frame
-    excitation: Excitation
+    shaking: Shaking
     modes: ModalFilter
     motion: Motion
     polynomials: Array
@@ -64,7 +64,7 @@ class FrameMotion:
         k, dt = self.motion.curve.find(np.atleast_1d(np.asarray(t, float)))
         width = self.motion.curve.duration[k]
         fraction = np.divide(dt, width, out=np.zeros_like(dt), where=width > 0.0)
-        force = self.excitation.read(self.motion, k, dt)
+        force = self.shaking.read(self.motion, k, dt)
         found = self.modes.read(self.states[k], width, self.polynomials[k], fraction).T
         position = found[:n] + np.linalg.solve(frame.K, self.start)[:, None]
         velocity = found[n : 2 * n]
@@ -73,7 +73,7 @@ class FrameMotion:
         return FrameStates(position, velocity, acceleration, force, on_ground)
 
 
-class Oscillator:
+class ShakenFrame:
     """A frame that follows the motion of a machine, piece by piece.
 
     It starts at rest where its mounts bear what acts on it then.
@@ -86,7 +86,7 @@ class Oscillator:
 
     def __init__(self, frame: Frame, forces: Forces) -> None:
         self.frame = frame
-        self._excitation = Excitation(frame, forces)
+        self._shaking = Shaking(frame, forces)
         poles, residues = frame.receptance
         outputs = np.concatenate([residues * poles**d for d in range(3)])
         nothing = np.zeros((3 * frame.freedom, frame.freedom))
@@ -94,13 +94,13 @@ class Oscillator:
 
     def take(self, motion: Motion) -> FrameMotion:
         """Follow a piece of motion, which comes after that of the last call."""
-        excitation = self._excitation
-        start = excitation.at_start(motion)
-        values = excitation.read(motion, np.arange(len(motion)), _NODES) - start[:, None]
+        shaking = self._shaking
+        start = shaking.at_start(motion)
+        values = shaking.read(motion, np.arange(len(motion)), _NODES) - start[:, None]
         values = values.reshape(-1, len(motion), len(_NODES)).transpose(1, 0, 2)
         polynomials = fit_powers(values, 1.0)
-        impulses = excitation.impulses(motion)
+        impulses = shaking.impulses(motion)
         states = self._modes.advance(motion.curve.duration, polynomials, impulses)
         return FrameMotion(
-            self.frame, excitation, self._modes, motion, polynomials, states, start
+            self.frame, shaking, self._modes, motion, polynomials, states, start
         )

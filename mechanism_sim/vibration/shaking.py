@@ -59,7 +59,7 @@ class WholeMachine:
         return outside(self._force.outside, self._coordinates, motion.curve, segments, dt)
 
 
-class Excitation:
+class Shaking:
     """Forces on a frame, in its coordinates, for one listener.
 
     Pieces of motion must come in the order of time.
