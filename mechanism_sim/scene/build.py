@@ -33,13 +33,14 @@ def build(name: str, scene: Scene) -> Machine:
     for sensor, placed in scene.sensors.items():
         if not sensor.isidentifier():
             raise InputError(f"{name}: the sensor name '{sensor}' must be letters, digits and _")
-        if placed.link not in machine.links:
+        known = [*machine.links, *scene.oscillators]
+        if placed.link not in known:
             raise InputError(
                 f"{name}: sensors.{sensor}.link: there is no moving link '{placed.link}'"
-                f'{nearest(placed.link, machine.links)}; links: {", ".join(machine.links)}'
+                f'{nearest(placed.link, known)}; links: {", ".join(known)}'
             )
         at = placed.at if isinstance(placed.at, tuple) else (placed.at, 0.0)
-        if math.hypot(*at) > 10.0 * machine.mechanism.size:
+        if placed.link in machine.links and math.hypot(*at) > 10.0 * machine.mechanism.size:
             raise InputError(
                 f'{name}: sensors.{sensor}.at = {math.hypot(*at):g} m lies far off the '
                 f'{placed.link} (the longest link has {machine.mechanism.size:g} m)'

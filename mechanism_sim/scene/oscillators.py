@@ -56,35 +56,18 @@ def read_frame(machine: Machine, name: str) -> Frame:
 
 
 def forces_on(machine: Machine, name: str) -> Forces:
-    """What shakes a frame of the scene.
-
-    Raises
-    ------
-    InputError
-        If forces are not known.
-    """
-    part, where = machine.scene.oscillators[name], f'{machine.name}: oscillators.{name}'
-    if not machine.plan.weighed:
-        raise InputError(f'{where}: what shakes it needs the mass of every link')
-    if part.joints is None:
-        mechanism = machine.mechanism
+    """What shakes a frame of the scene."""
+    joints, mechanism = machine.scene.oscillators[name].joints, machine.mechanism
+    if joints is None:
         elements = machine.plan.elements(mechanism)
         applied = [element for element in elements if isinstance(element, AppliedForce)]
         return WholeMachine(ShakingForce(mechanism, applied), mechanism.coordinates)
-    grounded = [j.name for j in machine.mechanism.joints if GROUND in (j.first, j.second)]
-    for joint in part.joints:
-        if joint not in grounded:
-            raise InputError(
-                f"{where}.joints: '{joint}' is no joint of the ground"
-                f'{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
-            )
-    if not machine.scene.outputs.forces:
-        raise InputError(f"{where}.joints: forces of joints need 'outputs.forces: true'")
-    mechanism, clearances = machine.mechanism, machine.clearances
-    gaps, _ = gaps_and_films(mechanism, clearances)
-    closing = closures(mechanism, [j for j in mechanism.cut if j not in clearances])
-    impulses = JointImpulses(mechanism, gaps, closing, machine.plan.prescribed)
-    return JointForces(mechanism, machine.physics, impulses, part.joints)
+    gaps, _ = gaps_and_films(mechanism, machine.clearances)
+    closing = [j for j in mechanism.cut if j not in machine.clearances]
+    impulses = JointImpulses(
+        mechanism, gaps, closures(mechanism, closing), machine.plan.prescribed
+    )
+    return JointForces(mechanism, machine.physics, impulses, joints)
 
 
 def check_oscillators(machine: Machine) -> None:
@@ -94,7 +77,8 @@ def check_oscillators(machine: Machine) -> None:
     ------
     InputError
     """
-    for name in machine.scene.oscillators:
+    for name, part in machine.scene.oscillators.items():
+        where = f'{machine.name}: oscillators.{name}'
         if not name.isidentifier():
             raise InputError(
                 f"{machine.name}: the oscillator name '{name}' must be letters, digits and _"
@@ -102,6 +86,19 @@ def check_oscillators(machine: Machine) -> None:
         if name in (GROUND, *machine.links):
             raise InputError(f"{machine.name}: the oscillator '{name}' has the name of a link")
         read_frame(machine, name)
+        if not machine.plan.weighed:
+            raise InputError(f'{where}: what shakes it needs the masses of all links')
+        if part.joints is None:
+            continue
+        if not (machine.dynamic or machine.scene.outputs.forces):
+            raise InputError(f"{where}.joints: their forces need 'outputs.forces: true'")
+        grounded = [j.name for j in machine.mechanism.joints if GROUND in (j.first, j.second)]
+        for joint in part.joints:
+            if joint not in grounded:
+                raise InputError(
+                    f"{where}.joints: '{joint}' is no joint of the ground"
+                    f'{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
+                )
 
 
 def oscillator_notes(machine: Machine) -> list[str]:

@@ -58,12 +58,12 @@ def _eigen(C: Array, K: Array) -> tuple[ComplexArray, ComplexArray]:
     return poles.astype(complex), vectors.astype(complex)
 
 
-def through(system: Receptance, direct: Array, outputs: Array, chain: Rational) -> Modes:
+def through(system: Receptance, M: Array, outputs: Array, chain: Rational) -> Modes:
     """From the forces on a system to what comes out of a chain that measures an acceleration.
 
     Parameters
     ----------
-    direct : (n, n) inverse mass matrix
+    M : (n, n) its mass matrix
     outputs : (n,) how much of each acceleration is measured
     """
     own = chain.modes()
@@ -73,7 +73,7 @@ def through(system: Receptance, direct: Array, outputs: Array, chain: Rational) 
         if near.any():
             poles[near] += _MOVED * p
             places[i] = p - _MOVED * p
-    residues, gain, rest = own.residues[0, 0], own.direct[0, 0], outputs @ direct
+    residues, gain, rest = own.residues[0, 0], own.direct[0, 0], outputs @ np.linalg.inv(M)
 
     def passed(s: ComplexArray) -> ComplexArray:
         """What the chain makes of ``e^(s t)``, with its poles where they are now."""
