@@ -19,6 +19,7 @@ from mechanism_sim.messages import (
     LinkageState,
     ModeChange,
     Motion,
+    OscillatorState,
     Progress,
     String,
     TFMessage,
@@ -26,6 +27,7 @@ from mechanism_sim.messages import (
     type_name,
 )
 from mechanism_sim.middleware import Parameter, QoSProfile
+from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
@@ -77,6 +79,8 @@ class Recorder(SimulationNode):
             for name in self.machine.scene.sensors
         ]
         topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
+        if self.machine.scene.oscillators:
+            topics.append((OSCILLATOR_STATE, OscillatorState, RESULTS))
         for topic, kind, qos in topics:
             self._record(topic, kind, qos)
         self._add_topic(self.resolve_topic_name('progress'), Progress, RESULTS)

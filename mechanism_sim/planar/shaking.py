@@ -54,7 +54,8 @@ class ShakingForce:
             if frame != GROUND:
                 inertia = frames.parameters(f'{body.name}.inertia', body.inertia)
                 spin = neg(mul(inertia, frames.a[frame]))
-            parts.append([*force, add(moment_of((place[0].value, place[1].value), force), spin)])
+            moment = moment_of((place[0].value, place[1].value), (force[0], force[1]))
+            parts.append([*force, add(moment, spin)])
         for load in (load for element in applied for load in element.loads(frames)):
             x, y = load.place(frames, mechanism)
             moment = add(moment_of((x.value, y.value), load.force), load.moment)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.planar.closures import closures
@@ -13,9 +12,9 @@ from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.files import nearest
-from mechanism_sim.vibration.shaking import Forces, WholeMachine
 from mechanism_sim.vibration.frame import Frame, Mount
 from mechanism_sim.vibration.joint_forces import JointForces
+from mechanism_sim.vibration.shaking import Forces, WholeMachine
 
 if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine

@@ -20,10 +20,10 @@ _DEFECTIVE = 1e5
 """Condition of the eigenvectors from which on poles are taken for a multiple one."""
 _APART = 1e-10
 """By which part damping is changed then: poles move apart by the square root of it."""
-_CLOSE = 1e-3
-_MOVED = 1e-5
-"""Poles of a chain that are nearer than this to one of the system, relative to their size, are
-moved so far off it, and the others as far the other way: what changes is of second order."""
+_MEET = 1e-5
+"""A pole of a chain that is nearer than this to one of the system, relative to their size, makes a
+double one with it, of which two halves are moved so far apart: what changes is of second order.
+"""
 
 
 class Receptance(NamedTuple):
@@ -67,22 +67,37 @@ def through(system: Receptance, M: Array, outputs: Array, chain: Rational) -> Mo
     outputs : (n,) how much of each acceleration is measured
     """
     own = chain.modes()
-    poles, places = system.poles.copy(), own.poles.copy()
-    for i, p in enumerate(places):
-        near = np.abs(poles - p) <= _CLOSE * np.abs(p)
-        if near.any():
-            poles[near] += _MOVED * p
-            places[i] = p - _MOVED * p
-    residues, gain, rest = own.residues[0, 0], own.direct[0, 0], outputs @ np.linalg.inv(M)
+    rest = outputs @ np.linalg.inv(M)
+    seen = np.einsum('i,ijk->jk', outputs, system.residues) * system.poles**2
+
+    def moved(s: ComplexArray) -> ComplexArray:
+        """The system alone (n, N)."""
+        return np.asarray(
+            rest[:, None] + (seen[:, None] / (s[:, None] - system.poles)).sum(axis=2)
+        )
 
     def passed(s: ComplexArray) -> ComplexArray:
-        """What the chain makes of ``e^(s t)``, with its poles where they are now."""
-        return gain + (residues / (s[:, None] - places)).sum(axis=1)
+        """The chain alone (N,)."""
+        fractions = own.residues[0, 0] / (s[:, None] - own.poles)
+        return np.asarray(own.direct[0, 0] + fractions.sum(axis=1))
 
-    seen = np.einsum('i,ijk->jk', outputs, system.residues) * poles**2
-    at_places = rest + (seen / (places[:, None, None] - poles)).sum(axis=2)
+    apart = np.abs(system.poles[:, None] - own.poles)
+    meet = apart <= _MEET * np.abs(own.poles)
+    single, other = ~meet.any(axis=1), ~meet.any(axis=0)
+    poles = [system.poles[single], own.poles[other]]
+    residues = [
+        seen[:, single] * passed(poles[0]),
+        own.residues[0, 0, other] * moved(poles[1]),
+    ]
+    for j in np.flatnonzero(~other):
+        p, q = system.poles[meet[:, j]].mean(), own.poles[j]
+        middle = 0.5 * (p + q)
+        halves = middle * (1.0 + _MEET * np.array([1.0, -1.0]))
+        share = (halves - p) * (halves - q) / (halves - halves[::-1])
+        poles.append(halves)
+        residues.append(moved(halves) * passed(halves) * share)
     return Modes(
-        np.concatenate([poles, places]),
-        np.concatenate([seen * passed(poles), (residues[:, None] * at_places).T], axis=1)[None],
-        (gain * rest)[None],
+        np.concatenate(poles),
+        np.concatenate(residues, axis=1)[None],
+        (own.direct[0, 0] * rest)[None],
     )

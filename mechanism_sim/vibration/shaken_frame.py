@@ -16,8 +16,8 @@ from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.modal_filter import ModalFilter
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.numerics.rational import Array, ComplexArray, Modes
-from mechanism_sim.vibration.shaking import Shaking, Forces
 from mechanism_sim.vibration.frame import Frame
+from mechanism_sim.vibration.shaking import Forces, Shaking
 
 _NODES = Nodes(tuple(chebyshev_nodes(20)))
 
@@ -101,6 +101,4 @@ class ShakenFrame:
         polynomials = fit_powers(values, 1.0)
         impulses = shaking.impulses(motion)
         states = self._modes.advance(motion.curve.duration, polynomials, impulses)
-        return FrameMotion(
-            self.frame, shaking, self._modes, motion, polynomials, states, start
-        )
+        return FrameMotion(self.frame, shaking, self._modes, motion, polynomials, states, start)
