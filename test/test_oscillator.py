@@ -117,7 +117,7 @@ def test_the_force_is_that_of_bearings_drives_and_springs(scene):
     motion, shaking = found.solution.motion, shaking_of(machine)
     x, y, moment = shaking.read(motion, *motion.curve.find(found.t))
     about_origin = moment + 0.15 * y + 0.05 * x
-    inner = slice(1, -1)
+    inner = ~np.isin(found.t, motion.curve.start)  # accelerations may jump there
     for name, row in (('force.x', x), ('force.y', y), ('moment', about_origin)):
         column = found[f'shaking_{name}']
         scale = np.abs([x, y]).max() + np.abs(about_origin).max()
@@ -222,7 +222,7 @@ def test_momentum_and_energy_of_a_long_run(scene):
     """What machine and impacts give is what mounts take, and what is left."""
     machine = ms.load_scene(scene)
     (name,) = machine.scene.oscillators
-    solution = ms.simulate(machine, duration=2.0 if scene == 'four_bar_on_frame' else 0.5)
+    solution = ms.simulate(machine, duration=1.0 if scene == 'four_bar_on_frame' else 0.2)
     curve, shaken = solution.motion.curve, machine.oscillator(name)
     frame, moved = shaken.frame, shaken.take(solution.motion)
     shaking = Shaking(frame, forces_on(machine, name))
@@ -432,7 +432,7 @@ def test_a_filter_behind_a_frame_hears_its_acceleration():
 
 def test_as_a_node_the_frame_moves_as_in_the_library(tmp_path):
     bag = tmp_path / 'run.mcap'
-    run_json('run', 'gear_housing', '--duration', '0.05', '--processes', '--record', str(bag))
+    run_json('run', 'gear_housing', '--duration', '0.05', '--record', str(bag))
     found = analyze(bag)
     assert found.digest == digest_of('gear_housing', (), 0.05)
     assert 'oscillator' in found.ledger.finished
