@@ -154,6 +154,9 @@ def _notes(machine: Machine) -> list[str]:
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
+        if s.link in machine.links
+        else f'sensor {name}: {s.kind} on the oscillator {s.link}, at {_at(s.at)}, along '
+        f'{"x" if s.axis == "along" else "y"}, {s.sample_rate:g} Hz'
         for name, s in scene.sensors.items()
     ]
     notes += oscillator_notes(machine)
