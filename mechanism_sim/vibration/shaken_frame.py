@@ -14,12 +14,10 @@ import numpy as np
 
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.modal_filter import ModalFilter
-from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
+from mechanism_sim.numerics.polynomials import fit_powers
 from mechanism_sim.numerics.rational import Array, ComplexArray, Modes
 from mechanism_sim.vibration.frame import Frame
-from mechanism_sim.vibration.shaking import Forces, Shaking
-
-_NODES = Nodes(tuple(chebyshev_nodes(20)))
+from mechanism_sim.vibration.shaking import NODES, Forces, Shaking
 
 
 class FrameStates(NamedTuple):
@@ -96,8 +94,8 @@ class ShakenFrame:
         """Follow a piece of motion, which comes after that of the last call."""
         shaking = self._shaking
         start = shaking.at_start(motion)
-        values = shaking.read(motion, np.arange(len(motion)), _NODES) - start[:, None]
-        values = values.reshape(-1, len(motion), len(_NODES)).transpose(1, 0, 2)
+        values = shaking.read(motion, np.arange(len(motion)), NODES) - start[:, None]
+        values = values.reshape(-1, len(motion), len(NODES)).transpose(1, 0, 2)
         polynomials = fit_powers(values, 1.0)
         impulses = shaking.impulses(motion)
         states = self._modes.advance(motion.curve.duration, polynomials, impulses)

@@ -7,14 +7,24 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.polynomials import (
+    Nodes,
+    PiecewisePolynomial,
+    chebyshev_coefficients,
+    chebyshev_nodes,
+)
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.vibration.frame import Frame
 
 Array = NDArray[np.float64]
 
+NODES = Nodes(tuple(chebyshev_nodes(20)))
+"""Where forces are asked for on every piece, to make polynomials of them."""
+_UNRESOLVED = 1e-6
+"""Of the largest force: higher harmonics of a piece must be smaller."""
 _ROUNDING = 1e-12
 """Of the largest rate of a coordinate: smaller steps of it are none."""
 
@@ -92,7 +102,14 @@ class Shaking:
         return self._about_cog(self._forces.read(motion, segments, dt))
 
     def impulses(self, motion: Motion) -> Array:
-        """Impulses (m, n) [N s, N m s] at the instants at which the m pieces begin."""
+        """Impulses (m, n) [N s, N m s] at the instants at which the m pieces begin.
+
+        Raises
+        ------
+        RunError
+            If loads change so fast that polynomials on these pieces do not follow them.
+        """
+        self._check(motion)
         step = self._steps(motion.curve)
         found = np.zeros((len(motion), self.inputs))
         sudden = np.flatnonzero(step.any(axis=0))
@@ -100,6 +117,19 @@ class Shaking:
             impulses = self._forces.impulses(motion, sudden, step[:, sudden])
             found[sudden] = self._about_cog(impulses).T
         return found
+
+    def _check(self, motion: Motion) -> None:
+        """Whether polynomials follow the forces, where loads do not rule the length of pieces."""
+        if motion.modes.shape[1]:
+            return
+        every = np.arange(len(motion))
+        values = self.read(motion, every, NODES).reshape(-1, len(motion), len(NODES))
+        sizes = np.abs(chebyshev_coefficients(values)).max(axis=1)
+        if (sizes[:, -2:].max(axis=1) > _UNRESOLVED * sizes.max()).any():
+            raise RunError(
+                'the forces on a frame change too fast for the pieces of its motion: loads by '
+                'formulas must not be much faster than the machine'
+            )
 
     def _steps(self, curve: PiecewisePolynomial) -> Array:
         """Steps (coordinates, m) of the rates where pieces begin."""
