@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
 
 NODE_NAMES = (
-    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'accelerometer', 'recorder',
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
+    'recorder',
 )  # fmt: skip
 
 
