@@ -15,6 +15,7 @@ from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
 from mechanism_sim.scene.cam_notes import cam_notes
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import motion_notes
+from mechanism_sim.scene.sensor_keys import Sensor
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -152,12 +153,20 @@ def _notes(machine: Machine) -> list[str]:
     notes += [_mesh(machine, j, start) for j in machine.plan.joints if isinstance(j, GearMesh)]
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
-        f'the link, {s.sample_rate:g} Hz'
+        f'the link, {s.sample_rate:g} Hz{_behind(s)}'
         for name, s in scene.sensors.items()
     ]
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
+
+
+def _behind(sensor: Sensor) -> str:
+    """What the signal of a sensor goes through, unless it is ideal."""
+    chain = sensor.chain()
+    found = [stage.replace('_', '-') for stage, h in chain.stages().items() if h.poles]
+    found += ['converter'] if chain.converter.range else []
+    return f', behind {", ".join(found)}' if found else ''
 
 
 def _mesh(machine: Machine, mesh: GearMesh, start: Mapping[str, float]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.point import PointOnLink
@@ -41,8 +42,14 @@ def inertial_unit(machine: Machine, name: str) -> InertialUnit:
     ------
     KeyError
         If there is no such sensor.
+    InputError
+        If it is not on a link.
     """
     sensor = machine.scene.sensors[name]
+    if sensor.link not in machine.links:
+        raise InputError(
+            f'{machine.name}: sensors.{name}.imu: inertial units sit on links, not on {sensor.link}'
+        )
     return InertialUnit(
         machine.mechanism,
         sensor.link,
