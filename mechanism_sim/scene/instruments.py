@@ -48,7 +48,8 @@ def inertial_unit(machine: Machine, name: str) -> InertialUnit:
     sensor = machine.scene.sensors[name]
     if sensor.link not in machine.links:
         raise InputError(
-            f'{machine.name}: sensors.{name}.imu: inertial units sit on links, not on {sensor.link}'
+            f'{machine.name}: sensors.{name}.imu: an inertial unit sits on a link, not on '
+            f'{sensor.link}'
         )
     return InertialUnit(
         machine.mechanism,
