@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mechanism_sim.errors import InputError
-from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.scene.oscillators import forces_on, read_frame
+from mechanism_sim.sensing.channel import Channel, Source
+from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.point import PointOnLink
 
@@ -22,16 +23,21 @@ def channel(machine: Machine, name: str, beside: Channel | None = None) -> Chann
     ------
     KeyError
         If there is no such sensor.
+    InputError
+        If it is on a frame, and what shakes that is not known.
     """
     sensor, mechanism = machine.scene.sensors[name], machine.mechanism
-    place = PointOnLink(
-        mechanism,
-        sensor.link,
-        sensor.at,
-        sensor.axis,
-        sensor.gravity,
-        sensor.transducer.transverse,
-    )
+    transverse = sensor.transducer.transverse
+    place: Source
+    if sensor.link in machine.scene.oscillators:
+        frame, forces = read_frame(machine, sensor.link), forces_on(machine, sensor.link)
+        at = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
+        gravity = mechanism.gravity if sensor.gravity else (0.0, 0.0)
+        place = PointOnFrame(frame, forces, at, sensor.axis, gravity, transverse)
+    else:
+        place = PointOnLink(
+            mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity, transverse
+        )
     return Channel(place, sensor.chain(), name, _drive(machine, name), beside)
 
 
@@ -42,15 +48,8 @@ def inertial_unit(machine: Machine, name: str) -> InertialUnit:
     ------
     KeyError
         If there is no such sensor.
-    InputError
-        If it is not on a link.
     """
     sensor = machine.scene.sensors[name]
-    if sensor.link not in machine.links:
-        raise InputError(
-            f'{machine.name}: sensors.{name}.imu: an inertial unit sits on a link, not on '
-            f'{sensor.link}'
-        )
     return InertialUnit(
         machine.mechanism,
         sensor.link,
