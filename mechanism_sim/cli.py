@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
 
 NODE_NAMES = (
-    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'accelerometer', 'recorder',
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
+    'recorder',
 )  # fmt: skip
 
 
@@ -755,6 +756,8 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
 
     if options.skip < 0:
         raise InputError('--skip must be at least 0')
+    if options.against and not wanted.deviations:
+        raise InputError('--against goes with --deviation: it compares two deviations')
     record = read_record(options.bag, options.namespace)
     against = read_record(options.against, options.namespace) if options.against else None
     return find_details(record, wanted if wanted else everything(record, wanted), against)

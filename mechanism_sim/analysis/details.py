@@ -17,6 +17,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.orders import Turns, order_spectrum
 from mechanism_sim.sensing.spectra import Spectrum, envelope_spectrum, power, shock_band
 
+_FEWEST = 16  # samples of a spectrum
+
 
 @dataclass(frozen=True)
 class Wanted:
@@ -131,8 +133,9 @@ def _average(turns: Turns, unit: str) -> dict[str, Any]:
 
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
-    """All that can be drawn of a run, every sensor and loose bearing, in the way that is wanted."""
-    sensors, joints = record.sensors, record.loose_joints
+    """All that can be drawn of a run, in the way that is wanted: of each sensor and bearing."""
+    sensors = [x for x in record.sensors if len(record.signal(x).longest) >= _FEWEST]
+    joints = record.loose_joints
     turning = sensors if record.has_turns else ()
     return replace(
         wanted,
@@ -157,13 +160,17 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
     InputError
         If there is no such sensor, quantity or joint, or the run is too short for it.
     """
-    if against and not wanted.deviations:
-        raise InputError('--against goes with --deviation: it compares two deviations')
     skip = wanted.skip
     begin = record.begin(skip)
 
     def signal(name: str) -> Signal:
-        return record.signal(name).since(begin)
+        found = record.signal(name).since(begin)
+        if len(found.longest) < _FEWEST:
+            raise InputError(
+                f'the longest run of samples of {name} has {len(found.longest)} of them: a '
+                f'spectrum needs at least {_FEWEST}'
+            )
+        return found
 
     return Details(
         record.machine.main,

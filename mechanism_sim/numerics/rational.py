@@ -108,8 +108,8 @@ def separated(poles: ComplexArray) -> ComplexArray:
             found += near
             continue
         centre = sum(near) / m
-        # about an imaginary direction poles at zero would be stable on neither side
-        turn = 1j if not p else 1.0
+        # undamped poles stay undamped: aside they would grow on one side
+        turn = 1j if abs(p.real) <= _CLOSE * abs(p) else 1.0
         circle = turn * np.exp(2j * np.pi * np.arange(m) / m)
         if abs(centre.imag) <= _CLOSE * _APART[m] * abs(centre):  # conjugates met, or real poles
             centre = centre.real

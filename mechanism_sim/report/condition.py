@@ -58,9 +58,11 @@ def _figure(title: str, width: float = 7.0, height: float = 3.4) -> Figure:
 def _spectrum(name: str, line: Line) -> Figure:
     figure = _figure(f'power spectral density of {name}')
     axes, s = figure.subplots(), line.spectrum
-    axes.semilogy(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
+    axes.plot(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
     axes.set_xlim(0.0, s.frequency[-1])
-    axes.set_ylim(bottom=_DECADES * s.values[1:].max())
+    if highest := s.values[1:].max():
+        axes.set_yscale('log')
+        axes.set_ylim(bottom=_DECADES * highest)
     axes.set_xlabel('frequency [Hz]')
     axes.set_ylabel(f'[{line.unit}]')
     return figure
@@ -113,10 +115,13 @@ def _average(name: str, average: Average, drive: str) -> Figure:
 
 
 def _polar(figure: Figure, count: int) -> list[Any]:
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
     found = figure.subplots(1, count, subplot_kw={'projection': 'polar'}, squeeze=False)[0]
     for axes in found:
         axes.tick_params(labelsize=6.5, pad=0.0)
         axes.set_rlabel_position(22.5)
+        axes.yaxis.set_major_locator(MaxNLocator(4))
     return list(found)
 
 
@@ -157,6 +162,7 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
     turn = cycles.first + np.arange(len(cycles.count))
     below.step(turn, 1e3 * cycles.impulse, where='mid', color='0.1', lw=1.1, label='sum')
     below.step(turn, 1e3 * cycles.I_n, where='mid', color='0.5', lw=1.1, ls='--', label='I_n')
+    below.xaxis.get_major_locator().set_params(integer=True)
     below.set_xlabel(f'turn of the {drive}')
     below.set_ylabel('impulse [mN s]')
     below.set_ylim(bottom=0.0)
