@@ -120,9 +120,9 @@ def fade(
 
 def _weighted(samples: Array, sample_rate: float, weight: Weight) -> Array:
     count = len(samples)
-    spectrum = np.fft.rfft(samples) * weight(np.fft.rfftfreq(count, 1.0 / sample_rate))
-    faded: Array = np.fft.irfft(spectrum, count)
-    return faded
+    f = np.asarray(np.fft.rfftfreq(count, 1.0 / sample_rate), np.float64)
+    spectrum = np.fft.rfft(samples) * weight(f)
+    return np.asarray(np.fft.irfft(spectrum, count))
 
 
 def noise_floor(samples: Array, sample_rate: float, length: int = 256) -> float:
