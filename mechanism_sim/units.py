@@ -77,6 +77,8 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
     """
     if isinstance(value, Measure):
         return value
+    if isinstance(value, list | tuple) and len(value) == 2 and value[1] in ('', *units):
+        return Measure(float(value[0]), value[1])  # as JSON has it
     for unit in units[:-1]:
         try:
             found = to_si(value, unit)

@@ -72,7 +72,7 @@ def refusal(overrides, scene=LOOSE):
         ('start', 'seeted', ["start = 'seeted' is not possible", "'seated'?"]),
         ('branch', 'upper', ["'open' or 'crossed'"]),
         ('drive.coordinate', 'rocker', ["allowed: 'crank'"]),
-        ('sensors.rocker_accelerometer.link', 'ground', ["'crank', 'coupler' or 'rocker'"]),
+        ('sensors.rocker_accelerometer.link', 'ground', ["link 'ground'", 'crank, coupler, rocker']),
         ('mechanism', 'fuor_bar', ["is 'fuor_bar'", "'four_bar'?", 'known are: four_bar']),
         ('mechanism', ['four_bar'], ['known are: four_bar']),
         # shape
@@ -86,7 +86,7 @@ def refusal(overrides, scene=LOOSE):
         # what is missing
         ('links.coupler.mass', None, ["'links.coupler.mass' is missing", 'mass, inertia and cog']),
         ('joints.coupler_rocker.clearance', {'radial': '1 mm'}, ["restitution' is missing"]),
-        ('sensors.mine', {'link': 'rocker'}, ["'sensors.mine.at' is missing"]),
+        ('sensors.mine', {'at': 0}, ["'sensors.mine.link' is missing"]),
         # geometry
         ('links.crank.length', '2 m', ['cannot be assembled', 'crank (2 m)', '(1.008 m)']),
         ('links.crank.length', '500 mm', ['the crank cannot make a full turn', 'crank 0.5 m']),

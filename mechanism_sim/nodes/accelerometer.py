@@ -1,11 +1,9 @@
-"""The accelerometers of a scene: sample the published motion, in blocks."""
+"""The accelerometers of a scene: measure the published motion, in blocks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
 
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages import AccelerometerBlock, float64_array, stamp
@@ -14,52 +12,37 @@ from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.linkage import LinkageSensor
-from mechanism_sim.scene.schema import Accelerometer as AccelerometerScene
-from mechanism_sim.sensing.accelerometer import IdealAccelerometer
-
-BLOCK = 256  # samples
+from mechanism_sim.scene import Machine
 
 
 class _Sensor:
-    """One sensor: its instrument, and the samples that do not fill a block yet."""
+    """One sensor: its channel, and what its messages say beside the samples."""
 
-    def __init__(
-        self, mechanism: Mechanism, name: str, scene: AccelerometerScene | LinkageSensor
-    ) -> None:
-        self.name, self.link, self.rate = name, scene.link, scene.sample_rate
-        self._instrument = IdealAccelerometer(mechanism, scene.link, scene.at, scene.axis)
-        self._samples = np.zeros(0)
-        self._first = 0
+    def __init__(self, machine: Machine, name: str) -> None:
+        self._name, self._scene = name, machine.scene.sensors[name]
+        self._channel = machine.channel(name)
 
-    def take(self, curve: PiecewisePolynomial) -> None:
-        """Sample a piece of motion at the multiples of the sampling period within it."""
-        first = self._first + len(self._samples)
-        t = np.arange(first, int(np.ceil(curve.end * self.rate)) + 1) / self.rate
-        t = t[t < curve.end]
-        if t.size:
-            self._samples = np.append(self._samples, self._instrument.read(curve, t))
+    def take(self, motion: Motion) -> None:
+        """Measure a piece of motion."""
+        self._channel.take(motion)
 
-    def blocks(self, all_of_it: bool) -> list[Any]:
+    def messages(self, final: bool) -> list[Any]:
         """The blocks that are full, or all that is left."""
-        messages = []
-        while len(self._samples) >= BLOCK or (all_of_it and len(self._samples)):
-            start = self._first / self.rate
+        scene, found = self._scene, []
+        for block in self._channel.blocks(final):
             message = AccelerometerBlock(
-                time=start,
-                sensor=self.name,
-                link=self.link,
-                sample_rate=self.rate,
-                acceleration=float64_array(self._samples[:BLOCK].copy()),
+                time=block.time,
+                sensor=self._name,
+                link=scene.link,
+                sample_rate=scene.sample_rate,
+                triggered=block.triggered,
+                overloads=block.overloads,
             )
-            message.header.stamp = stamp(start)
-            message.header.frame_id = self.link
-            messages.append(message)
-            self._first += len(message.acceleration)
-            self._samples = self._samples[BLOCK:]
-        return messages
+            setattr(message, scene.quantity, float64_array(block.samples))
+            message.header.stamp = stamp(block.time)
+            message.header.frame_id = scene.link
+            found.append(message)
+        return found
 
 
 class Accelerometer(SimulationNode):
@@ -67,13 +50,12 @@ class Accelerometer(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('accelerometer', parameters)
-        mechanism = self.machine.mechanism
         self._sensors = [
             (
-                _Sensor(mechanism, name, scene),
+                _Sensor(self.machine, name),
                 self.create_publisher(AccelerometerBlock, f'accelerometer/{name}', RESULTS),
             )
-            for name, scene in self.machine.scene.sensors.items()
+            for name in self.machine.scene.sensors
         ]
         self._following = Following(self, self._take, self._rest)
         self.join()
@@ -83,15 +65,17 @@ class Accelerometer(SimulationNode):
         self._following.look()
 
     def _take(self, motion: Motion) -> None:
-        for sensor, publisher in self._sensors:
-            sensor.take(motion.curve)
-            for block in sensor.blocks(all_of_it=False):
-                self.send(publisher, block)
+        for sensor, _ in self._sensors:
+            sensor.take(motion)
+        self._send(final=False)
 
     def _rest(self) -> None:
+        self._send(final=True)
+
+    def _send(self, final: bool) -> None:
         for sensor, publisher in self._sensors:
-            for block in sensor.blocks(all_of_it=True):
-                self.send(publisher, block)
+            for message in sensor.messages(final):
+                self.send(publisher, message)
 
 
 def main(args: list[str] | None = None) -> None:

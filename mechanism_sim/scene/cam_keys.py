@@ -6,16 +6,16 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from mechanism_sim.scene.schema import (
+from mechanism_sim.scene.quantities import (
     Angle,
     Coefficient,
-    Contact,
     Displacement,
     Length,
     Part,
     Position,
     Radius,
 )
+from mechanism_sim.scene.schema import Contact
 from mechanism_sim.units import Measure, to_si_of
 
 Way = Annotated[Measure, BeforeValidator(lambda value: to_si_of(value, ('rad', 'm')))]

@@ -8,14 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mechanism_sim.scene.schema import (
-    Angle,
-    Coefficient,
-    Contact,
-    Displacement,
-    Length,
-    Part,
-)
+from mechanism_sim.scene.quantities import Angle, Coefficient, Displacement, Length, Part
+from mechanism_sim.scene.schema import Contact
 from mechanism_sim.units import to_si
 
 

@@ -9,20 +9,17 @@ from pydantic import BeforeValidator, Field, model_validator
 from mechanism_sim.numerics import formula
 from mechanism_sim.scene.cam_keys import CamKeys
 from mechanism_sim.scene.gear_keys import GearKeys, GearPart
-from mechanism_sim.scene.schema import (
+from mechanism_sim.scene.quantities import (
     AddedInertia,
-    AffineTorque,
     Angle,
-    AnyScene,
-    Clearance,
     Length,
     Mass,
-    Motor,
     Part,
     Position,
-    Rate,
     Time,
 )
+from mechanism_sim.scene.schema import AffineTorque, AnyScene, Clearance, Motor
+from mechanism_sim.scene.sensor_keys import Sensor
 from mechanism_sim.units import Measure, to_si, to_si_of
 
 
@@ -198,16 +195,6 @@ class LinkageInitial(Part):
     velocity: dict[str, Pace] = {}
 
 
-class LinkageSensor(Part):
-    """An ideal accelerometer on a link."""
-
-    kind: Literal['accelerometer'] = 'accelerometer'
-    link: str
-    at: Position | Vector = 0.0
-    axis: Literal['along', 'across'] = 'across'
-    sample_rate: Rate = 10000.0
-
-
 class LinkageScene(AnyScene):
     """A scene that names its links and joints."""
 
@@ -222,4 +209,4 @@ class LinkageScene(AnyScene):
     springs: dict[str, SpringPart] = {}
     loads: dict[str, LoadPart] = {}
     initial: LinkageInitial = LinkageInitial()
-    sensors: dict[str, LinkageSensor] = {}
+    sensors: dict[str, Sensor] = Field({})

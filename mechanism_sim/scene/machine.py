@@ -35,10 +35,12 @@ from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.initial import initial_state
+from mechanism_sim.scene.instruments import channel
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
 from mechanism_sim.scene.plan import Plan, four_bar_plan
 from mechanism_sim.scene.schema import FourBarScene, Play
+from mechanism_sim.sensing.channel import Channel
 
 Scene = FourBarScene | LinkageScene
 
@@ -408,6 +410,16 @@ class Machine:
     def initial_state(self) -> State:
         """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
         return initial_state(self)
+
+    def channel(self, name: str) -> Channel:
+        """The measured channel of a sensor, to be fed with motion from the start of a run on.
+
+        Raises
+        ------
+        KeyError
+            If there is no such sensor.
+        """
+        return channel(self, name)
 
     def prepare(self) -> None:
         """Compile all that a run will need, so that it does not wait later."""

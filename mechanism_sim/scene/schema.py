@@ -1,57 +1,36 @@
-"""What a scene file may say: every key, its unit, its bounds and its default.
-
-Values arrive as people write them (``64 mm``) and are kept in SI units.
-"""
+"""What a scene file may say: every key, its unit, its bounds and its default."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import Field
 
-from mechanism_sim.units import to_si
-
-
-def _si(unit: str) -> BeforeValidator:
-    """Text with a unit, or a number, becomes a number in `unit`."""
-    return BeforeValidator(lambda value: to_si(value, unit))
-
-
-_FINITE = Field(allow_inf_nan=False)
-_POSITIVE = Field(gt=0.0, allow_inf_nan=False)
-_NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
-
-Length = Annotated[float, _si('m'), _POSITIVE]
-Position = Annotated[float, _si('m'), _FINITE]
-Mass = Annotated[float, _si('kg'), _POSITIVE]
-Inertia = Annotated[float, _si('kg m^2'), _POSITIVE]
-Angle = Annotated[float, _si('rad'), _FINITE]
-Speed = Annotated[float, _si('rad/s'), _FINITE]
-Acceleration = Annotated[float, _si('m/s^2'), _FINITE]
-Rate = Annotated[float, _si('Hz'), _POSITIVE]
-Tolerance = Annotated[float, _si(''), Field(ge=1e-16, le=1e-4)]
-Displacement = Annotated[float, _si('m'), _NOT_NEGATIVE]
-Time = Annotated[float, _si('s'), _NOT_NEGATIVE]
-Duration = Annotated[float, _si('s'), _POSITIVE]
-Torque = Annotated[float, _si('N m'), _FINITE]
-TorquePerAngle = Annotated[float, _si('N m/rad'), _FINITE]
-TorquePerSpeed = Annotated[float, _si('N m s/rad'), _FINITE]
-AddedInertia = Annotated[float, _si('kg m^2'), _NOT_NEGATIVE]
-Radius = Annotated[float, _si('m'), _NOT_NEGATIVE]
-Friction = Annotated[
-    float, BeforeValidator(lambda x: float('inf') if x == 'rough' else to_si(x, '')), Field(ge=0.0)
-]
-"""Coulomb's coefficient, or the word ``rough`` for contacts that never slip."""
-Coefficient = Annotated[float, _si(''), Field(ge=0.0, le=1.0)]
-
-
-Gravity = tuple[Acceleration, Acceleration]
-
-
-class Part(BaseModel):
-    """Base of all parts of a scene: unknown keys are refused."""
-
-    model_config = ConfigDict(extra='forbid', frozen=True)
+from mechanism_sim.scene.quantities import (
+    POSITIVE,
+    AddedInertia,
+    Angle,
+    Coefficient,
+    Displacement,
+    Duration,
+    Friction,
+    Gravity,
+    Inertia,
+    Length,
+    Mass,
+    Part,
+    Position,
+    Radius,
+    Rate,
+    Speed,
+    Time,
+    Tolerance,
+    Torque,
+    TorquePerAngle,
+    TorquePerSpeed,
+    si,
+)
+from mechanism_sim.scene.sensor_keys import Sensor
 
 
 class Link(Part):
@@ -86,8 +65,8 @@ class Contact(Part):
         None  #: [N/m^exponent]
     )
     exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
-    creep_speed: Annotated[float, _si('m/s'), _POSITIVE] = 1e-3  #: of smoothed friction
-    viscosity: Annotated[float, _si('Pa s'), _POSITIVE] | None = None  #: of the oil
+    creep_speed: Annotated[float, si('m/s'), POSITIVE] = 1e-3  #: of smoothed friction
+    viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None  #: of the oil
     width: Length | None = None  #: of the bearing along its axis
     radius: Length | None = None  #: of the journal
 
@@ -180,16 +159,6 @@ class Initial(Part):
     velocity: FourBarSpeeds = FourBarSpeeds()
 
 
-class Accelerometer(Part):
-    """An ideal accelerometer on a link."""
-
-    kind: Literal['accelerometer'] = 'accelerometer'
-    link: Literal['crank', 'coupler', 'rocker']
-    at: Position  #: from the proximal joint, along the link
-    axis: Literal['along', 'across'] = 'across'
-    sample_rate: Rate = 10000.0
-
-
 class Outputs(Part):
     """What is published, and how often in simulated time."""
 
@@ -229,4 +198,4 @@ class FourBarScene(AnyScene):
     joints: FourBarJoints = FourBarJoints()
     drive: Drive
     initial: Initial = Initial()
-    sensors: dict[str, Accelerometer] = {}
+    sensors: dict[str, Sensor] = Field({})

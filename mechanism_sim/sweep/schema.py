@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from mechanism_sim.scene.schema import Angle, Part, Time
+from mechanism_sim.scene.quantities import Angle, Part, Time
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 

@@ -1,0 +1,134 @@
+"""The acceleration of a point of a link along an axis of that link, as an instrument feels it."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.rational import Modes, Rational
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-13
+"""Of the speed of a point: steps of it that are smaller are none."""
+
+
+class PointOnLink:
+    """Reads the acceleration of a point from the motion of the links, exactly.
+
+    The point is ``p = sum_k s_k R(theta_k) d_k``, so that its acceleration is
+    ``sum_k R(theta_k) ((s'' - s theta'^2) d + (s theta'' + 2 s' theta') E d)``, E turning by 90
+    degrees; s is 1 for arms of fixed length, and theta is 0 for those of the ground.
+
+    Parameters
+    ----------
+    mechanism : the machine
+    link : its link that carries the sensor
+    at : [m] in the link's frame; one number: along its x axis
+    axis : 'along' the link's x axis or 'across' it (counterclockwise)
+    gravity : whether what is read is the acceleration less that of gravity, as instruments do
+    transverse : part of the acceleration 90 degrees on from the axis that is read, too
+    """
+
+    inputs = 1
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        link: str,
+        at: float | Vector2,
+        axis: Literal['along', 'across'],
+        gravity: bool = False,
+        transverse: float = 0.0,
+    ) -> None:
+        index = mechanism.coordinates.index
+        place = at if isinstance(at, tuple) else (at, 0.0)
+        self._arms = [
+            (
+                None if frame == GROUND else index(frame),
+                None if slide is None else index(slide),
+                np.array(d),
+            )
+            for (frame, slide), d in mechanism.point(link, place).items()
+        ]
+        frame, offset = mechanism.frame(link)
+        self._frame = None if frame == GROUND else index(frame)
+        turn = offset + (0.0 if axis == 'along' else 0.5 * np.pi)
+        self._turn, self._size = turn + math.atan(transverse), math.hypot(1.0, transverse)
+        self._gravity = mechanism.gravity if gravity else (0.0, 0.0)
+        self._before: Array | None = None
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from what is read here to what comes out of a chain."""
+        return chain.modes()
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""
+        q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
+        axis = self._axis(q)
+        gx, gy = self._gravity
+        reading = -(gx * np.cos(axis) + gy * np.sin(axis))
+        for i, j, (x, y) in self._arms:
+            angle, w, alpha = _of(q, v, a, i, 0.0)
+            s, rate, second = _of(q, v, a, j, 1.0)
+            # components of the arm along the axis and across it, the axis being at `angle`
+            cosine, sine = np.cos(angle - axis), np.sin(angle - axis)
+            along, across = x * cosine - y * sine, -(x * sine + y * cosine)
+            reading += (second - s * w**2) * along + (s * alpha + 2.0 * rate * w) * across
+        return np.asarray(self._size * reading)[None]
+
+    def impulses(self, motion: Motion) -> Array:
+        """Steps of the velocity (m, 1) [m/s] at the start of the m pieces that follow.
+
+        Pieces must come in the order of time; what is a step at the first depends on the last of
+        the call before.
+        """
+        curve = motion.curve
+        every = np.arange(len(curve))
+        q = curve.local(every, np.zeros(len(curve))).T
+        axis = self._axis(q)
+        after = self._velocity(curve, every, np.zeros(len(curve)))
+        ends = self._velocity(curve, every, curve.duration)
+        first = after[:, :1] if self._before is None else self._before
+        before = np.concatenate([first, ends[:, :-1]], axis=1)
+        self._before = ends[:, -1:]
+        x, y = after - before
+        step = x * np.cos(axis) + y * np.sin(axis)
+        speed = np.hypot(*after) + np.hypot(*before)
+        step[np.abs(step) <= _ROUNDING * speed] = 0.0
+        return np.asarray(self._size * step)[:, None]
+
+    def _axis(self, q: Array) -> Array:
+        """Direction [rad] of the axis in the world."""
+        turned = np.zeros(q.shape[1]) if self._frame is None else q[self._frame]
+        return np.asarray(self._turn + turned)
+
+    def _velocity(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
+    ) -> Array:
+        """Velocity of the point in the world (2, N) [m/s]."""
+        q, v = (curve.local(segments, dt, d).T for d in (0, 1))
+        velocity = np.zeros((2, q.shape[1]))
+        for i, j, (x, y) in self._arms:
+            angle, w, _ = _of(q, v, v, i, 0.0)
+            s, rate, _ = _of(q, v, v, j, 1.0)
+            cosine, sine = np.cos(angle), np.sin(angle)
+            px, py = x * cosine - y * sine, x * sine + y * cosine
+            velocity += np.array([rate * px - s * w * py, rate * py + s * w * px])
+        return velocity
+
+
+def _of(
+    q: Array, v: Array, a: Array, index: int | None, fixed: float
+) -> tuple[Array, Array, Array]:
+    """A coordinate and its derivatives; what is no coordinate is fixed."""
+    if index is None:
+        rest = np.zeros(q.shape[1])
+        return rest + fixed, rest, rest
+    return q[index], v[index], a[index]
