@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DominantImpact:
-    """The impact of the largest normal impulse; the first of them if there are several."""
+    """An impact of a large normal impulse; the first of them if there are several."""
 
     time: float  #: [s]
     joint: str
@@ -27,13 +27,15 @@ class DominantImpact:
 
 @dataclass(frozen=True)
 class JointImpacts:
-    """The impacts of one joint over the whole run."""
+    """The impacts of one joint over the whole run; `dominant` are the three largest of them."""
 
     joint: str
     count: int
     normal_impulse: float  #: [N s] sum
     energy_loss: float  #: [J] sum
     largest_approach_speed: float  #: [m/s]
+    I_n: float  #: [N s] normal impulse per impact ([SB] 7.3)
+    dominant: tuple[DominantImpact, ...]
 
 
 @dataclass(frozen=True)
@@ -104,35 +106,42 @@ class ImpactCollector:
         time, impulse, loss, speed, angle = numbers.T
         names = tuple(sorted(self._joints))
         columns = np.array([names.index(name) for name in self._joints], np.int64)[joint]
-        dominant = None
-        if len(time):
-            k = int(np.argmax(impulse))
-            at = float(time[k])
-            dominant = DominantImpact(
-                at,
-                names[columns[k]],
-                crank_angle(at),
-                float(impulse[k]),
-                float(speed[k]),
-                float(angle[k]),
+
+        def dominant(chosen: NDArray[np.intp], count: int) -> tuple[DominantImpact, ...]:
+            hardest = chosen[np.argsort(-impulse[chosen], kind='stable')[:count]]
+            return tuple(
+                DominantImpact(
+                    float(time[k]),
+                    names[columns[k]],
+                    crank_angle(float(time[k])),
+                    float(impulse[k]),
+                    float(speed[k]),
+                    float(angle[k]),
+                )
+                for k in hardest
             )
-        by_joint = tuple(
-            JointImpacts(
-                name,
-                int(np.sum(columns == i)),
-                float(np.sum(impulse[columns == i])),
-                float(np.sum(loss[columns == i])),
-                float(np.max(speed[columns == i])),
+
+        by_joint = []
+        for i, name in enumerate(names):
+            own = np.flatnonzero(columns == i)
+            by_joint.append(
+                JointImpacts(
+                    name,
+                    len(own),
+                    float(np.sum(impulse[own])),
+                    float(np.sum(loss[own])),
+                    float(np.max(speed[own])),
+                    float(np.mean(impulse[own])),
+                    dominant(own, 3),
+                )
             )
-            for i, name in enumerate(names)
-        )
         total = float(np.sum(impulse))
         return ImpactSummary(
             count=len(time),
             normal_impulse=total,
             energy_loss=float(np.sum(loss)),
-            joints=by_joint,
-            dominant=dominant,
+            joints=tuple(by_joint),
+            dominant=next(iter(dominant(np.arange(len(time)), 1)), None),
             count_per_revolution=len(time) / revolutions if revolutions else None,
             normal_impulse_per_revolution=total / revolutions if revolutions else None,
             table=(

@@ -70,12 +70,13 @@ def _impacts(impacts: ImpactSummary) -> str:
     lines = [head]
     if impacts.joints:
         lines += _table(
-            ('joint', 'impacts', 'impulse [N s]', 'loss [J]', 'fastest [m/s]'),
+            ('joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'),
             (
-                (j.joint, j.count, j.normal_impulse, j.energy_loss, j.largest_approach_speed)
+                (j.joint, j.count, j.normal_impulse, j.I_n, j.energy_loss,
+                 j.largest_approach_speed)
                 for j in impacts.joints
             ),
-        )
+        )  # fmt: skip
     table = impacts.table
     if table is not None and table.joints:
         head_row = ['revolution']
@@ -92,12 +93,12 @@ def _impacts(impacts: ImpactSummary) -> str:
         lines += _table(head_row, rows)
         if table.elsewhere:
             lines.append(f'  {table.elsewhere} at times of which the motion is not recorded')
-    d = impacts.dominant
-    if d is not None:
-        lines.append(
-            f'  hardest: {d.normal_impulse:.6g} N s in {d.joint} at {d.time:.9g} s'
-            f'{_at_angle(d.crank_angle)}, {d.approach_speed:.6g} m/s'
-        )
+    lines += [
+        f'  hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
+        f'{_at_angle(d.crank_angle)}, {d.approach_speed:.6g} m/s'
+        for j in impacts.joints
+        for d in j.dominant
+    ]
     return '\n'.join(lines)
 
 
@@ -145,18 +146,25 @@ def _parts(title: str, parts: tuple[PartSummary, ...]) -> str:
 def _vibration(sensors: tuple[SensorSummary, ...]) -> str:
     rows = (
         (
-            s.sensor,
-            s.link,
+            f'{s.sensor} on {s.link}',
             s.samples,
             s.missing,
-            s.rms,
+            f'{s.rms:.6g} {s.unit}',
             s.peak,
+            '' if s.crest is None else s.crest,
             '' if s.kurtosis is None else s.kurtosis,
+            ', '.join(f'{order:.4g} ({size:.3g})' for order, size in s.orders),
         )
         for s in sensors
     )
-    head = ('sensor', 'link', 'samples', 'missing', 'RMS', 'peak', 'kurtosis')
-    return '\n'.join(['vibration [m/s^2]', *_table(head, rows)])
+    head = ('sensor', 'samples', 'missing', 'RMS', 'peak', 'crest', 'kurtosis', 'strongest orders')
+    lines = ['vibration', *_table(head, rows)]
+    lines += [
+        f'  {s.sensor}: {s.overloads} samples were CUT at the end of the range'
+        for s in sensors
+        if s.overloads
+    ]
+    return '\n'.join(lines)
 
 
 def _ledger(ledger: Ledger) -> str:

@@ -54,8 +54,8 @@ class Summary:
 
     def to_json(self) -> dict[str, Any]:
         """Return the same as dictionaries, lists, texts and numbers."""
-        plain: dict[str, Any] = _plain(self)
-        return plain
+        result: dict[str, Any] = plain(self)
+        return result
 
 
 def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
@@ -113,7 +113,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         loads=run.loads.summary(crank.angle),
         energy=run.energy.summary(),
         parts={k: c.summary() for k, c in run.parts.items() if present[k]},
-        vibration=run.vibration.summary() if present['accelerometer'] else None,
+        vibration=run.vibration.summary(crank.turned) if present['accelerometer'] else None,
         ledger=run.ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
         digest=run.digest.hexdigest() if motion is not None else None,
         absent=_absent(present, run, moved),
@@ -187,13 +187,14 @@ def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -
     return tuple(sentences)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Return dataclasses and arrays as dictionaries, lists, texts and numbers."""
     if is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.ndarray):
         return value.tolist()
     # JSON has no word for what is not finite.

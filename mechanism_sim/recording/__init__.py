@@ -1,6 +1,13 @@
 """Bags: MCAP files of ROS 2 messages, written so that a kill cannot spoil them, read anyhow."""
 
-from mechanism_sim.recording.inventory import BagInfo, displacements, info, render_info, scene_name
+from mechanism_sim.recording.inventory import (
+    BagInfo,
+    displacements,
+    info,
+    render_info,
+    scene_name,
+    scene_text,
+)
 from mechanism_sim.recording.reader import Bag, Topic, read_bag
 from mechanism_sim.recording.rosbag2 import Qos, QosLike
 from mechanism_sim.recording.writer import BagWriter
@@ -17,4 +24,5 @@ __all__ = [
     'read_bag',
     'render_info',
     'scene_name',
+    'scene_text',
 ]

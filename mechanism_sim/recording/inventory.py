@@ -68,14 +68,14 @@ def scene_name(bag: Bag) -> str | None:
 
     The topic holds the name itself, or the scene as YAML or JSON with its `name`.
     """
-    text = _scene_text(bag)
+    text = scene_text(bag)
     return None if text is None else _name_in(text)
 
 
 def displacements(bag: Bag) -> frozenset[str]:
     """Return the coordinates that are displacements, as the latched topic `scene` says."""
     try:
-        content = json.loads(_scene_text(bag) or '{}')
+        content = json.loads(scene_text(bag) or '{}')
     except ValueError:
         return frozenset()  # a name, or YAML
     return (
@@ -83,9 +83,18 @@ def displacements(bag: Bag) -> frozenset[str]:
     )
 
 
-def _scene_text(bag: Bag) -> str | None:
+def scene_text(bag: Bag, namespace: str | None = None) -> str | None:
+    """Return what the latched topic `scene` of a bag holds, None without one.
+
+    Args:
+        bag: The bag.
+        namespace: Of the machine, as '/left'; the first scene in the bag unless told.
+
+    """
+    prefix = f'{(namespace or "").rstrip("/")}/'
     for topic in bag.topics.values():
-        if topic.name.rpartition('/')[2] == 'scene' and topic.type == 'std_msgs/msg/String':
+        own = topic.name.startswith(prefix) and topic.name.rpartition('/')[2] == 'scene'
+        if own and topic.type == 'std_msgs/msg/String':
             for _, message, _ in bag.messages(topic.name):
                 return str(message.data)
     return None

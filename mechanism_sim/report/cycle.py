@@ -5,23 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
-
-_UNITS = {
-    'position': ('rad', 'm'),
-    'velocity': ('rad/s', 'm/s'),
-    'acceleration': ('rad/s^2', 'm/s^2'),
-    'gap': ('m', 'm'),
-    'energy': ('J', 'J'),
-    'drive_power': ('W', 'W'),
-    'drive_torque': ('N m', 'N'),
-    'shaking_moment': ('N m', 'N m'),
-    't': ('s', 's'),
-    'closed': ('', ''),
-    'mode': ('', ''),
-}
-"""Units of columns by the first part of their name: of what turns, and of what slides."""
 
 _FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
 _COMPONENTS = ('.x', '.y')
@@ -29,15 +15,7 @@ _COMPONENTS = ('.x', '.y')
 
 def unit(cycle: Cycle, column: str) -> str:
     """The SI unit of a column; empty for a number."""
-    kind, _, rest = column.partition('.')
-    if column.endswith('.direction'):
-        return 'rad'
-    if column.endswith('.moment'):
-        return 'N m'
-    mechanism = cycle.machine.mechanism
-    turns = kind == 'drive_torque' and not rest and cycle.drive not in mechanism.displacements
-    turning = rest in mechanism.coordinates and rest not in mechanism.displacements
-    return _UNITS.get(kind, ('N', 'N'))[0 if turns or turning else 1]
+    return unit_of(cycle.machine, column)
 
 
 def for_people(unit: str) -> tuple[str, float]:

@@ -1,0 +1,73 @@
+"""Any quantity of a recorded run over the angle of the drive: cycle averages and orders."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene.files import nearest
+from mechanism_sim.sensing.orders import Turns
+
+Array = NDArray[np.float64]
+
+_BLOCK = 8192  # instants at once
+
+
+def over_turns(record: Record, quantity: str, samples: int | None = None, skip: int = 0) -> Turns:
+    """A quantity at equal angles of the main drive, in whole turns from angle zero on.
+
+    What `Piece.sample` names is taken from the motion's polynomials at exactly these angles. The
+    signal of a sensor is interpolated (`mechanism_sim.sensing.orders.at_equal_angles`).
+
+    Parameters
+    ----------
+    quantity : a name of `Piece.sample`, such as ``acceleration.coupler``, or of a sensor
+    samples : angles in a turn; 360 unless told, of a sensor as many as it has samples in a turn
+    skip : whole turns at the start that are left out
+
+    Raises
+    ------
+    InputError
+        If there is no such quantity, the drive turns back, or no whole turn is left.
+    """
+    first, end = record.whole_turns(skip)
+    if quantity in record.signals:
+        found = record.signal(quantity).over_turns(record.turned, samples)
+        if found is None or not (kept := found.first >= first).any():
+            raise InputError(f'the signal of {quantity} covers no whole turn')
+        return Turns(found.values[kept], found.first[kept])
+    n = samples or 360
+    turns = np.arange(first, end)
+    t = record.times_at((turns[:, None] + np.arange(n) / n).ravel())
+    return Turns(sampled(record, quantity, t).reshape(-1, n), turns)
+
+
+def sampled(record: Record, quantity: str, t: Array) -> Array:
+    """A quantity of `Piece.sample` at times (N,) [s].
+
+    Raises
+    ------
+    InputError
+        If there is no such quantity; names the nearest.
+    """
+    values = np.empty(len(t))
+    for first in range(0, len(t), _BLOCK):
+        columns = record.piece.sample(t[first : first + _BLOCK])
+        if quantity not in columns:
+            known = [*record.signals, *columns]
+            raise InputError(
+                f"{record.machine.name} has no quantity '{quantity}'{nearest(quantity, known)}; "
+                f'there are: {", ".join(known)}'
+            )
+        values[first : first + _BLOCK] = columns[quantity]
+    return values
+
+
+def unit(record: Record, quantity: str) -> str:
+    """SI unit of a quantity of `Piece.sample` or of a sensor; empty for a number."""
+    if quantity in record.signals:
+        return record.signals[quantity].unit
+    return unit_of(record.machine, quantity)

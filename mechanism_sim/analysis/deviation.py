@@ -1,0 +1,183 @@
+"""How far a machine is from its ideal, and how two such deviations compare: alpha of [SB] 8.1.
+
+[SB] calls alpha the factor between what the simulated and what the measured response have beyond
+the response of the mechanism without clearance. It took the root of the mean square over some
+instants, and recommended spectra under a good window: both are here, and alpha order by order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.averages import over_turns
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.linkage import LinkageInitial
+from mechanism_sim.scene.schema import FourBarAngles, FourBarJoints, FourBarScene, Initial
+from mechanism_sim.sensing.orders import Turns
+from mechanism_sim.sensing.spectra import power
+
+Array = NDArray[np.float64]
+
+_PLAYS = 'clearance', 'lift_off', 'backlash', 'elasticity'
+_SAMPLES = 1024  # angles in a turn
+_SEGMENT = 4  # turns under the window, if there are as many
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """A quantity of a run, beside that of the ideal mechanism under the same drive.
+
+    Attributes
+    ----------
+    own, ideal : over the angle of the drive, (K, n) each
+    """
+
+    quantity: str
+    own: Turns
+    ideal: Turns
+
+    @property
+    def values(self) -> Array:
+        """Own less ideal, (K, n)."""
+        return np.asarray(self.own.values - self.ideal.values)
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean square of the difference."""
+        return float(np.sqrt(np.mean(self.values**2)))
+
+    def modified(self, alpha: float) -> Turns:
+        """The ideal response and the deviation over alpha: the modified response of [SB] 8.1."""
+        return Turns(self.ideal.values + self.values / alpha, self.own.first)
+
+    def order_power(self, segment: int) -> Array:
+        """Mean square (n / 4,) of the difference in bands of one order about 1, 2, ...
+
+        By Welch's method with Hann windows of `segment` turns.
+        """
+        n = self.own.values.shape[1]
+        series = Turns(self.values, self.own.first).series()
+        found = power(series, float(n), segment * n)
+        order = np.floor(found.frequency + 0.5).astype(np.int64)
+        sums = np.zeros(order[-1] + 1)
+        np.add.at(sums, order, found.values * found.step)
+        return sums[1 : n // 4 + 1]
+
+
+@dataclass(frozen=True, eq=False)
+class Alpha:
+    """How many times as large one deviation is as another.
+
+    Attributes
+    ----------
+    rms : ratio of the roots of the mean squares
+    spectrum : ratio of the mean amplitudes of all orders
+    order : (F,) 1, 2, ...
+    by_order : (F,) ratio of amplitudes in each
+    """
+
+    rms: float
+    spectrum: float
+    order: NDArray[np.int64]
+    by_order: Array
+
+
+def ideal_machine(machine: Machine) -> Machine:
+    """The same machine with every joint ideal: no clearance, lift-off, backlash or elasticity.
+
+    Raises
+    ------
+    InputError
+        If a torque or a force moves it: then it would move otherwise without clearance.
+    """
+    if machine.plan.powered or not machine.plan.prescribed:
+        raise InputError(
+            f'{machine.name}: only of drives that prescribe a motion it is known what the machine '
+            'would do without clearance'
+        )
+    scene, driven = machine.scene, machine.plan.prescribed
+    update: dict[str, Any]
+    if isinstance(scene, FourBarScene):
+        crank = FourBarAngles(crank=scene.initial.position.crank)
+        update = {'joints': FourBarJoints(), 'initial': Initial(position=crank)}
+    else:
+        given = scene.initial.position
+        kept = {name: value for name, value in given.items() if name in driven}
+        update = {
+            'joints': {name: _ideal_joint(joint) for name, joint in scene.joints.items()},
+            'initial': LinkageInitial(position=kept),
+            'guess': {**given, **scene.guess},
+        }
+    return build(machine.name, scene.model_copy(update=update))
+
+
+def _ideal_joint(joint: Any) -> Any:
+    update: dict[str, Any] = dict.fromkeys(_PLAYS)
+    if joint.groove:
+        update['groove'] = joint.groove.model_copy(update={'clearance': 0.0, 'restitution': None})
+    return joint.model_copy(update=update)
+
+
+def deviation(
+    record: Record, quantity: str, samples: int | None = None, skip: int = 0
+) -> Deviation:
+    """A quantity of a run beside that of the ideal machine, which is simulated for it.
+
+    Parameters
+    ----------
+    quantity : a name of `Piece.sample`, such as ``acceleration.coupler``, or of a sensor, whose
+        ideal signal comes through the same instrument without its noise
+    samples : angles in a turn; 1024 unless told, of a sensor as many as it has samples in a turn
+    skip : whole turns at the start that are left out
+
+    Raises
+    ------
+    InputError
+        If there is no such quantity, or the drives do not prescribe the motion.
+    """
+    n = None if quantity in record.signals else samples or _SAMPLES
+    own = over_turns(record, quantity, n, skip)
+    ideal = ideal_record(record, quantity)
+    n = own.values.shape[1]
+    beside = over_turns(ideal, quantity, n)
+    rows = np.searchsorted(beside.first, own.first)
+    return Deviation(quantity, own, Turns(beside.values[rows], own.first))
+
+
+def ideal_record(record: Record, sensor: str = '') -> Record:
+    """A run of the ideal machine as long as that of a record, with the signal of a sensor."""
+    machine = ideal_machine(record.machine)
+    return Record(machine, simulate(machine, duration=record.end), {})
+
+
+def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha:
+    """How many times as large the first deviation is as the second.
+
+    The spectra are those of Welch's method with Hann windows of four turns, or as many as both
+    runs have, in bands of one order each.
+
+    Parameters
+    ----------
+    highest : order that counts; half the highest that both resolve unless told
+
+    Raises
+    ------
+    InputError
+        If the second does not deviate.
+    """
+    if not other.rms:
+        raise InputError(f'{other.quantity} does not deviate from the ideal: there is no ratio')
+    longest = [max(map(len, Turns(d.values, d.own.first).series())) for d in (one, other)]
+    sizes = [d.own.values.shape[1] for d in (one, other)]
+    segment = min(_SEGMENT, *(k // n for k, n in zip(longest, sizes, strict=True)))
+    powers = [d.order_power(segment) for d in (one, other)]
+    count = min(*map(len, powers), highest or len(powers[0]))
+    a, b = (np.sqrt(p[:count]) for p in powers)
+    return Alpha(one.rms / other.rms, float(a.sum() / b.sum()), np.arange(1, count + 1), a / b)

@@ -1,0 +1,292 @@
+"""A recorded run as a whole: its machine, its motion and events, and what its sensors said.
+
+The summary of a bag needs one pass and little memory. What is asked for here needs the machine,
+rebuilt from the recorded scene, and all of the motion: then everything that can be asked of a
+simulation can be asked of a bag.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.signals import Signal, SignalCollector
+from mechanism_sim.analysis.topics import find_topics
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
+from mechanism_sim.hybrid.sampling import Books
+from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.messages.segments import motion_of
+from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene, nearest
+
+Array = NDArray[np.float64]
+
+_NEWTON = 50
+
+
+def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
+    """The machine whose run a bag holds, from the recorded scene.
+
+    Raises
+    ------
+    InputError
+        If the scene is not recorded, or cannot be read by this version.
+    """
+    bag = bag if isinstance(bag, Bag) else read_bag(bag)
+    try:
+        content = json.loads(scene_text(bag, namespace) or 'null')
+        name, scene = str(content['name']), dict(content['scene'])
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(f'{bag.path} does not hold its scene: its machine is unknown.') from error
+    return build(name, check_scene(f'the scene in {bag.path.name}', scene))
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run to be analysed, recorded or just simulated.
+
+    Attributes
+    ----------
+    piece : its motion and events; sampled as a solution is
+    signals : of the accelerometers by name
+    """
+
+    machine: Machine
+    piece: Piece
+    signals: Mapping[str, Signal]
+
+    @property
+    def start(self) -> float:
+        """Of the motion [s]."""
+        return float(self.piece.motion.curve.start[0])
+
+    @property
+    def end(self) -> float:
+        """Of the motion [s]."""
+        return self.piece.motion.curve.end
+
+    @cached_property
+    def _drive(self) -> int:
+        machine = self.machine
+        if machine.main in machine.physics.displacements:
+            raise InputError(
+                f'{machine.name}: {machine.main} is driven straight, it makes no turns'
+            )
+        return machine.physics.coordinates.index(machine.main)
+
+    @cached_property
+    def _sense(self) -> float:
+        """1 if the main drive turns counterclockwise, -1 if clockwise."""
+        first, last = self._angle(np.array([self.start, self.end]))
+        return -1.0 if last < first else 1.0
+
+    def _angle(self, t: Array) -> Array:
+        return self.piece.motion.curve(t)[:, self._drive]
+
+    def turned(self, t: Array) -> Array:
+        """Angle of the main drive in turns at times (N,) [s]: (N,), rising; nan outside."""
+        inside = (t >= self.start) & (t <= self.end)
+        turned = np.full(len(t), np.nan)
+        turned[inside] = self._sense * self._angle(t[inside]) / TWO_PI
+        return turned
+
+    def angle(self, t: Array) -> Array:
+        """Angle of the main drive at times (N,) [s] in [0, 2 pi)."""
+        return np.asarray(np.mod(self._angle(t), TWO_PI))
+
+    @property
+    def turns(self) -> tuple[int, int]:
+        """The whole turns from angle zero to angle zero within the motion: from, and up to."""
+        first, last = self.turned(np.array([self.start, self.end]))
+        return math.ceil(first - 1e-9), math.floor(last + 1e-9)
+
+    def whole_turns(self, skip: int = 0) -> tuple[int, int]:
+        """The same without the first `skip` of them.
+
+        Raises
+        ------
+        InputError
+            If none is left.
+        """
+        first, last = self.turns
+        if first + skip >= last:
+            raise InputError(
+                f'{self.machine.name}: the run has {max(0, last - first)} whole turns of '
+                f'{self.machine.main}; {skip + 1} are needed'
+            )
+        return first + skip, last
+
+    def times_at(self, turns: Array) -> Array:
+        """When the main drive has made `turns` (N,), as `turned` counts them [s].
+
+        Raises
+        ------
+        InputError
+            If it turns back on the way.
+        """
+        curve, i = self.piece.motion.curve, self._drive
+        marks = np.append(curve.start, self.end)
+        passed = self._sense * self._angle(marks)
+        if np.any(np.diff(passed) <= 0.0):
+            raise InputError(
+                f'{self.machine.name}: {self.machine.main} stands still or turns back'
+            )
+        wanted = np.asarray(turns, float) * TWO_PI
+        t = np.interp(wanted, passed, marks)
+        for _ in range(_NEWTON):
+            k, dt = curve.find(t)
+            off = self._sense * curve.at(k, dt)[:, i] - wanted
+            step = off / (self._sense * curve.at(k, dt, 1)[:, i])
+            t = np.clip(t - step, self.start, self.end)
+            if np.abs(step).max(initial=0.0) <= 4.0 * np.spacing(self.end):
+                break
+        return np.asarray(t)
+
+    def signal(self, sensor: str) -> Signal:
+        """What a sensor said.
+
+        Raises
+        ------
+        InputError
+            If it said nothing.
+        """
+        if sensor not in self.signals:
+            known = ', '.join(self.signals) or 'none'
+            raise InputError(
+                f"there is no signal of a sensor '{sensor}'{nearest(sensor, self.signals)}; "
+                f'recorded: {known}'
+            )
+        return self.signals[sensor]
+
+    def loose(self, joint: str) -> str:
+        """The joint, once sure that it has a pin loose in a bushing.
+
+        Raises
+        ------
+        InputError
+            If it has not.
+        """
+        known = [
+            name
+            for name, play in self.machine.clearances.items()
+            if name in self.machine.physics.clearances
+            and isinstance(self.machine.mechanism.joint(name), Revolute)
+        ]
+        if joint not in known:
+            raise InputError(
+                f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
+                f'such joints of {self.machine.name}: {", ".join(known) or "none"}'
+            )
+        return joint
+
+
+def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
+    """A bag as a record: one pass, all of the motion in memory.
+
+    Raises
+    ------
+    InputError
+        If the scene or the motion is not recorded, a part of the motion is missing, or it is not
+        a motion of that machine.
+    """
+    bag = bag if isinstance(bag, Bag) else read_bag(bag)
+    machine = machine_of(bag, namespace)
+    topics = find_topics(bag, namespace)
+    motions: list[Motion] = []
+    impacts: list[Impact] = []
+    changes: list[ModeChange] = []
+    sensors: dict[str, SignalCollector] = {}
+    kinds = {name: kind for kind, names in topics.items() for name in names}
+    wanted = [name for name, kind in kinds.items() if kind in _WANTED]
+    for topic, message, _ in bag.messages(wanted):
+        kind = kinds[topic]
+        if kind == 'motion':
+            _check_motion(bag, machine, message)
+            motions.append(motion_of(message))
+        elif kind == 'impacts':
+            impacts.append(_impact(message))
+        elif kind == 'mode_changes':
+            modes = Mode(message.mode), Mode(message.previous_mode)
+            changes.append(ModeChange(message.time, message.joint, *modes))
+        else:
+            sensors.setdefault(message.sensor, SignalCollector()).add(message)
+    motion = _joined(bag, motions)
+    work = Audit(machine.physics).add(motion, impacts)
+    impacts = _with_work(machine, motion, impacts)
+    piece = Piece(machine.physics, motion, Books(work, impacts), impacts, changes)
+    signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
+    return Record(machine, piece, signals)
+
+
+_WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'
+
+
+def _check_motion(bag: Bag, machine: Machine, message: Any) -> None:
+    known = machine.physics
+    for names, here in (
+        (message.coordinates, known.coordinates),
+        (message.joints, known.clearances),
+    ):
+        if tuple(names) != tuple(here):
+            raise InputError(
+                f'{bag.path}: its motion is of {", ".join(names)}, but its scene makes a machine '
+                f'of {", ".join(here)}: it was recorded by another version.'
+            )
+
+
+def _impact(message: Any) -> Impact:
+    given = {name: getattr(message, name) for name in Impact._fields if hasattr(message, name)}
+    return Impact(**given, t=message.time, drive_work=math.nan)
+
+
+def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[Impact]:
+    """The impacts with the work of the drive, whose impulse is recorded; nan if it has several."""
+    names = machine.plan.prescribed
+    if not names or not impacts:
+        speeds = np.zeros(len(impacts))
+    elif len(names) > 1:
+        speeds = np.full(len(impacts), np.nan)
+    else:
+        i = machine.physics.coordinates.index(names[0])
+        speeds = motion.curve(np.array([impact.t for impact in impacts]), 1)[:, i]
+    return [
+        impact._replace(drive_work=impact.drive_impulse * speed)
+        for impact, speed in zip(impacts, speeds.tolist(), strict=True)
+    ]
+
+
+def _joined(bag: Bag, parts: Sequence[Motion]) -> Motion:
+    """One motion of all messages, whose degrees may differ."""
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        raise InputError(f'{bag.path} has no recorded motion.')
+    width = max(part.curve.coefficients.shape[2] for part in parts)
+
+    def padded(part: Motion) -> Motion:
+        powers = part.curve.coefficients
+        more = ((0, 0), (0, 0), (0, width - powers.shape[2]))
+        return replace(part, curve=replace(part.curve, coefficients=np.pad(powers, more)))
+
+    motion = Motion.joined([padded(part) for part in parts])
+    curve = motion.curve
+    ends = curve.start[:-1] + (curve.start_low[:-1] + curve.duration[:-1])
+    apart = np.flatnonzero(curve.start[1:] - ends > 8 * np.spacing(np.abs(ends)) + 1e-15)
+    if len(apart):
+        a, b = ends[apart[0]], curve.start[apart[0] + 1]
+        raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
+    return motion

@@ -1,0 +1,188 @@
+"""Where a pin strikes its bushing: impacts by direction on both, and turn by turn.
+
+After [SB] 8.1, figures 8.11 (impulse directions on the bearing components, each as seen by an
+observer who moves with its link) and 8.12 (dominant impacts of a cycle), and [SB] 7.3 for the sum
+of impulses and I_n.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.study.statistics import ratio
+
+Array = NDArray[np.float64]
+
+MARKED = 6  #: impacts marked in [SB] 8.11
+
+
+@dataclass(frozen=True, eq=False)
+class Rose:
+    """The N impacts of a joint, in the order of time.
+
+    The place that is struck lies, on the bushing as on the pin, in the direction from the
+    bushing's centre to the pin's; the impulse pushes the bushing that way and the pin back.
+
+    Attributes
+    ----------
+    pin, bushing : the links that carry them
+    time : [s]
+    crank_angle : of the main drive [rad] in [0, 2 pi)
+    turn : whole turns of the drive before the impact; angle zero begins a turn
+    normal_impulse, tangential_impulse : [N s]
+    approach_speed : [m/s]
+    on_pin, on_bushing : direction of the place struck, in the frame of the pin's and of the
+        bushing's link [rad] in (-pi, pi]
+    in_world : the same in the world
+    """
+
+    joint: str
+    pin: str
+    bushing: str
+    time: Array
+    crank_angle: Array
+    turn: NDArray[np.int64]
+    normal_impulse: Array
+    tangential_impulse: Array
+    approach_speed: Array
+    on_pin: Array
+    on_bushing: Array
+    in_world: Array
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def largest(self) -> NDArray[np.intp]:
+        """Indices of the six largest impulses, the largest first: Y1 to Y6 of [SB] 8.11."""
+        return np.argsort(-self.normal_impulse, kind='stable')[:MARKED]
+
+
+def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
+    """The impacts of a joint with a pin loose in a bushing.
+
+    Parameters
+    ----------
+    skip : whole turns at the start that are left out; the part of a turn before them, too
+
+    Raises
+    ------
+    InputError
+        If the joint is of another kind, or the run has no whole turn after those skipped.
+    """
+    machine = record.machine
+    record.loose(joint)
+    pin_joint = machine.mechanism.joint(joint)
+    since = record.whole_turns(skip)[0] if skip else -np.inf
+    struck = [impact for impact in record.piece.impacts if impact.joint == joint]
+    turned = record.turned(np.array([impact.t for impact in struck]))
+    kept = turned >= since - 1e-9
+    chosen = [impact for impact, keep in zip(struck, kept, strict=True) if keep]
+
+    def column(name: str) -> Array:
+        return np.array([getattr(impact, name) for impact in chosen])
+
+    t, world = column('t'), column('normal_angle')
+    on_pin, on_bushing = (
+        _wrapped(world - _link_angles(record, link, chosen))
+        for link in (pin_joint.first, pin_joint.second)
+    )
+    return Rose(
+        joint,
+        pin_joint.first,
+        pin_joint.second,
+        t,
+        record.angle(t),
+        np.floor(turned[kept] + 1e-9).astype(np.int64),
+        column('normal_impulse'),
+        column('tangential_impulse'),
+        column('approach_speed'),
+        on_pin,
+        on_bushing,
+        _wrapped(world),
+    )
+
+
+def _link_angles(record: Record, link: str, impacts: list[Impact]) -> Array:
+    """Angle of a link at the impacts (N,) [rad]; positions are continuous there."""
+    frame, offset = record.machine.mechanism.frame(link)
+    if frame == GROUND:
+        return np.full(len(impacts), offset)
+    i = record.machine.physics.coordinates.index(frame)
+    t = np.array([impact.t for impact in impacts])
+    return np.asarray(record.piece.motion.curve(t)[:, i] + offset)
+
+
+def _wrapped(angle: Array) -> Array:
+    return np.asarray(np.angle(np.exp(1j * angle)))
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactCycles:
+    """Impacts of a joint in each of K whole turns of the drive.
+
+    Attributes
+    ----------
+    first : number of the first turn
+    count, impulse : (K,) impacts and sum of their normal impulses [N s]
+    dominant : (K, 3) indices into the rose of the largest impacts of each turn, the largest first;
+        -1 where there are fewer
+    means : by name (``count``, ``impulse``, ``I_n``): the mean over turns, for I_n the sum of
+        impulses over the number of impacts; half the width of its 95 % confidence interval; and
+        the standard deviation from turn to turn. nan where there are too few
+    """
+
+    first: int
+    count: NDArray[np.int64]
+    impulse: Array
+    dominant: NDArray[np.intp]
+    means: dict[str, tuple[float, float, float]]
+
+    @property
+    def I_n(self) -> Array:
+        """Impulse per impact (K,) [N s]; nan in turns without ([SB] 7.3)."""
+        none = np.full(len(self.count), np.nan)
+        np.divide(self.impulse, self.count, out=none, where=self.count > 0)
+        return none
+
+
+def impact_cycles(record: Record, rose: Rose, skip: int = 0) -> ImpactCycles:
+    """The impacts of a rose turn by turn.
+
+    Raises
+    ------
+    InputError
+        If the run has no whole turn after those skipped.
+    """
+    first, end = record.whole_turns(skip)
+    row = rose.turn - first
+    inside = (row >= 0) & (row < end - first)
+    count = np.zeros(end - first, dtype=np.int64)
+    impulse = np.zeros(end - first)
+    np.add.at(count, row[inside], 1)
+    np.add.at(impulse, row[inside], rose.normal_impulse[inside])
+    dominant = np.full((end - first, 3), -1, dtype=np.intp)
+    taken = np.zeros(end - first, dtype=np.intp)
+    for k in np.argsort(-rose.normal_impulse, kind='stable'):
+        if inside[k] and taken[row[k]] < 3:
+            dominant[row[k], taken[row[k]]] = k
+            taken[row[k]] += 1
+    ones = np.ones(len(count))
+    with_impacts = count > 0
+    spreads = (
+        count.astype(float),
+        impulse,
+        impulse[with_impacts] / count[with_impacts],
+    )
+    ratios = ratio(spreads[0], ones), ratio(impulse, ones), ratio(impulse, spreads[0])
+    means = {
+        name: (mean, half, float(x.std(ddof=1)) if len(x) > 1 else float('nan'))
+        for name, (mean, half), x in zip(('count', 'impulse', 'I_n'), ratios, spreads, strict=True)
+    }
+    return ImpactCycles(first, count, impulse, dominant, means)

@@ -1,0 +1,149 @@
+"""The signals of accelerometers, put together from their blocks."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.sensing.orders import Turns, at_equal_angles
+
+Array = NDArray[np.float64]
+
+QUANTITIES = {'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm'}
+"""What a block may hold, and its unit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """What one sensor said, in runs of samples without a gap.
+
+    Attributes
+    ----------
+    quantity : one of `QUANTITIES`
+    rate : [Hz]
+    starts : of the first sample of each run [s]
+    runs : the samples (N,) of each
+    """
+
+    sensor: str
+    link: str
+    quantity: str
+    rate: float
+    starts: tuple[float, ...]
+    runs: tuple[Array, ...]
+
+    @property
+    def unit(self) -> str:
+        """Of the samples."""
+        return QUANTITIES[self.quantity]
+
+    @property
+    def times(self) -> list[Array]:
+        """When the samples of each run were due [s]."""
+        pairs = zip(self.starts, self.runs, strict=True)
+        return [start + np.arange(len(run)) / self.rate for start, run in pairs]
+
+    @property
+    def longest(self) -> Array:
+        """The run with the most samples; the first of them if there are several."""
+        return max(self.runs, key=len)
+
+    def since(self, t: float) -> Signal:
+        """The samples from a time [s] on.
+
+        Raises
+        ------
+        InputError
+            If there are none.
+        """
+        late = [
+            (start + skip / self.rate, run[skip:])
+            for start, run in zip(self.starts, self.runs, strict=True)
+            if (skip := max(0, int(np.ceil((t - start) * self.rate - 1e-6)))) < len(run)
+        ]
+        if not late:
+            raise InputError(f'sensor {self.sensor} has no samples after {t:.6g} s')
+        starts, runs = zip(*late, strict=True)
+        return Signal(self.sensor, self.link, self.quantity, self.rate, starts, runs)
+
+    def over_turns(
+        self, turned: Callable[[Array], Array], per_turn: int | None = None
+    ) -> Turns | None:
+        """The signal over the angle of a shaft; None if it has no whole turn, or turns back.
+
+        Parameters
+        ----------
+        turned : revolutions of the shaft by times (N,) [s]; nan where they are not known
+        per_turn : angles in a turn, see `at_equal_angles`
+        """
+        angles = [turned(t) for t in self.times]
+        known = [k for k, run in enumerate(angles) if np.isfinite(run).all()]
+        try:
+            return at_equal_angles(
+                [angles[k] for k in known], [self.runs[k] for k in known], per_turn
+            )
+        except ValueError:
+            return None
+
+
+class SignalCollector:
+    """Puts the signal of one sensor together from AccelerometerBlock messages.
+
+    Parameters
+    ----------
+    most : samples to keep; older ones are forgotten when there are more
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self.missing = 0  #: samples between blocks that should meet and do not
+        self._most = most
+        self._about: tuple[str, str, str, float] | None = None
+        self._blocks: deque[tuple[float, bool, Array]] = deque()  # start, begins a run, samples
+        self._kept = 0
+        self._due: float | None = None
+
+    def add(self, message: Any) -> Array:
+        """Add the block that follows, and return its samples (N,)."""
+        quantity, values = samples_of(message)
+        rate, time = float(message.sample_rate), float(message.time)
+        if not len(values):
+            return values
+        self._about = (message.sensor, message.link, quantity, rate)
+        late = 0 if self._due is None else round((time - self._due) * rate)
+        if not getattr(message, 'triggered', False):
+            self.missing += max(0, late)
+        apart = self._due is None or late != 0 or getattr(message, 'triggered', False)
+        self._due = time + len(values) / rate
+        self._blocks.append((time, apart, values))
+        self._kept += len(values)
+        while self._most and self._kept - len(self._blocks[0][2]) >= self._most:
+            self._kept -= len(self._blocks.popleft()[2])
+        return values
+
+    def signal(self) -> Signal | None:
+        """The signal so far; None without a sample."""
+        if self._about is None:
+            return None
+        starts: list[float] = []
+        runs: list[list[Array]] = []
+        for time, apart, values in self._blocks:
+            if apart or not runs:
+                starts.append(time)
+                runs.append([])
+            runs[-1].append(values)
+        return Signal(*self._about, tuple(starts), tuple(map(np.concatenate, runs)))
+
+
+def samples_of(message: Any) -> tuple[str, Array]:
+    """What an AccelerometerBlock holds: the name of the quantity, and its samples (N,)."""
+    for quantity in QUANTITIES:
+        values = np.asarray(getattr(message, quantity, ()), np.float64)
+        if len(values):
+            return quantity, values
+    return 'acceleration', np.zeros(0)

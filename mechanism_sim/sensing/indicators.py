@@ -1,0 +1,138 @@
+"""Condition indicators: what a signal is like in a few numbers, whole or block by block.
+
+Sources: R. B. Randall, Vibration-based Condition Monitoring, Wiley, for RMS, peak, crest factor,
+kurtosis and skewness; W. Caesarendra and T. Tjahjowidodo, A review of feature extraction methods
+in vibration-based condition monitoring, Machines 5 (2017) 21, for shape, impulse and clearance
+factor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class Indicators:
+    """What N samples x are like; ``None`` where a signal that does not change leaves it open.
+
+    What is about zero counts a constant part of the signal, such as gravity; what is about the
+    mean does not.
+
+    Attributes
+    ----------
+    samples : N
+    mean, rms, peak : ``sum(x)/N``, ``sqrt(sum(x^2)/N)``, ``max |x|``, in units of x
+    crest : peak / rms; sqrt(2) for a sine
+    kurtosis : fourth central moment over the squared variance: 3 for Gaussian noise, 1.5 for a
+        sine, more the more a signal consists of shocks
+    skewness : third central moment over the 3/2th power of the variance: 0 if symmetric
+    shape : rms / mean |x|; pi / (2 sqrt(2)) for a sine
+    impulse : peak / mean |x|; pi / 2 for a sine
+    clearance : peak / (mean sqrt |x|)^2: like the crest factor, with less weight on the peaks in
+        its denominator
+    """
+
+    samples: int
+    mean: float
+    rms: float
+    peak: float
+    crest: float | None
+    kurtosis: float | None
+    skewness: float | None
+    shape: float | None
+    impulse: float | None
+    clearance: float | None
+
+
+class Moments:
+    """Moments of a stream, block by block.
+
+    Source: P. Pebay, Formulas for robust, one-pass parallel computation of covariances and
+    arbitrary-order statistical moments, SAND2008-6212, eqs. 2.1 and 3.1 for p = 2, 3, 4.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.mean = self.m2 = self.m3 = self.m4 = 0.0
+        self.peak = self._sum = self._roots = 0.0
+
+    def add(self, values: ArrayLike) -> None:
+        """Take in a block of samples, shape (N,)."""
+        x = np.asarray(values, np.float64)
+        nb, na = len(x), self.count
+        if not nb:
+            return
+        mean = float(np.mean(x))
+        d = x - mean
+        b2, b3, b4 = (float(np.sum(d**p)) for p in (2, 3, 4))
+        a2, a3, n, delta = self.m2, self.m3, na + nb, mean - self.mean
+        self.m4 += (
+            b4
+            + delta**4 * na * nb * (na * na - na * nb + nb * nb) / n**3
+            + 6 * delta**2 * (na * na * b2 + nb * nb * a2) / n**2
+            + 4 * delta * (na * b3 - nb * a3) / n
+        )
+        self.m3 += b3 + delta**3 * na * nb * (na - nb) / n**2 + 3 * delta * (na * b2 - nb * a2) / n
+        self.m2 += b2 + delta**2 * na * nb / n
+        self.mean += delta * nb / n
+        self.count = n
+        size = np.abs(x)
+        self.peak = max(self.peak, float(size.max()))
+        self._sum += float(size.sum())
+        self._roots += float(np.sqrt(size).sum())
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean square, about zero."""
+        return math.sqrt(self.m2 / self.count + self.mean**2)
+
+    @property
+    def _changes(self) -> bool:
+        """Whether the variance is more than rounding."""
+        return self.m2 > self.count * (1e-14 * self.mean) ** 2
+
+    @property
+    def kurtosis(self) -> float | None:
+        """Kurtosis; None where the variance is rounding only."""
+        return self.count * self.m4 / self.m2**2 if self._changes else None
+
+    @property
+    def skewness(self) -> float | None:
+        """Skewness; None where the variance is rounding only."""
+        return math.sqrt(self.count) * self.m3 / self.m2**1.5 if self._changes else None
+
+    def indicators(self) -> Indicators:
+        """What the samples so far are like; at least one."""
+        n, rms, peak = self.count, self.rms, self.peak
+        per = None if peak == 0.0 else n / self._sum
+        return Indicators(
+            samples=n,
+            mean=self.mean,
+            rms=rms,
+            peak=peak,
+            crest=peak / rms if peak else None,
+            kurtosis=self.kurtosis,
+            skewness=self.skewness,
+            shape=rms * per if per else None,
+            impulse=peak * per if per else None,
+            clearance=peak * (n / self._roots) ** 2 if peak else None,
+        )
+
+
+def indicators(signal: ArrayLike) -> Indicators:
+    """What a signal (N,) is like.
+
+    Raises
+    ------
+    ValueError
+        For a signal without samples.
+    """
+    moments = Moments()
+    moments.add(signal)
+    if not moments.count:
+        raise ValueError('a signal without samples has no indicators')
+    return moments.indicators()

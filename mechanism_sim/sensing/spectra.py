@@ -1,0 +1,153 @@
+"""What a signal holds at which frequency: power, amplitudes, envelopes, spectral kurtosis.
+
+Sources: P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE
+Trans. Audio Electroacoust. 15 (1967) 70; R. B. Randall and J. Antoni, Rolling element bearing
+diagnostics - a tutorial, Mech. Syst. Signal Process. 25 (2011) 485, for the envelope; J. Antoni,
+The spectral kurtosis, ibid. 20 (2006) 282.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal as dsp
+
+Array = NDArray[np.float64]
+
+_SEGMENT = 1024  # samples, unless told or fewer
+_FEWEST = 16  # segments of which a kurtosis is worth looking at
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Values (F,) at rising frequencies (F,) [Hz], or orders [1/turn], evenly spaced from 0."""
+
+    frequency: Array
+    values: Array
+
+    @property
+    def step(self) -> float:
+        """Distance of two lines [Hz]."""
+        return float(self.frequency[1]) if len(self.frequency) > 1 else 0.0
+
+    def strongest(self, count: int) -> list[tuple[float, float]]:
+        """The highest of the local peaks as (frequency, value), in falling order; 0 Hz left out.
+
+        A line at the upper end is a peak if it tops its one neighbour.
+        """
+        around = np.concatenate([[np.inf], self.values[1:], [-np.inf]])
+        peaks, _ = dsp.find_peaks(around)
+        chosen = peaks[np.argsort(self.values[peaks])[::-1][:count]]
+        return [(float(self.frequency[k]), float(self.values[k])) for k in chosen]
+
+
+def power(
+    signals: Sequence[Array], rate: float, segment: int | None = None, window: str = 'hann'
+) -> Spectrum:
+    """One-sided power spectral density by Welch's method, [unit^2/Hz].
+
+    Mean of the periodograms of segments that overlap by half, the constant part of each taken off.
+    Summed over the lines it is the variance: exactly that of a single segment under a window
+    'boxcar', in the mean otherwise.
+
+    Parameters
+    ----------
+    signals : runs of samples without a gap, (N,) each; one that is shorter than a segment is left
+        out
+    rate : [Hz] of sampling
+    segment : samples of each segment; 1024 unless told, or the longest run if that is shorter
+    """
+    length = min(segment or _SEGMENT, max(map(len, signals)))
+    total, weight = np.zeros(length // 2 + 1), 0
+    for x in signals:
+        if len(x) >= length:
+            count = 1 + (len(x) - length) // (length - length // 2)
+            total += count * dsp.welch(x, rate, window, length)[1]
+            weight += count
+    return Spectrum(_lines(length, rate), total / weight)
+
+
+def _lines(length: int, rate: float) -> Array:
+    """Frequencies [Hz] of the transform of so many real samples."""
+    return np.asarray(np.arange(length // 2 + 1) * (rate / length))
+
+
+def amplitude(x: Array, rate: float, window: str = 'boxcar') -> Spectrum:
+    """Amplitudes of the sines that make up a signal (N,), in its unit; the mean at 0.
+
+    Scaled by the mean of the window, so that a sine on a line shows its amplitude under any. With
+    whole periods in the signal a 'boxcar' has no leakage; otherwise take 'hann', or 'flattop'
+    where amplitudes matter more than frequencies.
+    """
+    w = dsp.get_window(window, len(x))
+    values = np.abs(np.fft.rfft(w * x)) * (2.0 / w.sum())
+    values[0] *= 0.5
+    if len(x) % 2 == 0:
+        values[-1] *= 0.5
+    return Spectrum(_lines(len(x), rate), values)
+
+
+def envelope(x: Array, rate: float, band: tuple[float, float] | None = None) -> Array:
+    """Envelope (N,) of a signal (N,) in a band [Hz]: magnitude of its analytic signal there.
+
+    The lines of the band, doubled, are transformed back alone: an ideal band-pass filter and
+    Hilbert's transform in one (Randall and Antoni, 2011, sect. 5.1).
+    """
+    low, high = band or (0.0, 0.5 * rate)
+    lines = np.fft.fft(x)
+    frequency = np.fft.fftfreq(len(x), 1.0 / rate)
+    inside = (frequency > 0.0) & (frequency >= low) & (frequency <= high)
+    return np.asarray(np.abs(np.fft.ifft(np.where(inside, 2.0 * lines, 0.0))))
+
+
+def envelope_spectrum(
+    x: Array, rate: float, band: tuple[float, float] | None = None, window: str = 'hann'
+) -> Spectrum:
+    """Amplitude spectrum of the squared envelope in a band [Hz], its mean taken off, [unit^2].
+
+    Squared, because a root would add harmonics that are not in the signal (Randall and Antoni).
+    """
+    squared = envelope(x, rate, band) ** 2
+    return amplitude(squared - squared.mean(), rate, window)
+
+
+def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> Spectrum:
+    """Kurtosis of the complex envelope at every frequency: ``<|X|^4> / <|X|^2>^2 - 2``.
+
+    X is the Fourier transform of Hann-windowed segments that overlap by three quarters. 0 for
+    Gaussian noise, -1 for sines, above 0 where shocks are (Antoni, 2006, eqs. 11 and 28). Without
+    meaning, and set to 0, at the ends of the frequency scale, where X is real.
+
+    Parameters
+    ----------
+    segment : samples of each: shorter than the time between shocks, longer than their ringing
+    """
+    window = dsp.get_window('hann', segment)
+    cut = np.lib.stride_tricks.sliding_window_view(x, segment)[:: max(1, segment // 4)]
+    square = np.abs(np.fft.rfft(window * cut, axis=1)) ** 2
+    mean = (square**2).mean(axis=0), square.mean(axis=0) ** 2
+    values = np.divide(*mean, out=np.full(len(mean[0]), 2.0), where=mean[1] > 0.0) - 2.0
+    values[[0, -1]] = 0.0
+    return Spectrum(_lines(segment, rate), values)
+
+
+def shock_band(x: Array, rate: float) -> tuple[float, float]:
+    """The band [Hz] in which a signal (N,) consists of shocks most: the top of its kurtogram.
+
+    Of all frequencies and segments of 16, 32, ... samples, at least 16 of them in the signal, the
+    pair of the largest spectral kurtosis; the band is as wide as the main lobe of the Hann window
+    (Antoni, 2006, sect. 4).
+    """
+    best, band = -np.inf, (0.0, 0.5 * rate)
+    segment = 16
+    while segment * _FEWEST <= len(x):
+        found = spectral_kurtosis(x, rate, segment)
+        k = int(np.argmax(found.values[1:-1])) + 1
+        if found.values[k] > best:
+            middle, half = found.frequency[k], 2.0 * rate / segment
+            best, band = found.values[k], (max(0.0, middle - half), min(middle + half, rate / 2))
+        segment *= 2
+    return float(band[0]), float(band[1])
