@@ -151,7 +151,9 @@ def by_filter(
     sections = signal.butter(order, low, 'highpass', fs=sample_rate, output='sos')
     integral = by_trapezoids(rate - rate.mean(), sample_rate)
     length = min(len(rate) - 1, round(3.0 * sample_rate / low))
-    return np.asarray(signal.sosfiltfilt(sections, integral, padlen=length) + mean)
+    # an even reflection keeps the mean; the usual odd one would look like a step to a high-pass
+    found = signal.sosfiltfilt(sections, integral - integral.mean(), padtype='even', padlen=length)
+    return np.asarray(found + mean)
 
 
 class Error(NamedTuple):
