@@ -40,7 +40,7 @@ class TurningLink:
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Angular acceleration (1, N) [rad/s^2], as ``motion.curve.at(segments, dt, 2)``."""
-        return motion.curve.local(segments, dt, 2).T[self._index][None]
+        return np.asarray(motion.curve.local(segments, dt, 2).T[self._index][None])
 
     def impulses(self, motion: Motion) -> Array:
         """Steps of the angular velocity (m, 1) [rad/s] at the start of the m pieces that follow.
