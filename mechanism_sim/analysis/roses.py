@@ -34,7 +34,8 @@ class Rose:
     pin, bushing : the links that carry them
     time : [s]
     crank_angle : of the main drive [rad] in [0, 2 pi)
-    turn : whole turns of the drive before the impact; angle zero begins a turn
+    turn : whole turns of the drive before the impact; angle zero begins a turn. 0 of a drive that
+        slides, whose angle is not a number
     normal_impulse, tangential_impulse : [N s]
     approach_speed : [m/s]
     on_pin, on_bushing : direction of the place struck, in the frame of the pin's and of the
@@ -79,11 +80,8 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
     machine = record.machine
     record.loose(joint)
     pin_joint = machine.mechanism.joint(joint)
-    since = record.whole_turns(skip)[0] if skip else -np.inf
-    struck = [impact for impact in record.piece.impacts if impact.joint == joint]
-    turned = record.turned(np.array([impact.t for impact in struck]))
-    kept = turned >= since - 1e-9
-    chosen = [impact for impact, keep in zip(struck, kept, strict=True) if keep]
+    begin = record.begin(skip)
+    chosen = [i for i in record.piece.impacts if i.joint == joint and i.t >= begin]
 
     def column(name: str) -> Array:
         return np.array([getattr(impact, name) for impact in chosen])
@@ -99,7 +97,7 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
         pin_joint.second,
         t,
         record.angle(t),
-        np.floor(turned[kept] + 1e-9).astype(np.int64),
+        np.floor(np.nan_to_num(record.turned(t)) + 1e-9).astype(np.int64),
         column('normal_impulse'),
         column('tangential_impulse'),
         column('approach_speed'),

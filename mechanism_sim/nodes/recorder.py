@@ -14,11 +14,13 @@ from mechanism_sim.messages import (
     Clock,
     DriveLaw,
     Impact,
+    Imu,
     JointReactions,
     JointState,
     LinkageState,
     ModeChange,
     Motion,
+    OscillatorState,
     Progress,
     String,
     TFMessage,
@@ -26,6 +28,7 @@ from mechanism_sim.messages import (
     type_name,
 )
 from mechanism_sim.middleware import Parameter, QoSProfile
+from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
@@ -76,7 +79,14 @@ class Recorder(SimulationNode):
             (f'accelerometer/{name}', AccelerometerBlock, RESULTS)
             for name in self.machine.scene.sensors
         ]
+        topics += [
+            (f'imu/{name}', Imu, RESULTS)
+            for name, sensor in self.machine.scene.sensors.items()
+            if sensor.imu
+        ]
         topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
+        if self.machine.scene.oscillators:
+            topics.append((OSCILLATOR_STATE, OscillatorState, RESULTS))
         for topic, kind, qos in topics:
             self._record(topic, kind, qos)
         self._add_topic(self.resolve_topic_name('progress'), Progress, RESULTS)

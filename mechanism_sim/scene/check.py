@@ -15,6 +15,7 @@ from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
 from mechanism_sim.scene.cam_notes import cam_notes
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import motion_notes
+from mechanism_sim.scene.oscillators import oscillator_notes
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -153,8 +154,12 @@ def _notes(machine: Machine) -> list[str]:
     notes += [
         f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
         f'the link, {s.sample_rate:g} Hz'
+        if s.link in machine.links
+        else f'sensor {name}: {s.kind} on the oscillator {s.link}, at {_at(s.at)}, along '
+        f'{"x" if s.axis == "along" else "y"}, {s.sample_rate:g} Hz'
         for name, s in scene.sensors.items()
     ]
+    notes += oscillator_notes(machine)
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes

@@ -35,12 +35,15 @@ from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.initial import initial_state
-from mechanism_sim.scene.instruments import channel
+from mechanism_sim.scene.instruments import channel, inertial_unit
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
+from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.scene.plan import Plan, four_bar_plan
 from mechanism_sim.scene.schema import FourBarScene, Play
 from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.imu import InertialUnit
+from mechanism_sim.vibration.shaken_frame import ShakenFrame
 
 Scene = FourBarScene | LinkageScene
 
@@ -275,6 +278,19 @@ class Machine:
         forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
         return NominalPhysics(self.ideal, self.mechanism, forces)
 
+    def oscillator(self, name: str) -> ShakenFrame:
+        """A frame of the scene on its springs, at the start of a run.
+
+        ``machine.oscillator('frame').take(solution.motion)`` gives its motion, a function of time;
+        `take` may also be called with the motion of one `Piece` after the other.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name, or what shakes it is not known.
+        """
+        return ShakenFrame(read_frame(self, name), forces_on(self, name))
+
     @property
     def fastest(self) -> float:
         """Largest speed of the main drive that is known beforehand [rad/s]."""
@@ -382,7 +398,7 @@ class Machine:
     @cached_property
     def fingerprint(self) -> str:
         """Of all that rules the motion, in a few letters."""
-        silent = {'title', 'description', 'duration', 'outputs', 'sensors'}
+        silent = {'title', 'description', 'duration', 'outputs', 'sensors', 'oscillators'}
         content = self.scene.model_dump(exclude=silent)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
@@ -411,15 +427,28 @@ class Machine:
         """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
         return initial_state(self)
 
-    def channel(self, name: str) -> Channel:
+    def channel(self, name: str, beside: Channel | None = None) -> Channel:
         """The measured channel of a sensor, to be fed with motion from the start of a run on.
+
+        It may share the analogue part of a channel `beside` it, fed with the same motions, that
+        differs in sampling, converter and noise only.
 
         Raises
         ------
         KeyError
             If there is no such sensor.
         """
-        return channel(self, name)
+        return channel(self, name, beside)
+
+    def inertial_unit(self, name: str) -> InertialUnit:
+        """The inertial unit in the place of a sensor, to be fed likewise.
+
+        Raises
+        ------
+        KeyError
+            If there is no such sensor.
+        """
+        return inertial_unit(self, name)
 
     def prepare(self) -> None:
         """Compile all that a run will need, so that it does not wait later."""
