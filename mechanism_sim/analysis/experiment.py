@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.deviation import ideal_record
+from mechanism_sim.analysis.deviation import ideal_machine
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
 from mechanism_sim.analysis.swing import LINKS, MESHES, Swing, sensors_across, steps, swing
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene import Machine
+from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.schema import FourBarScene
 
 Array = NDArray[np.float64]
@@ -117,7 +117,8 @@ def trial(bag: Path, skip: int | None = None) -> Trial:
     first, last = record.turns
     left_out = (last - first) // 2 if skip is None else skip
     begin, end = record.whole_turns(left_out)
-    ideal = ideal_record(record)
+    without = ideal_machine(machine)
+    ideal = Record(without, simulate(without, duration=record.end), {})
     every = impact_cycles(record, impact_rose(record, JOINT))
     struck = first + int(np.argmax(every.count > 0))
     at_first = struck, min(struck + _AT_FIRST, last)
@@ -259,10 +260,29 @@ class Experiment:
         return self.assumed.swings['coupler'].severity_at_first.by_mesh[-1] / shown
 
 
+def bags_of(folder: Path) -> list[Path]:
+    """The bags in a folder, by name.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    bags = sorted(folder.glob('*.mcap')) if folder.is_dir() else []
+    if not bags:
+        raise InputError(
+            f"'{folder}' has no bags (*.mcap); 'mechanism-sim sweep thesis_measurement --bags "
+            f"{folder}' makes those of the thesis"
+        )
+    return bags
+
+
 def read_experiment(
-    folder: Path, skip: int | None = None, show: Callable[[int, int], None] | None = None
+    bags: Sequence[Path],
+    skip: int | None = None,
+    show: Callable[[int, int], None] | None = None,
 ) -> Experiment:
-    """All bags of a folder as an experiment.
+    """Some bags as an experiment.
 
     Parameters
     ----------
@@ -272,14 +292,8 @@ def read_experiment(
     Raises
     ------
     InputError
-        If there is no bag, two are of the same conditions, or as for `trial`.
+        If two are of the same conditions, or as for `trial`.
     """
-    bags = sorted(folder.glob('*.mcap')) if folder.is_dir() else []
-    if not bags:
-        raise InputError(
-            f"'{folder}' has no bags (*.mcap); 'mechanism-sim sweep thesis_measurement --bags "
-            f"{folder}' makes those of the thesis"
-        )
     trials: dict[Condition, Trial] = {}
     for n, bag in enumerate(bags, 1):
         found = trial(bag, skip)
