@@ -8,7 +8,7 @@ import pytest
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.sensing import reconstruction as r
-from mechanism_sim.sensing.accelerometer import IdealAccelerometer
+from mechanism_sim.sensing.point import PointOnLink
 
 RATE = 2700.0
 G = (0.0, -9.8145)
@@ -26,9 +26,8 @@ class Run:
         self.q, self.w, self.a = (self.curve(self.t, d).T for d in (0, 1, 2))
 
     def read(self, link, at):
-        return IdealAccelerometer(self.machine.mechanism, link, at, 'across').read(
-            self.curve, self.t
-        )
+        point = PointOnLink(self.machine.mechanism, link, at, 'across')
+        return point.read(self.solution.motion, *self.curve.find(self.t))[0]
 
     @property
     def pin(self):
