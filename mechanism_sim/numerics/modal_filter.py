@@ -100,7 +100,8 @@ class ModalFilter:
                 passed.append(z)
                 z = factor * z + gain
             states[k, :, i], self.state[k, i] = passed, z
-        forced = [self._shown(c).sum(axis=0).real for c in coefficients]
+        # accumulated: a plain sum takes another order, and other roundings, if N is 1
+        forced = [np.add.accumulate(self._shown(c).real)[-1] for c in coefficients]
         return Response(self._poles, durations, np.array(forced), self._shown(states - begin))
 
     def _shown(self, z: ComplexArray) -> ComplexArray:
