@@ -143,8 +143,8 @@ def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
     plan = read_plan(sweep_file(tmp_path, text))
     assert sweep(plan, table, workers=1)[0].computed == 1
     rows = rows_of(table)
-    for run in plan.runs:
-        machine = ms.load_scene('four_bar_on_frame', {stiffness: run.given[stiffness]})
+    for one in plan.runs:
+        machine = ms.load_scene('four_bar_on_frame', {stiffness: one.given[stiffness]})
         motion = ms.simulate(machine, duration=0.3).motion
         for name in machine.scene.sensors:
             channel = machine.channel(name)
