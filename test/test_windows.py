@@ -150,7 +150,7 @@ def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
             channel = machine.channel(name)
             channel.take(motion)
             alone = np.concatenate([block.samples for block in channel.blocks(final=True)])
-            found = [r['signal'] for r in rows if (r['run'], r['sensor']) == (run.index, name)]
+            found = [r['signal'] for r in rows if (r['run'], r['sensor']) == (one.index, name)]
             assert found
             assert np.array_equal(np.concatenate(found), alone[: len(found) * 500])
     signals = [[r['signal'] for r in rows if r['run'] == k] for k in (0, 1)]
