@@ -37,7 +37,7 @@ def _figures(details: Details) -> Iterator[tuple[str, Figure]]:
     for name, average in details.averages.items():
         yield f'{name}_average', _average(name, average, details.drive)
     for name, struck in details.impacts.items():
-        yield f'{name}_impacts', _impacts(name, struck.rose)
+        yield f'{name}_impacts', rose_picture(name, struck.rose)
         if struck.cycles is not None:
             yield f'{name}_cycles', _cycles(name, struck, details.drive)
     for name, maps in details.wear.items():
@@ -126,7 +126,7 @@ def _polar(figure: Figure, count: int) -> list[Any]:
     return list(found)
 
 
-def _impacts(name: str, rose: Rose) -> Figure:
+def rose_picture(name: str, rose: Rose) -> Figure:
     """[SB] 8.11: every impact a line towards the place struck, the six largest marked."""
     figure = _figure(f'impacts in {name} [N s]', 7.0, 4.0)
     parts = (
