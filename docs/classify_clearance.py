@@ -78,7 +78,7 @@ def read(folder: str, every: int = 1) -> Data:
 
 
 def describe(signal: Array) -> Array:
-    """Figures (N, features) of windows (N, samples): indicators, energy in thirds of octaves."""
+    """Figures (N, features) of windows: indicators, and energies of thirds of octaves."""
     x = signal - signal.mean(axis=1, keepdims=True)
     found = [indicators(window) for window in x]
     levels = np.log([(i.rms, i.peak) for i in found])

@@ -133,6 +133,30 @@ def test_runs_that_differ_in_their_sensors_share_a_motion_but_no_noise(reference
     assert abs(both) < 0.05
 
 
+def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
+    stiffness = 'oscillators.frame.mounts.left.stiffness'
+    text = (
+        'scene: four_bar_on_frame\nduration: 0.3\nwindows: {samples: 500, type: float64}\n'
+        f'grid: {{{stiffness}: [[3e5, 8e5], [6e5, 8e5]]}}\n'
+    )
+    table = tmp_path / 't.parquet'
+    plan = read_plan(sweep_file(tmp_path, text))
+    assert sweep(plan, table, workers=1)[0].computed == 1
+    rows = rows_of(table)
+    for one in plan.runs:
+        machine = ms.load_scene('four_bar_on_frame', {stiffness: one.given[stiffness]})
+        motion = ms.simulate(machine, duration=0.3).motion
+        for name in machine.scene.sensors:
+            channel = machine.channel(name)
+            channel.take(motion)
+            alone = np.concatenate([block.samples for block in channel.blocks(final=True)])
+            found = [r['signal'] for r in rows if (r['run'], r['sensor']) == (one.index, name)]
+            assert found
+            assert np.array_equal(np.concatenate(found), alone[: len(found) * 500])
+    signals = [[r['signal'] for r in rows if r['run'] == k] for k in (0, 1)]
+    assert not np.array_equal(*signals)
+
+
 def test_the_schema_says_units_and_a_reader_of_files_finds_all_of_them(reference):
     table = pq.read_table(folder_of(reference))
     assert table.num_rows == RUNS * EACH

@@ -93,6 +93,7 @@ class Details:
     """What was asked for, by name."""
 
     drive: str  #: the link whose angle orders the turns
+    drive_rate: float | None  #: turns a second in the mean [Hz]; None of one that turns back
     spectra: dict[str, Line] = field(default_factory=dict)
     orders: dict[str, Line] = field(default_factory=dict)
     envelopes: dict[str, Line] = field(default_factory=dict)
@@ -105,6 +106,7 @@ class Details:
         """As dictionaries, lists and numbers, in SI units."""
         return {
             'drive': self.drive,
+            'drive_rate': self.drive_rate,
             **{
                 kind: {name: plain(line) for name, line in getattr(self, kind).items()}
                 for kind in ('spectra', 'orders', 'envelopes', 'impacts')
@@ -174,6 +176,7 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
 
     return Details(
         record.machine.main,
+        record.rate if record.has_turns else None,
         {name: _spectrum(signal(name)) for name in wanted.spectra},
         {name: _orders(record, name, skip) for name in wanted.orders},
         {name: _envelope(signal(name), wanted.band) for name in wanted.envelopes},

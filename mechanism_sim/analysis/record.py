@@ -148,6 +148,12 @@ class Record:
         first, last = self.turns
         return first < last and bool(np.all(np.diff(self._marks[1]) >= 0.0))
 
+    @property
+    def rate(self) -> float:
+        """Turns of the main drive a second, in the mean [Hz]."""
+        first, last = self.turned(np.array([self.start, self.end]))
+        return float((last - first) / (self.end - self.start))
+
     def begin(self, skip: int) -> float:
         """When so many whole turns of the main drive are over [s]; the start of the run for 0."""
         if not skip:

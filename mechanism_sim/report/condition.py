@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +33,7 @@ def _figures(details: Details) -> Iterator[tuple[str, Figure]]:
     for name, line in details.orders.items():
         yield f'{name}_orders', _orders(name, line, details.drive)
     for name, line in details.envelopes.items():
-        yield f'{name}_envelope', _envelope(name, line)
+        yield f'{name}_envelope', _envelope(name, line, details.drive_rate)
     for name, average in details.averages.items():
         yield f'{name}_average', _average(name, average, details.drive)
     for name, struck in details.impacts.items():
@@ -80,13 +79,15 @@ def _orders(name: str, line: Line, drive: str) -> Figure:
     return figure
 
 
-def _envelope(name: str, line: Line) -> Figure:
+def _envelope(name: str, line: Line, drive_rate: float | None) -> Figure:
     low, high = line.band or (0.0, 0.0)
     figure = _figure(f'squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz')
     axes, s = figure.subplots(), line.spectrum
-    axes.plot(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
     # squared, the envelope holds no frequency above the width of its band
-    axes.set_xlim(0.0, min(high - low, s.frequency[-1]))
+    end = min(high - low, s.frequency[-1], _ORDERS * (drive_rate or np.inf))
+    shown = (s.frequency > 0.0) & (s.frequency <= end)
+    axes.plot(s.frequency[shown], s.values[shown], color='0.1', lw=0.9)
+    axes.set_xlim(0.0, end)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel('frequency [Hz]')
     axes.set_ylabel(f'amplitude [{line.unit}]')
@@ -133,7 +134,10 @@ def rose_picture(name: str, rose: Rose) -> Figure:
         (f'bushing, seen from the {rose.bushing}', rose.on_bushing),
     )
     for axes, (title, angle) in zip(_polar(figure, 2), parts, strict=True):
-        axes.vlines(angle, 0.0, rose.normal_impulse, color='0.55', lw=0.6)
+        rays = np.array([rose.normal_impulse * k for k in (0.0, 1.0, np.nan)])
+        axes.plot(
+            np.tile(angle, (3, 1)).T.ravel(), rays.T.ravel(), color='0.55', lw=0.6, rasterized=True
+        )
         for i, k in enumerate(rose.largest, 1):
             axes.plot([angle[k]] * 2, [0.0, rose.normal_impulse[k]], color='0.1', lw=1.3)
             axes.annotate(f'Y{i}', (angle[k], 1.04 * rose.normal_impulse[k]), fontsize=7.0)
@@ -146,9 +150,12 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
     """[SB] 8.12 and 7.10: the dominant impacts by angle of the drive, and sums turn by turn."""
     rose, cycles = struck.rose, struck.cycles
     assert cycles is not None  # noqa: S101 - asked before
-    figure = _figure(f'impacts in {name}, turn by turn', 7.0, 5.2)
-    above, below = figure.subplots(2, 1)
-    above.plot(np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse, '.', color='0.7', ms=3.0)
+    figure = _figure(f'impacts in {name}, turn by turn', 7.0, 6.4)
+    above, *below = figure.subplots(3, 1, height_ratios=(2, 1, 1))
+    above.plot(
+        np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse, '.', color='0.7', ms=3.0,
+        rasterized=True,
+    )  # fmt: skip
     marks = ('first', 'o', '0.1'), ('second', 's', '0.35'), ('third', '^', '0.55')
     for (label, mark, shade), column in zip(marks, cycles.dominant.T, strict=True):
         k = column[column >= 0]
@@ -160,13 +167,14 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
     above.set_ylabel('impulse [mN s]')
     above.legend(frameon=False, fontsize=7.5, ncols=3)
     turn = cycles.first + np.arange(len(cycles.count))
-    below.step(turn, 1e3 * cycles.impulse, where='mid', color='0.1', lw=1.1, label='sum')
-    below.step(turn, 1e3 * cycles.I_n, where='mid', color='0.5', lw=1.1, ls='--', label='I_n')
-    below.xaxis.get_major_locator().set_params(integer=True)
-    below.set_xlabel(f'turn of the {drive}')
-    below.set_ylabel('impulse [mN s]')
-    below.set_ylim(bottom=0.0)
-    below.legend(frameon=False, fontsize=7.5, ncols=2)
+    for axes, x, words in zip(
+        below, (cycles.impulse, cycles.I_n), ('sum of impulses', '$I_n$'), strict=True
+    ):
+        axes.step(turn, 1e3 * x, where='mid', color='0.1', lw=1.1)
+        axes.set_ylabel(f'{words} [mN s]')
+        axes.set_ylim(bottom=0.0)
+        axes.xaxis.get_major_locator().set_params(integer=True)
+    below[-1].set_xlabel(f'turn of the {drive}')
     return figure
 
 
@@ -181,7 +189,7 @@ def _wear(name: str, bushing: WearMap, pin: WearMap) -> Figure:
         )
         shown = [(title, x) for title, x in sums if x.any()] or [sums[0]]
         for axes, (title, x) in zip(_polar(row, len(shown)), shown, strict=True):
-            axes.bar(wear.middles, x, width=2.0 * math.pi / len(x), color='0.45')
+            axes.fill(np.repeat(wear.edges, 2)[1:-1], np.repeat(x, 2), color='0.45', lw=0.0)
             axes.set_title(f'{part} on {wear.link}\n{title}', fontsize=8.0)
     return figure
 

@@ -44,6 +44,10 @@ def build(name: str, scene: Scene) -> Machine:
                 f'{name}: sensors.{sensor}.imu is for sensors on links; {placed.link} is a frame '
                 'on springs'
             )
+        if placed.trigger and machine.main in machine.mechanism.displacements:
+            raise InputError(
+                f'{name}: sensors.{sensor}.trigger needs a drive that turns; {machine.main} slides'
+            )
         at = placed.at if isinstance(placed.at, tuple) else (placed.at, 0.0)
         if placed.link in machine.links and math.hypot(*at) > 10.0 * machine.mechanism.size:
             raise InputError(
