@@ -72,15 +72,16 @@ def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
         yield number, _measured(chosen, 'coupler', 'acceleration')
     yield '7_10', _severity(found, 1, 1e3, 'clearance [mm]')
     yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank [rpm]')
-    simulated = found.assumed.first
-    for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
-        yield number, _superposed(found, simulated.rows, quantity, 'simulated')
     half = min(found.bearings, key=lambda x: abs(x.condition.restitution - 0.5))
     yield '8_03', _simulated(half.first.rows[0], half.first, half)
-    modified = simulated.modified(found.alpha)
-    for number, quantity in (('8_04', 'acceleration'), ('8_06', 'velocity')):
-        yield number, _superposed(found, modified, quantity, 'simulated, modified')
-    yield '8_08', _forces(found, modified)
+    if found.assumed is not reference:
+        simulated = found.assumed.first
+        for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
+            yield number, _superposed(found, simulated.rows, quantity, 'simulated')
+        modified = simulated.modified(found.alpha)
+        for number, quantity in (('8_04', 'acceleration'), ('8_06', 'velocity')):
+            yield number, _superposed(found, modified, quantity, 'simulated, modified')
+        yield '8_08', _forces(found, modified)
     yield '8_11', rose_picture(JOINT, reference.rose)
     if len(reference.rose):
         yield '8_12', _dominant(reference)
