@@ -82,7 +82,7 @@ class Trial:
     swings : by link
     rose, impacts : of these turns
     every : impacts of all turns, turn by turn
-    last, first : the last turn, and the first with an impact
+    first : the first turn with an impact
     """
 
     bag: str
@@ -95,7 +95,6 @@ class Trial:
     rose: Rose
     impacts: ImpactCycles
     every: ImpactCycles
-    last: Cycle
     first: Cycle
 
 
@@ -140,7 +139,6 @@ def trial(bag: Path, skip: int | None = None) -> Trial:
         rose,
         impact_cycles(record, rose, left_out),
         every,
-        _cycle(record, ideal, end - 1),
         _cycle(record, ideal, struck),
     )
 

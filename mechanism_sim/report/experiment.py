@@ -51,10 +51,17 @@ def render(found: Experiment) -> str:
     head = [
         f'{len(found.trials)} runs; measured is the machine of restitution {restitution:g} and '
         f'friction {friction:g}',
-        f'alpha = {found.alpha:.3g}: {_said(found.assumed)} in its first turns with impacts '
-        f'({found.assumed.bag}), as means over {MESHES[-1]:g} deg, over what the instrument shows '
-        f'of {_said(found.reference)} ({found.reference.bag})',
     ]
+    if found.assumed is found.reference:
+        head.append(
+            'no other machine was run at its highest speed and largest clearance: no alpha'
+        )
+    else:
+        head.append(
+            f'alpha = {found.alpha:.3g}: {_said(found.assumed)} in its first turns with impacts '
+            f'({found.assumed.bag}), as means over {MESHES[-1]:g} deg, over what the instrument '
+            f'shows of {_said(found.reference)} ({found.reference.bag})'
+        )
     return '\n\n'.join(['\n'.join(head), *(table.markdown() for table in tables(found))])
 
 
@@ -167,7 +174,7 @@ def to_json(found: Experiment) -> dict[str, object]:
     return {
         'restitution': found.bearing[0],
         'friction': found.bearing[1],
-        'alpha': found.alpha,
+        'alpha': found.alpha if found.assumed is not found.reference else None,
         'assumed': found.assumed.bag,
         'reference': found.reference.bag,
         'trials': [_trial(trial) for trial in found.trials],
