@@ -146,12 +146,12 @@ def _passed(powers: Array, level: int, may_turn: bool) -> list[float]:
         rate = Polynomial(powers).deriv().convert(kind=Chebyshev, domain=[0.0, 1.0])
         turning = rate.trim(1e-16 * np.abs(rate.coef).max()).roots().real
         knots = [*np.sort(turning[(turning > 0.0) & (turning < 1.0)]), 1.0]
-    found, begin = [], 0.0
+    begin, found = 0.0, []
     for end in knots:
         now = int(_floor(polyval(end, powers)))
         step = 1 if now > level else -1
-        for passed in range(level, now, step):
-            found.append(_root(powers, max(passed, passed + step), begin, end))
+        crossed = range(level, now, step)
+        found += [_root(powers, max(n, n + step), begin, end) for n in crossed]
         level, begin = now, end
     return found
 
