@@ -138,7 +138,7 @@ def _parts(title: str, parts: tuple[PartSummary, ...]) -> str:
     for p in parts:
         share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
         rows = ((r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges)
-        lines += [f'  {p.joint}: {share}']
+        lines += [f'  {p.joint}: {share}' if share else f'  {p.joint}']
         lines += table(('quantity', 'lowest', 'at [s]', 'highest', 'at [s]'), rows)
     return '\n'.join(lines)
 

@@ -44,7 +44,7 @@ class Response(NamedTuple):
         y = np.zeros((len(t), self.forced.shape[2]))
         for row in self.forced[::-1]:
             y *= x
-            y += row[pieces]
+            y += row.take(pieces, axis=0)
         for pole, amplitude in zip(self.poles, self.free, strict=True):
             y += (amplitude[pieces] * np.exp(pole * t)[:, None]).real
         return y

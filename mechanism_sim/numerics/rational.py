@@ -93,7 +93,8 @@ def separated(poles: ComplexArray) -> ComplexArray:
     while cluster := _cluster(rest):
         near, centre, radius = cluster
         shifted = np.poly((rest[near] - centre) / radius)
-        shifted[-1] -= 1.0 if centre else -1.0  # poles at zero stay on the imaginary axis
+        undamped = abs(centre.real) <= radius  # aside of their axis they would grow on one side
+        shifted[-1] -= (1j ** near.sum() if centre else -1.0) if undamped else 1.0
         moved, rest = centre + radius * np.roots(shifted), rest[~near]
         if abs(centre.imag) > radius:
             moved = np.append(moved, moved.conj())
