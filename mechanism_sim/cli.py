@@ -107,6 +107,17 @@ def _parser() -> argparse.ArgumentParser:
     sub = command('analyze', _analyze, 'say what happened in a recorded run')
     sub.add_argument('bag', metavar='BAG')
     sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+    _detail_options(sub)
+    sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
+    _scene_options(sub, 'a scene, or a bag (.mcap) of a run')
+    _length_options(sub)
+    sub.add_argument('-o', '--output', metavar='FILE', help='.wav; SCENE.wav if not')
+    sub.add_argument('--distance', default='1 m', metavar='R', help='of the listener')
+    sub.add_argument(
+        '--direction', default='0 deg', metavar='ANGLE', help='to the listener, from the x axis'
+    )
+    sub.add_argument('--pulse', metavar='T', help="how long impacts last, as '0.1 ms'")
+    sub.add_argument('--slow', type=float, default=1.0, metavar='N', help='play N times slower')
     sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
     _scene_options(sub)
     sub.add_argument('--longest', type=int, default=8, metavar='P', help='period to look for')
@@ -165,6 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
     sub.add_argument('--bags', metavar='DIR', help='also record every run there')
+    sub.add_argument('--windows', metavar='DIR', help='where windows go; TABLE.windows if not')
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
     sub.add_argument('--over', metavar='PATH', help='draw them over this one')
@@ -192,8 +204,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _scene_options(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument('scene', metavar='SCENE', help='a scene of the package, or a YAML file')
+def _scene_options(
+    sub: argparse.ArgumentParser, text: str = 'a scene of the package, or a YAML file'
+) -> None:
+    sub.add_argument('scene', metavar='SCENE', help=text)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="override a value, for example 'drive.speed=300 rpm'",
@@ -205,6 +219,26 @@ def _scene_options(sub: argparse.ArgumentParser) -> None:
 def _length_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument('--duration', type=float, metavar='S', help='length in seconds')
     sub.add_argument('--revolutions', type=float, metavar='N', help='length in crank revolutions')
+
+
+def _detail_options(sub: argparse.ArgumentParser) -> None:
+    more = sub.add_argument_group('instead of the summary; each may be given several times')
+    for name, metavar, text in (
+        ('spectrum', 'SENSOR', 'power spectral density'),
+        ('orders', 'SENSOR', 'amplitudes over multiples of the speed of the drive'),
+        ('envelope', 'SENSOR', 'spectrum of the squared envelope'),
+        ('average', 'NAME', 'over a turn of the drive; a sensor, or as acceleration.LINK'),
+        ('impacts-on', 'JOINT', 'by direction on pin and bushing, and turn by turn'),
+        ('wear', 'JOINT', 'impulses and sliding by direction on pin and bushing'),
+        ('deviation', 'NAME', 'from the machine without clearance'),
+    ):
+        more.add_argument(f'--{name}', action='append', default=[], metavar=metavar, help=text)
+    how = sub.add_argument_group('how')
+    how.add_argument('--against', metavar='BAG', help='divide deviations by those of this bag')
+    how.add_argument('--band', metavar='A:B', help="of envelopes, as '500 Hz:2 kHz'")
+    how.add_argument('--skip', type=int, default=0, metavar='N', help='whole turns to leave out')
+    how.add_argument('--pin-radius', metavar='R', help="of wear, as '6 mm'; the scene's if not")
+    how.add_argument('--plots', metavar='DIR|FILE', help='folder, .pdf, .png or .svg')
 
 
 def _overrides(options: argparse.Namespace) -> list[str]:
@@ -371,6 +405,37 @@ def _info(options: argparse.Namespace) -> int:
         _print_json(found.to_json())
     else:
         print(render_info(found))
+    return 0
+
+
+def _sound(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.report import progress, sound  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
+
+    listener = Listener(
+        _quantity('--distance', options.distance, 'm')[0],
+        _quantity('--direction', options.direction, 'rad')[0],
+    )
+    pulse = None if options.pulse is None else _quantity('--pulse', options.pulse, 's')[0]
+    file = sound.check_file(options.output or f'{Path(options.scene).stem}.wav')
+    if Path(options.scene).suffix == '.mcap':
+        if _overrides(options) or options.duration or options.revolutions:
+            raise InputError('a bag is heard as it was recorded: leave out --set and lengths')
+        record = read_record(options.scene)
+        machine, run = record.machine, record.piece
+    else:
+        machine = load_scene(options.scene, _overrides(options))
+        end = span(machine, options.revolutions, options.duration)
+        with progress.bar('sound', end, quiet=options.json) as show:
+            run = simulate(machine, duration=end, progress=show)
+    train = strikes(machine.mechanism, run.motion, run.impacts)
+    written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
+    if options.json:
+        _print_json(written.to_json())
+    else:
+        print(sound.render(written))
     return 0
 
 
@@ -561,8 +626,9 @@ def _sweep(options: argparse.Namespace) -> int:
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
             summary, rows = sweep(
-                plan, table, options.workers, options.dask, options.bags, options.restart, show
-            )
+                plan, table, options.workers, options.dask, options.bags, options.windows,
+                options.restart, show,
+            )  # fmt: skip
     except Interrupted as interrupted:
         return _tell(interrupted, 130)
     if chart:
@@ -654,10 +720,50 @@ def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
 
 def _analyze(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis import analyze, render  # noqa: PLC0415
+    from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
+    from mechanism_sim.analysis.render_details import render_details  # noqa: PLC0415
+    from mechanism_sim.report import figures  # noqa: PLC0415
 
-    found = analyze(options.bag, namespace=options.namespace)
+    plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
+    wanted = Wanted(
+        options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
+        options.wear, options.deviation, _band(options.band), options.skip,
+        _quantity('--pin-radius', options.pin_radius, 'm')[0] if options.pin_radius else None,
+    )  # fmt: skip
+    details: Details | None = None
+    if wanted or plots or options.against:
+        details = _details(options, wanted)
+    if details and plots:
+        from mechanism_sim.report.condition import draw  # noqa: PLC0415
+
+        with figures.style():
+            figures.save_all(draw(details), plots)
     if options.json:
-        _print_json(found.to_json())
+        more = {'details': details.to_json()} if details else {}
+        _print_json(analyze(options.bag, namespace=options.namespace).to_json() | more)
+    elif details and wanted:
+        print(render_details(details))
     else:
-        print(render(found))
+        print(render(analyze(options.bag, namespace=options.namespace)))
     return 0
+
+
+def _details(options: argparse.Namespace, wanted: Any) -> Any:
+    """What is asked of a bag, or everything that can be drawn."""
+    from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
+    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+
+    if options.skip < 0:
+        raise InputError('--skip must be at least 0')
+    record = read_record(options.bag, options.namespace)
+    against = read_record(options.against, options.namespace) if options.against else None
+    return find_details(record, wanted if wanted else everything(record, wanted), against)
+
+
+def _band(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    low, colon, high = text.partition(':')
+    if not colon:
+        raise InputError(f"--band '{text}': write for example '500 Hz:2 kHz'")
+    return _quantity('--band', low, 'Hz')[0], _quantity('--band', high, 'Hz')[0]

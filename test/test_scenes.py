@@ -72,7 +72,7 @@ def refusal(overrides, scene=LOOSE):
         ('start', 'seeted', ["start = 'seeted' is not possible", "'seated'?"]),
         ('branch', 'upper', ["'open' or 'crossed'"]),
         ('drive.coordinate', 'rocker', ["allowed: 'crank'"]),
-        ('sensors.rocker_accelerometer.link', 'ground', ["link 'ground'", 'crank, coupler, rocker']),
+        ('sensors.rocker_accelerometer.link', 'ground', ["link 'ground'", 'coupler, rocker']),
         ('mechanism', 'fuor_bar', ["is 'fuor_bar'", "'four_bar'?", 'known are: four_bar']),
         ('mechanism', ['four_bar'], ['known are: four_bar']),
         # shape

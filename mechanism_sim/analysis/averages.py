@@ -34,7 +34,7 @@ def over_turns(record: Record, quantity: str, samples: int | None = None, skip: 
         If there is no such quantity, the drive turns back, or no whole turn is left.
     """
     first, end = record.whole_turns(skip)
-    if quantity in record.signals:
+    if quantity in record.sensors:
         found = record.signal(quantity).over_turns(record.turned, samples)
         if found is None or not (kept := found.first >= first).any():
             raise InputError(f'the signal of {quantity} covers no whole turn')
@@ -57,7 +57,7 @@ def sampled(record: Record, quantity: str, t: Array) -> Array:
     for first in range(0, len(t), _BLOCK):
         columns = record.piece.sample(t[first : first + _BLOCK])
         if quantity not in columns:
-            known = [*record.signals, *columns]
+            known = [*record.sensors, *columns]
             raise InputError(
                 f"{record.machine.name} has no quantity '{quantity}'{nearest(quantity, known)}; "
                 f'there are: {", ".join(known)}'
@@ -68,6 +68,6 @@ def sampled(record: Record, quantity: str, t: Array) -> Array:
 
 def unit(record: Record, quantity: str) -> str:
     """SI unit of a quantity of `Piece.sample` or of a sensor; empty for a number."""
-    if quantity in record.signals:
-        return record.signals[quantity].unit
+    if quantity in record.sensors:
+        return record.signal(quantity).unit
     return unit_of(record.machine, quantity)

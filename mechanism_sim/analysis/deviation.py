@@ -20,6 +20,7 @@ from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.linkage import LinkageInitial
 from mechanism_sim.scene.schema import FourBarAngles, FourBarJoints, FourBarScene, Initial
+from mechanism_sim.scene.sensor_keys import Converter, Noise
 from mechanism_sim.sensing.orders import Turns
 from mechanism_sim.sensing.spectra import power
 
@@ -92,6 +93,8 @@ class Alpha:
 def ideal_machine(machine: Machine) -> Machine:
     """The same machine with every joint ideal: no clearance, lift-off, backlash or elasticity.
 
+    Its sensors keep their filters, but have no noise, converter or trigger.
+
     Raises
     ------
     InputError
@@ -103,18 +106,22 @@ def ideal_machine(machine: Machine) -> Machine:
             'would do without clearance'
         )
     scene, driven = machine.scene, machine.plan.prescribed
-    update: dict[str, Any]
+    update: dict[str, Any] = {}
     if isinstance(scene, FourBarScene):
         crank = FourBarAngles(crank=scene.initial.position.crank)
-        update = {'joints': FourBarJoints(), 'initial': Initial(position=crank)}
+        update |= {'joints': FourBarJoints(), 'initial': Initial(position=crank)}
     else:
         given = scene.initial.position
         kept = {name: value for name, value in given.items() if name in driven}
-        update = {
+        update |= {
             'joints': {name: _ideal_joint(joint) for name, joint in scene.joints.items()},
             'initial': LinkageInitial(position=kept),
             'guess': {**given, **scene.guess},
         }
+    clean = {'noise': Noise(), 'adc': Converter(), 'trigger': None}
+    update['sensors'] = {
+        name: sensor.model_copy(update=clean) for name, sensor in scene.sensors.items()
+    }
     return build(machine.name, scene.model_copy(update=update))
 
 
@@ -142,19 +149,13 @@ def deviation(
     InputError
         If there is no such quantity, or the drives do not prescribe the motion.
     """
-    n = None if quantity in record.signals else samples or _SAMPLES
+    n = samples or (None if quantity in record.sensors else _SAMPLES)
     own = over_turns(record, quantity, n, skip)
-    ideal = ideal_record(record, quantity)
-    n = own.values.shape[1]
-    beside = over_turns(ideal, quantity, n)
-    rows = np.searchsorted(beside.first, own.first)
-    return Deviation(quantity, own, Turns(beside.values[rows], own.first))
-
-
-def ideal_record(record: Record, sensor: str = '') -> Record:
-    """A run of the ideal machine as long as that of a record, with the signal of a sensor."""
-    machine = ideal_machine(record.machine)
-    return Record(machine, simulate(machine, duration=record.end), {})
+    ideal = ideal_machine(record.machine)
+    beside = over_turns(
+        Record(ideal, simulate(ideal, duration=record.end), {}), quantity, own.values.shape[1]
+    )
+    return Deviation(quantity, own, Turns(beside.values[own.first - beside.first[0]], own.first))
 
 
 def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha:

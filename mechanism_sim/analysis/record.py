@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.signals import Signal, SignalCollector
+from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
@@ -63,12 +63,12 @@ class Record:
     Attributes
     ----------
     piece : its motion and events; sampled as a solution is
-    signals : of the accelerometers by name
+    signals : of the accelerometers by name, as far as they are recorded or were asked for
     """
 
     machine: Machine
     piece: Piece
-    signals: Mapping[str, Signal]
+    signals: dict[str, Signal]
 
     @property
     def start(self) -> float:
@@ -131,6 +131,26 @@ class Record:
             )
         return first + skip, last
 
+    @property
+    def has_turns(self) -> bool:
+        """Whether the run has a whole turn of a drive that turns one way only."""
+        if self.machine.main in self.machine.physics.displacements:
+            return False
+        first, last = self.turns
+        return first < last and bool(np.all(np.diff(self._marks[1]) > 0.0))
+
+    def begin(self, skip: int) -> float:
+        """When so many whole turns of the main drive are over [s]; the start of the run for 0."""
+        if not skip:
+            return self.start
+        return float(self.times_at(np.array([self.whole_turns(skip)[0]]))[0])
+
+    @cached_property
+    def _marks(self) -> tuple[Array, Array]:
+        """Times [s] at which pieces of the motion meet, and the turns of the drive then."""
+        marks = np.append(self.piece.motion.curve.start, self.end)
+        return marks, self.turned(marks)
+
     def times_at(self, turns: Array) -> Array:
         """When the main drive has made `turns` (N,), as `turned` counts them [s].
 
@@ -139,39 +159,53 @@ class Record:
         InputError
             If it turns back on the way.
         """
-        curve, i = self.piece.motion.curve, self._drive
-        marks = np.append(curve.start, self.end)
-        passed = self._sense * self._angle(marks)
+        marks, passed = self._marks
         if np.any(np.diff(passed) <= 0.0):
             raise InputError(
                 f'{self.machine.name}: {self.machine.main} stands still or turns back'
             )
-        wanted = np.asarray(turns, float) * TWO_PI
-        t = np.interp(wanted, passed, marks)
+        curve, per_turn = self.piece.motion.curve, self._sense / TWO_PI
+        t = np.interp(turns, passed, marks)
         for _ in range(_NEWTON):
             k, dt = curve.find(t)
-            off = self._sense * curve.at(k, dt)[:, i] - wanted
-            step = off / (self._sense * curve.at(k, dt, 1)[:, i])
+            off = per_turn * curve.at(k, dt)[:, self._drive] - turns
+            step = off / (per_turn * curve.at(k, dt, 1)[:, self._drive])
             t = np.clip(t - step, self.start, self.end)
             if np.abs(step).max(initial=0.0) <= 4.0 * np.spacing(self.end):
                 break
         return np.asarray(t)
 
     def signal(self, sensor: str) -> Signal:
-        """What a sensor said.
+        """What a sensor said, as recorded; computed from the motion if that is all there is.
 
         Raises
         ------
         InputError
-            If it said nothing.
+            If there is no such sensor.
         """
-        if sensor not in self.signals:
-            known = ', '.join(self.signals) or 'none'
+        if sensor not in self.sensors:
+            known = ', '.join(self.sensors) or 'none'
             raise InputError(
-                f"there is no signal of a sensor '{sensor}'{nearest(sensor, self.signals)}; "
-                f'recorded: {known}'
+                f"there is no sensor '{sensor}'{nearest(sensor, self.sensors)}; there are: {known}"
             )
+        if sensor not in self.signals:
+            self.signals[sensor] = measured(self.machine, self.piece.motion, sensor)
         return self.signals[sensor]
+
+    @property
+    def sensors(self) -> list[str]:
+        """Those that were recorded, and those of the scene."""
+        return sorted({*self.signals, *self.machine.scene.sensors})
+
+    @property
+    def loose_joints(self) -> list[str]:
+        """Those with a pin loose in a bushing."""
+        return [
+            name
+            for name in self.machine.physics.clearances
+            if name in self.machine.clearances
+            and isinstance(self.machine.mechanism.joint(name), Revolute)
+        ]
 
     def loose(self, joint: str) -> str:
         """The joint, once sure that it has a pin loose in a bushing.
@@ -181,12 +215,7 @@ class Record:
         InputError
             If it has not.
         """
-        known = [
-            name
-            for name, play in self.machine.clearances.items()
-            if name in self.machine.physics.clearances
-            and isinstance(self.machine.mechanism.joint(name), Revolute)
-        ]
+        known = self.loose_joints
         if joint not in known:
             raise InputError(
                 f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "

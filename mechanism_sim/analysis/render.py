@@ -69,7 +69,7 @@ def _impacts(impacts: ImpactSummary) -> str:
         )
     lines = [head]
     if impacts.joints:
-        lines += _table(
+        lines += table(
             ('joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'),
             (
                 (j.joint, j.count, j.normal_impulse, j.I_n, j.energy_loss,
@@ -77,22 +77,22 @@ def _impacts(impacts: ImpactSummary) -> str:
                 for j in impacts.joints
             ),
         )  # fmt: skip
-    table = impacts.table
-    if table is not None and table.joints:
+    by_turn = impacts.table
+    if by_turn is not None and by_turn.joints:
         head_row = ['revolution']
-        for joint in table.joints:
+        for joint in by_turn.joints:
             head_row += [joint, '[N s]']
         rows = [
             [str(k), *(x for pair in zip(counts, sums, strict=True) for x in pair)]
             for k, (counts, sums) in enumerate(
-                zip(table.count.tolist(), table.normal_impulse.tolist(), strict=True)
+                zip(by_turn.count.tolist(), by_turn.normal_impulse.tolist(), strict=True)
             )
         ]
         if len(rows) > ROWS:
             rows = [*rows[: ROWS // 2], ['...'] + [''] * (len(head_row) - 1), *rows[-ROWS // 2 :]]
-        lines += _table(head_row, rows)
-        if table.elsewhere:
-            lines.append(f'  {table.elsewhere} at times of which the motion is not recorded')
+        lines += table(head_row, rows)
+        if by_turn.elsewhere:
+            lines.append(f'  {by_turn.elsewhere} at times of which the motion is not recorded')
     lines += [
         f'  hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
         f'{_at_angle(d.crank_angle)}, {d.approach_speed:.6g} m/s'
@@ -108,7 +108,7 @@ def _modes(joints: tuple[JointModes, ...]) -> str:
         [j.joint, str(j.changes), *(f'{100 * j.share.get(mode, 0.0):.4g} %' for mode in names)]
         for j in joints
     ]
-    return '\n'.join(['modes: share of time', *_table(('joint', 'changes', *names), rows)])
+    return '\n'.join(['modes: share of time', *table(('joint', 'changes', *names), rows)])
 
 
 def _loads(loads: LoadSummary) -> str:
@@ -118,7 +118,7 @@ def _loads(loads: LoadSummary) -> str:
 
     rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
     head = ('joint', 'largest', 'at [s]', 'crank')
-    return '\n'.join([f'loads: among {loads.samples} instants', *_table(head, rows)])
+    return '\n'.join([f'loads: among {loads.samples} instants', *table(head, rows)])
 
 
 def _energy(e: EnergySummary) -> str:
@@ -139,7 +139,7 @@ def _parts(title: str, parts: tuple[PartSummary, ...]) -> str:
         share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
         rows = ((r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges)
         lines += [f'  {p.joint}: {share}']
-        lines += _table(('quantity', 'lowest', 'at [s]', 'highest', 'at [s]'), rows)
+        lines += table(('quantity', 'lowest', 'at [s]', 'highest', 'at [s]'), rows)
     return '\n'.join(lines)
 
 
@@ -158,7 +158,7 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> str:
         for s in sensors
     )
     head = ('sensor', 'samples', 'missing', 'RMS', 'peak', 'crest', 'kurtosis', 'strongest orders')
-    lines = ['vibration', *_table(head, rows)]
+    lines = ['vibration', *table(head, rows)]
     lines += [
         f'  {s.sensor}: {s.overloads} samples were CUT at the end of the range'
         for s in sensors
@@ -175,7 +175,7 @@ def _ledger(ledger: Ledger) -> str:
         lines = [f'messages: {ledger.lost} of {total} are LOST']
         lost = [a for a in ledger.topics if a.lost]
         rows = ((a.topic, a.sent, a.recorded, a.lost) for a in lost)
-        lines += _table(('topic', 'sent', 'recorded', 'lost'), rows)
+        lines += table(('topic', 'sent', 'recorded', 'lost'), rows)
     if ledger.unfinished:
         names = ', '.join(ledger.unfinished)
         lines.append(f'  {names} did not finish: more may have been sent')
@@ -186,7 +186,7 @@ def _at_angle(angle: float | None) -> str:
     return '' if angle is None else f', crank at {math.degrees(angle):.4g} deg'
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str | int | float]]) -> Iterator[str]:
+def table(head: Sequence[str], rows: Iterable[Sequence[str | int | float]]) -> Iterator[str]:
     """Yield indented lines: the first column to the left, the others to the right."""
     cells = [list(head)]
     cells += [[f'{x:.6g}' if isinstance(x, float) else str(x) for x in row] for row in rows]

@@ -79,11 +79,8 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
     machine = record.machine
     record.loose(joint)
     pin_joint = machine.mechanism.joint(joint)
-    since = record.whole_turns(skip)[0] if skip else -np.inf
-    struck = [impact for impact in record.piece.impacts if impact.joint == joint]
-    turned = record.turned(np.array([impact.t for impact in struck]))
-    kept = turned >= since - 1e-9
-    chosen = [impact for impact, keep in zip(struck, kept, strict=True) if keep]
+    begin = record.begin(skip)
+    chosen = [i for i in record.piece.impacts if i.joint == joint and i.t >= begin]
 
     def column(name: str) -> Array:
         return np.array([getattr(impact, name) for impact in chosen])
@@ -99,7 +96,7 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
         pin_joint.second,
         t,
         record.angle(t),
-        np.floor(turned[kept] + 1e-9).astype(np.int64),
+        np.floor(record.turned(t) + 1e-9).astype(np.int64),
         column('normal_impulse'),
         column('tangential_impulse'),
         column('approach_speed'),

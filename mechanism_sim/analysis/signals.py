@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.sensor_keys import QUANTITIES
 from mechanism_sim.sensing.orders import Turns, at_equal_angles
 
 Array = NDArray[np.float64]
-
-QUANTITIES = {'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm'}
-"""What a block may hold, and its unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class Signal:
 
 
 class SignalCollector:
-    """Puts the signal of one sensor together from AccelerometerBlock messages.
+    """Puts the signal of one sensor together from its blocks.
 
     Parameters
     ----------
@@ -109,22 +109,29 @@ class SignalCollector:
         self._due: float | None = None
 
     def add(self, message: Any) -> Array:
-        """Add the block that follows, and return its samples (N,)."""
-        quantity, values = samples_of(message)
-        rate, time = float(message.sample_rate), float(message.time)
-        if not len(values):
-            return values
-        self._about = (message.sensor, message.link, quantity, rate)
+        """Add the AccelerometerBlock that follows, and return its samples (N,)."""
+        quantity = next((q for q in QUANTITIES if len(getattr(message, q))), 'acceleration')
+        samples = np.asarray(getattr(message, quantity), np.float64)
+        about = message.sensor, message.link, quantity, float(message.sample_rate)
+        self.add_samples(about, float(message.time), samples, bool(message.triggered))
+        return samples
+
+    def add_samples(
+        self, about: tuple[str, str, str, float], time: float, samples: Array, triggered: bool
+    ) -> None:
+        """Add samples (N,) from a time [s] on, `about` being sensor, link, quantity and rate."""
+        if not len(samples):
+            return
+        rate = about[3]
         late = 0 if self._due is None else round((time - self._due) * rate)
-        if not getattr(message, 'triggered', False):
+        if not triggered:
             self.missing += max(0, late)
-        apart = self._due is None or late != 0 or getattr(message, 'triggered', False)
-        self._due = time + len(values) / rate
-        self._blocks.append((time, apart, values))
-        self._kept += len(values)
+        apart = self._due is None or late != 0 or triggered
+        self._about, self._due = about, time + len(samples) / rate
+        self._blocks.append((time, apart, samples))
+        self._kept += len(samples)
         while self._most and self._kept - len(self._blocks[0][2]) >= self._most:
             self._kept -= len(self._blocks.popleft()[2])
-        return values
 
     def signal(self) -> Signal | None:
         """The signal so far; None without a sample."""
@@ -140,10 +147,23 @@ class SignalCollector:
         return Signal(*self._about, tuple(starts), tuple(map(np.concatenate, runs)))
 
 
-def samples_of(message: Any) -> tuple[str, Array]:
-    """What an AccelerometerBlock holds: the name of the quantity, and its samples (N,)."""
-    for quantity in QUANTITIES:
-        values = np.asarray(getattr(message, quantity, ()), np.float64)
-        if len(values):
-            return quantity, values
-    return 'acceleration', np.zeros(0)
+def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
+    """The signal of a sensor of the scene, computed from a motion from the start of a run on.
+
+    It is what the node `accelerometer` publishes, to the last bit.
+
+    Raises
+    ------
+    InputError
+        If it takes no sample.
+    """
+    scene, channel = machine.scene.sensors[sensor], machine.channel(sensor)
+    collector = SignalCollector()
+    channel.take(motion)
+    for block in channel.blocks(final=True):
+        about = sensor, scene.link, scene.quantity, scene.sample_rate
+        collector.add_samples(about, block.time, block.samples, block.triggered)
+    signal = collector.signal()
+    if signal is None:
+        raise InputError(f'sensor {sensor} takes no sample in this run')
+    return signal

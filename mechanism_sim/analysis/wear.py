@@ -99,9 +99,7 @@ def wear_maps(
     motion, physics = record.piece.motion, record.machine.physics
     gap = physics.clearances.index(joint)
     closed = np.flatnonzero(motion.closed[:, gap])
-    if skip:
-        begin = record.times_at(np.array([record.whole_turns(skip)[0]]))[0]
-        closed = closed[motion.curve.start[closed] >= begin]
+    closed = closed[motion.curve.start[closed] >= record.begin(skip)]
     for first in range(0, len(closed), _BLOCK):
         segments = closed[first : first + _BLOCK]
         duration = motion.curve.duration[segments, None]

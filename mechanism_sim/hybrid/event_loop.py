@@ -85,7 +85,7 @@ class EventLoop:
         driven = [law.coefficients[1] for law in laws if isinstance(law, DriveLaw) and law.degree]
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
         known = [fastest] if fastest else driven or turning
-        fastest = max(1.0, *map(abs, known))
+        fastest = max((1.0, *map(abs, known)))
         self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
         f, width = len(system.free), self._ta.order + 1
         self._state, self._pars = self._ta.state[: 2 * f], floats(self._ta.pars)

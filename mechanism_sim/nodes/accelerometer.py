@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.messages import AccelerometerBlock, float64_array, stamp
+from mechanism_sim.messages import AccelerometerBlock, Imu, float64_array, stamp
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.process import main_of
@@ -45,18 +48,53 @@ class _Sensor:
         return found
 
 
+class _Unit:
+    """One sensor as an inertial unit, by the conventions of REP-145."""
+
+    def __init__(self, machine: Machine, name: str) -> None:
+        scene = machine.scene.sensors[name]
+        self._link, self._unit = scene.link, machine.inertial_unit(name)
+        chain = scene.chain()
+        limit, bits = chain.converter.range, chain.converter.bits
+        step = 2.0 * limit / 2**bits if limit and bits else 0.0
+        variance = chain.noise.rms**2 + step**2 / 12.0
+        self._covariance = float64_array(np.diag([variance, variance, 0.0]))
+
+    def take(self, motion: Motion) -> None:
+        """Measure a piece of motion."""
+        self._unit.take(motion)
+
+    def messages(self, final: bool) -> list[Any]:
+        """The readings of full blocks, or all that is left."""
+        found = []
+        for readings in self._unit.readings(final):
+            for t, (x, y), angle, rate in zip(
+                *(column.tolist() for column in readings), strict=True
+            ):
+                message = Imu(linear_acceleration_covariance=self._covariance)
+                message.header.stamp = stamp(t)
+                message.header.frame_id = self._link
+                message.orientation.z, message.orientation.w = (
+                    math.sin(0.5 * angle), math.cos(0.5 * angle),
+                )  # fmt: skip
+                message.angular_velocity.z = rate
+                message.linear_acceleration.x, message.linear_acceleration.y = x, y
+                found.append(message)
+        return found
+
+
 class Accelerometer(SimulationNode):
-    """Publishes every sensor of the scene on ``accelerometer/NAME``."""
+    """Publishes every sensor of the scene on ``accelerometer/NAME``, if asked on ``imu/NAME``."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('accelerometer', parameters)
-        self._sensors = [
-            (
-                _Sensor(self.machine, name),
-                self.create_publisher(AccelerometerBlock, f'accelerometer/{name}', RESULTS),
-            )
-            for name in self.machine.scene.sensors
-        ]
+        self._sensors: list[tuple[_Sensor | _Unit, Any]] = []
+        for name, scene in self.machine.scene.sensors.items():
+            blocks = self.create_publisher(AccelerometerBlock, f'accelerometer/{name}', RESULTS)
+            self._sensors.append((_Sensor(self.machine, name), blocks))
+            if scene.imu:
+                unit = _Unit(self.machine, name)
+                self._sensors.append((unit, self.create_publisher(Imu, f'imu/{name}', RESULTS)))
         self._following = Following(self, self._take, self._rest)
         self.join()
 

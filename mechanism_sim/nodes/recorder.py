@@ -14,6 +14,7 @@ from mechanism_sim.messages import (
     Clock,
     DriveLaw,
     Impact,
+    Imu,
     JointReactions,
     JointState,
     LinkageState,
@@ -75,6 +76,11 @@ class Recorder(SimulationNode):
         topics += [
             (f'accelerometer/{name}', AccelerometerBlock, RESULTS)
             for name in self.machine.scene.sensors
+        ]
+        topics += [
+            (f'imu/{name}', Imu, RESULTS)
+            for name, sensor in self.machine.scene.sensors.items()
+            if sensor.imu
         ]
         topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
         for topic, kind, qos in topics:

@@ -1,22 +1,53 @@
 """The response of a linear system to piecewise polynomials and impulses, without a time step.
 
-Mode by mode, ``z' = p z + u``. Where u is a polynomial in ``x = t / h``,
+Mode by mode, ``z' = p z + u``. On a piece of duration h, with ``x = t / h``, ``s = p h`` and
+``u = sum_j u_j x^j``, that is ``dz/dx = s z + h u``, and
 
-``z(t) = e^(p t) z(0) + t sum_j b_j x^j g_j(p t)``,  ``g_j(s) = int_0^1 e^(s (1 - y)) y^j dy``,
+``z = c(x) + (z(0) - c(0)) e^(s x)``
 
-so that nothing is approximated however fast the mode and however long the piece.
+with any polynomial c that solves it. Where s is large, that is the one of the degree of u, from
+``s c_j = (j + 1) c_(j + 1) - h u_j`` downwards; where it is small, the power series of the
+response from rest, from ``(j + 1) c_(j + 1) = s c_j + h u_j`` upwards until no more comes. Nothing
+is approximated however fast the mode and however long the piece.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.numerics.rational import Array, ComplexArray, Modes
 
-_FORWARD = 8.0
-"""Magnitude from which the recurrence of g_j runs upwards without loss."""
-_EPS = 1e-18
+_LARGE = 8.0
+"""Magnitude of s from which on the first way loses no more digits than the second below it."""
+_SERIES = 50
+"""Terms of the power series: ``8^50 / 50! < 1e-19``."""
+
+
+class Response(NamedTuple):
+    """What the modes of a system give on N pieces, without what passes directly.
+
+    ``y(t) = sum_j forced_j (t / h)^j + Re sum_k free_k e^(p_k t)`` from the start of a piece on.
+    """
+
+    poles: ComplexArray  #: (k,) [rad/s]
+    durations: Array  #: (N,) [s]
+    forced: Array  #: (d + 1, N, outputs)
+    free: ComplexArray  #: (k, N, outputs)
+
+    def __call__(self, pieces: NDArray[np.intp], t: Array) -> Array:
+        """Outputs (M, outputs) at times `t` (M,) [s] after the start of given pieces (M,)."""
+        h = self.durations[pieces]
+        x = np.divide(t, h, out=np.zeros_like(t), where=h > 0.0)[:, None]
+        y = np.zeros((len(t), self.forced.shape[2]))
+        for row in self.forced[::-1]:
+            y *= x
+            y += row[pieces]
+        for pole, amplitude in zip(self.poles, self.free, strict=True):
+            y += (amplitude[pieces] * np.exp(pole * t)[:, None]).real
+        return y
 
 
 class ModalFilter:
@@ -28,21 +59,21 @@ class ModalFilter:
 
     Attributes
     ----------
-    state : (inputs, k) of the modes that are kept, one of each conjugate pair
+    state : (k, inputs) of the modes that are kept, one of each conjugate pair
     """
 
     def __init__(self, modes: Modes) -> None:
         kept = modes.poles.imag >= 0.0
         self._poles = modes.poles[kept]
         twice = np.where(self._poles.imag > 0.0, 2.0, 1.0)
-        self._residues = modes.residues[:, :, kept] * twice
+        self._residues = (modes.residues[:, :, kept] * twice).transpose(2, 1, 0)
         self.direct = modes.direct
-        self.state = np.zeros((modes.direct.shape[1], len(self._poles)), complex)
+        self.state = np.zeros((len(self._poles), modes.direct.shape[1]), complex)
 
     def __len__(self) -> int:
         return len(self._poles)
 
-    def advance(self, durations: Array, polynomials: Array, impulses: Array) -> ComplexArray:
+    def advance(self, durations: Array, polynomials: Array, impulses: Array) -> Response:
         """Go on through N pieces.
 
         Parameters
@@ -53,75 +84,57 @@ class ModalFilter:
 
         Returns
         -------
-        (N, inputs, k) states at the start of each piece, after its impulse
+        What the modes give on these pieces
         """
-        gained = self._gained(durations, polynomials, np.ones(len(durations)))
-        decay = np.exp(durations[:, None] * self._poles)
+        s = self._poles[:, None] * durations
+        coefficients = _forced(s, durations[:, None] * polynomials.transpose(2, 0, 1))
+        begin = coefficients[0]
+        decay = np.exp(s)[:, :, None]
+        gained = sum(coefficients[1:], begin) - decay * begin
         states = np.empty_like(gained)
-        z = self.state
-        for i in range(len(durations)):
-            z = states[i] = z + impulses[i][:, None]
-            z = decay[i] * z + gained[i]
-        self.state = z
-        return states
+        for k, i in np.ndindex(self.state.shape):  # plain numbers: far faster than array elements
+            z, passed = complex(self.state[k, i]), []
+            steps = decay[k, :, 0].tolist(), gained[k, :, i].tolist(), impulses[:, i].tolist()
+            for factor, gain, impulse in zip(*steps, strict=True):
+                z += impulse
+                passed.append(z)
+                z = factor * z + gain
+            states[k, :, i], self.state[k, i] = passed, z
+        forced = [self._shown(c).sum(axis=0).real for c in coefficients]
+        return Response(self._poles, durations, np.array(forced), self._shown(states - begin))
 
-    def read(
-        self, states: ComplexArray, durations: Array, polynomials: Array, fractions: Array
-    ) -> Array:
-        """What the modes give at M instants, without what passes directly: (M, outputs).
-
-        Parameters
-        ----------
-        states : (M, inputs, k) at the start of the pieces
-        durations : (M,) [s] of the pieces
-        polynomials : (M, inputs, d + 1)
-        fractions : (M,) of the pieces
-        """
-        dt = durations * fractions
-        z = np.exp(dt[:, None] * self._poles)[:, None] * states
-        z += self._gained(dt, polynomials, fractions)
-        return np.asarray(np.einsum('oik,mik->mo', self._residues, z).real)
-
-    def _gained(self, dt: Array, polynomials: Array, fractions: Array) -> ComplexArray:
-        """What the inputs add in the course of `dt` (M,): (M, inputs, k)."""
-        shape = (*polynomials.shape[:2], len(self._poles))
-        gained = np.zeros(shape, complex)
-        if not gained.size:
-            return gained
-        powers = fractions[:, None] ** np.arange(polynomials.shape[2])
-        weights = polynomials * (dt[:, None] * powers)[:, None]
-        for j, g in _moments(dt[:, None] * self._poles, polynomials.shape[2]):
-            gained += weights[:, :, j, None] * g[:, None]
-        return gained
+    def _shown(self, z: ComplexArray) -> ComplexArray:
+        """What modes (k, N, inputs) give: (k, N, outputs)."""
+        shown = z[..., None] * self._residues[:, None]
+        return np.asarray(shown.sum(axis=2))
 
 
-def _moments(s: ComplexArray, count: int) -> list[tuple[int, ComplexArray]]:
-    """``g_j(s) = int_0^1 e^(s (1 - y)) y^j dy`` for ``j < count``.
+def _forced(s: ComplexArray, inputs: Array) -> list[ComplexArray]:
+    """Coefficients c_j (k, N, inputs) for s (k, N) and inputs h u_j (d + 1, N, inputs)."""
+    large = np.abs(s) > _LARGE
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=large)[:, :, None]
+    count = len(inputs)
+    coefficients = []
+    c = np.zeros((*s.shape, inputs.shape[2]), complex)
+    for j in range(count - 1, -1, -1):
+        c = ((j + 1.0) * c - inputs[j]) * inverse
+        coefficients.append(c)
+    coefficients.reverse()
+    if not large.all() and inputs.any():
+        slow, small = np.where(large, 0.0, s)[:, :, None], ~large[:, :, None]
+        c = np.zeros_like(c)
+        for j in range(count + _SERIES):
+            c = slow * c
+            if j < count:
+                c += small * inputs[j]
+            c /= j + 1.0
+            if j + 1 < count:
+                coefficients[j + 1] = coefficients[j + 1] + c
+            else:
+                coefficients.append(c)
+    return coefficients
 
-    By parts, ``s g_j = j g_(j - 1) - 1``: upwards where s is large, downwards where it is small,
-    from so far above that what is not known there is gone.
-    """
-    found = np.empty((count, *s.shape), complex)
-    large = np.abs(s) > _FORWARD
-    z = s[large]
-    g = np.expm1(z) / z
-    for j in range(count):
-        if j:
-            g = (j * g - 1.0) / z
-        found[j, large] = g
-    z = s[~large]
-    top, rest = count, 1.0
-    while rest > _EPS:
-        rest *= _FORWARD / top
-        top += 1
-    g = np.full(z.shape, 1.0 / (top + 1.0), complex)
-    for j in range(top, 0, -1):
-        g = (z * g + 1.0) / j
-        if j <= count:
-            found[j - 1, ~large] = g
-    return list(enumerate(found))
 
-
-def silent(inputs: int, pieces: int) -> tuple[NDArray[np.float64], Array]:
+def silent(inputs: int, pieces: int) -> tuple[Array, Array]:
     """Polynomials (pieces, inputs, 1) of no input, and impulses (pieces, inputs) of none."""
     return np.zeros((pieces, inputs, 1)), np.zeros((pieces, inputs))

@@ -107,10 +107,14 @@ def separated(poles: ComplexArray) -> ComplexArray:
         if least >= radius:
             found += near
             continue
+        centre = sum(near) / m
         # about an imaginary direction poles at zero would be stable on neither side
         turn = 1j if not p else 1.0
         circle = turn * np.exp(2j * np.pi * np.arange(m) / m)
-        if p.imag < 0.0:
+        if abs(centre.imag) <= _CLOSE * _APART[m] * abs(centre):  # conjugates met, or real poles
+            centre = centre.real
+            circle.imag[np.abs(circle.imag) < _CLOSE] = 0.0  # rounding must leave the real axis
+        elif p.imag < 0.0:
             circle = circle.conj()
-        found += list(sum(near) / m + radius * circle)
+        found += list(centre + radius * circle)
     return np.array(found, complex)

@@ -48,6 +48,11 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
             f'{summary.runs} runs, {summary.failed} failed; {summary.computed} computed now in '
             f'{summary.wall_time:.1f} s ({summary.cpu_time:.1f} s of CPU), {summary.kept} before',
             f'  table in {summary.table}',
+            *(
+                [f'  {summary.windows} windows in {summary.windows_folder}']
+                if summary.windows_folder
+                else []
+            ),
         ]
     )
 

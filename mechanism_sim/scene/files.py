@@ -218,7 +218,8 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
     if kind == 'missing':
         return f"'{where}' is missing"
     if kind == 'value_error':
-        return f'{where} = {value!r} {context["error"]}'
+        shown = where if isinstance(value, dict) else f'{where} = {value!r}'
+        return f'{shown} {context["error"]}'
     if kind == 'literal_error':
         hint = nearest(str(value), re.findall(r"'([^']*)'", str(context['expected'])))
         return f'{where} = {value!r} is not possible{hint}; allowed: {context["expected"]}'

@@ -35,12 +35,13 @@ from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.initial import initial_state
-from mechanism_sim.scene.instruments import channel
+from mechanism_sim.scene.instruments import channel, inertial_unit
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
 from mechanism_sim.scene.plan import Plan, four_bar_plan
 from mechanism_sim.scene.schema import FourBarScene, Play
 from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.imu import InertialUnit
 
 Scene = FourBarScene | LinkageScene
 
@@ -411,15 +412,28 @@ class Machine:
         """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
         return initial_state(self)
 
-    def channel(self, name: str) -> Channel:
+    def channel(self, name: str, beside: Channel | None = None) -> Channel:
         """The measured channel of a sensor, to be fed with motion from the start of a run on.
+
+        It may share the analogue part of a channel `beside` it, fed with the same motions, that
+        differs in sampling, converter and noise only.
 
         Raises
         ------
         KeyError
             If there is no such sensor.
         """
-        return channel(self, name)
+        return channel(self, name, beside)
+
+    def inertial_unit(self, name: str) -> InertialUnit:
+        """The inertial unit in the place of a sensor, to be fed likewise.
+
+        Raises
+        ------
+        KeyError
+            If there is no such sensor.
+        """
+        return inertial_unit(self, name)
 
     def prepare(self) -> None:
         """Compile all that a run will need, so that it does not wait later."""

@@ -116,6 +116,7 @@ class Sensor(Part):
     trigger: Trigger | None = None
     adc: Converter = Converter()
     noise: Noise = Noise()
+    imu: bool = False  #: also published as sensor_msgs/Imu
 
     @model_validator(mode='before')
     @classmethod
@@ -136,6 +137,13 @@ class Sensor(Part):
             raise ValueError(
                 "has an integrator, but 'quantity' is acceleration: make it velocity or "
                 'displacement, or leave the integrator out'
+            )
+        if self.imu and self.quantity != 'acceleration':
+            raise ValueError(f"has 'imu', which shows acceleration, but measures {self.quantity}")
+        if self.adc.jitter * self.sample_rate > 0.1:
+            raise ValueError(
+                f'has adc.jitter = {self.adc.jitter:g} s: it must be at most a tenth of the '
+                f'sampling period, {0.1 / self.sample_rate:g} s'
             )
         if self.adc.bits and self.adc.range is None:
             raise ValueError('has adc.bits without adc.range: the steps have no size')

@@ -44,6 +44,61 @@ class Block(NamedTuple):
     triggered: bool  #: the first is due at a trigger
 
 
+class Analogue:
+    """What lies between a machine and the converter of an instrument.
+
+    Parameters
+    ----------
+    source : what the instrument is mounted on
+    instrument : its transducer, amplifier, integrators, filter and pulses
+    """
+
+    def __init__(self, source: Source, instrument: Instrument) -> None:
+        self._source = source
+        chain = instrument.transfer()
+        self._filter = ModalFilter(source.through(chain))
+        self._pulses: _Pulses | None = None
+        if pulse := instrument.impact_pulse:
+            system = ModalFilter(source.through(chain * half_sine(pulse)))
+            self._pulses = _Pulses(system, pulse)
+        self._last: tuple[Motion, Callable[[Array], Array]] | None = None
+
+    def response(self, motion: Motion) -> Callable[[Array], Array]:
+        """What comes out at times (M,) [s] within a motion, which follows that of the last call.
+
+        The same motion may be given again, and costs nothing then.
+        """
+        if self._last is None or self._last[0] is not motion:
+            self._last = motion, self._response(motion)
+        return self._last[1]
+
+    def _response(self, motion: Motion) -> Callable[[Array], Array]:
+        """What comes out of the chain at times (M,) [s] within a motion."""
+        curve, filtered, pulses = motion.curve, self._filter, self._pulses
+        impulses = np.zeros((len(curve), self._source.inputs))
+        if len(filtered) or pulses:
+            impulses = self._source.impulses(motion)
+        if len(filtered):
+            every = np.arange(len(curve))
+            values = self._source.read(motion, every, _NODES)
+            values = values.reshape(-1, len(curve), len(_NODES)).transpose(1, 0, 2)
+            polynomials = fit_powers(values, 1.0)
+            steps = np.zeros_like(impulses) if pulses else impulses
+            response = filtered.advance(curve.duration, polynomials, steps)
+        heard = pulses.take(motion, impulses) if pulses else None
+
+        def at(t: Array) -> Array:
+            k, dt = curve.find(t)
+            y = np.zeros(len(t))
+            if filtered.direct.any():
+                y += (filtered.direct @ self._source.read(motion, k, dt))[0]
+            if len(filtered):
+                y += response(k, dt)[:, 0]
+            return y + heard(t) if heard else y
+
+        return at
+
+
 class Channel:
     """An instrument on a machine.
 
@@ -57,17 +112,20 @@ class Channel:
     instrument : the chain behind it
     name : of the sensor
     drive : index of the coordinate that triggers
+    beside : a channel whose analogue part this one shares, so that it is computed once; both are
+        fed with the same motions
     """
 
-    def __init__(self, source: Source, instrument: Instrument, name: str, drive: int = 0) -> None:
+    def __init__(
+        self,
+        source: Source,
+        instrument: Instrument,
+        name: str,
+        drive: int = 0,
+        beside: Channel | None = None,
+    ) -> None:
         self.name, self.instrument = name, instrument
-        self._source = source
-        chain = instrument.transfer()
-        self._filter = ModalFilter(source.through(chain))
-        self._pulses: _Pulses | None = None
-        if pulse := instrument.impact_pulse:
-            system = ModalFilter(source.through(chain * half_sine(pulse)))
-            self._pulses = _Pulses(system, pulse)
+        self._analogue: Analogue = beside._analogue if beside else Analogue(source, instrument)
         self._triggered = instrument.trigger is not None
         self._sampler = Sampler(instrument, name, drive)
         self._digitizer = Digitizer(instrument, name)
@@ -81,7 +139,7 @@ class Channel:
         """Measure a piece of motion, which follows that of the last call."""
         if not len(motion):
             return
-        response = self._response(motion)
+        response = self._analogue.response(motion)
         for span in self._sampler.due(motion):
             if len(span.times):
                 shown = self._digitizer.convert(span.times, response(span.times))
@@ -110,34 +168,6 @@ class Channel:
         if complete:
             self._taken = 0
 
-    def _response(self, motion: Motion) -> Callable[[Array], Array]:
-        """What comes out of the chain at times (M,) [s] within a motion."""
-        curve, filtered, pulses = motion.curve, self._filter, self._pulses
-        impulses = np.zeros((len(curve), self._source.inputs))
-        if len(filtered) or pulses:
-            impulses = self._source.impulses(motion)
-        if len(filtered):
-            every = np.arange(len(curve))
-            values = self._source.read(motion, every, _NODES)
-            values = values.reshape(-1, len(curve), len(_NODES)).transpose(1, 0, 2)
-            polynomials = fit_powers(values, 1.0)
-            steps = np.zeros_like(impulses) if pulses else impulses
-            states = filtered.advance(curve.duration, polynomials, steps)
-        heard = pulses.take(motion, impulses) if pulses else None
-
-        def at(t: Array) -> Array:
-            k, dt = curve.find(t)
-            y = np.zeros(len(t))
-            if filtered.direct.any():
-                y += (filtered.direct @ self._source.read(motion, k, dt))[0]
-            if len(filtered):
-                width = curve.duration[k]
-                fractions = np.divide(dt, width, out=np.zeros_like(dt), where=width > 0.0)
-                y += filtered.read(states[k], width, polynomials[k], fractions)[:, 0]
-            return y + heard(t) if heard else y
-
-        return at
-
 
 class _Pulses:
     """Impacts that last: each is two impulses, half a period of an oscillator apart.
@@ -148,7 +178,7 @@ class _Pulses:
     def __init__(self, system: ModalFilter, duration: float) -> None:
         self._system, self._duration = system, duration
         self._last = 0.0, 0.0
-        inputs = system.state.shape[0]
+        inputs = system.state.shape[1]
         self._times = np.zeros((2, 0))  # of what is still to come, and what rounding takes away
         self._sizes = np.zeros((0, inputs))
 
@@ -168,11 +198,11 @@ class _Pulses:
         self._last = starts[0, -1], starts[1, -1]
         durations = np.append(np.diff(starts[0]) + np.diff(starts[1]), 0.0)
         polynomials, none = silent(sizes.shape[1], len(durations))
-        states = system.advance(durations, polynomials, np.concatenate([none[:1], sizes[due]]))
+        response = system.advance(durations, polynomials, np.concatenate([none[:1], sizes[due]]))
 
         def at(t: Array) -> Array:
             k = np.searchsorted(starts[0], t, side='right') - 1
             dt = (t - starts[0, k]) - starts[1, k]
-            return system.read(states[k], dt, polynomials[k], np.ones(len(t)))[:, 0]
+            return response(k, dt)[:, 0]
 
         return at

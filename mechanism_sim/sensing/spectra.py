@@ -8,6 +8,7 @@ The spectral kurtosis, ibid. 20 (2006) 282.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from scipy import signal as dsp
 
 Array = NDArray[np.float64]
 
-_SEGMENT = 1024  # samples, unless told or fewer
+_SHORTEST = 256  # samples of a segment, unless told or fewer
 _FEWEST = 16  # segments of which a kurtosis is worth looking at
 
 
@@ -58,16 +59,18 @@ def power(
     signals : runs of samples without a gap, (N,) each; one that is shorter than a segment is left
         out
     rate : [Hz] of sampling
-    segment : samples of each segment; 1024 unless told, or the longest run if that is shorter
+    segment : samples of each segment; unless told the power of two of which 8 to 16 fit into all
+        runs together, but at least 256, and no more than the longest run has
     """
-    length = min(segment or _SEGMENT, max(map(len, signals)))
-    total, weight = np.zeros(length // 2 + 1), 0
+    longest, total = max(map(len, signals)), sum(map(len, signals))
+    length = min(segment or max(_SHORTEST, 2 ** int(math.log2(total / 8 + 1))), longest)
+    sums, weight = np.zeros(length // 2 + 1), 0
     for x in signals:
         if len(x) >= length:
             count = 1 + (len(x) - length) // (length - length // 2)
-            total += count * dsp.welch(x, rate, window, length)[1]
+            sums += count * dsp.welch(x, rate, window, length)[1]
             weight += count
-    return Spectrum(_lines(length, rate), total / weight)
+    return Spectrum(_lines(length, rate), sums / weight)
 
 
 def _lines(length: int, rate: float) -> Array:

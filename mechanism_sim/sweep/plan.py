@@ -28,7 +28,8 @@ from mechanism_sim.scene.files import (
 from mechanism_sim.scene.machine import Scene
 from mechanism_sim.study.statistics import BATCHES
 from mechanism_sim.sweep.schema import SweepFile
-from mechanism_sim.units import to_si
+from mechanism_sim.sweep.windows import Windows
+from mechanism_sim.units import Measure, to_si
 
 SCENE, REPEAT = 'scene', 'repeat'
 """Columns that are no values of a scene."""
@@ -94,6 +95,7 @@ class Plan:
     columns: tuple[str, ...]
     runs: tuple[Run, ...]
     bags: bool
+    windows: Windows | None
 
     @property
     def size(self) -> int:
@@ -103,7 +105,10 @@ class Plan:
     @property
     def fingerprint(self) -> str:
         """Of what is to be computed, in a few letters."""
-        return _hash([self.columns, [[run.key, dict(run.values)] for run in self.runs]])
+        content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
+        if self.windows:  # what measures does not rule the motion, but the windows
+            content += [vars(self.windows), [_measuring(run.scene) for run in self.runs]]
+        return _hash(content)
 
 
 def read_plan(name: str) -> Plan:
@@ -120,6 +125,7 @@ def read_plan(name: str) -> Plan:
     file = checked(path.name, SweepFile, read_yaml(path, 'sweep'))
     extent = _extent(path.name, file)
     columns = _columns(path.name, file)
+    windows = Windows.of(file.windows) if file.windows else None
     bases: dict[str, tuple[Path, dict[str, Any]]] = {}
     runs: list[Run] = []
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
@@ -142,6 +148,10 @@ def read_plan(name: str) -> Plan:
                     )
                 nudged = machine.scene
                 span(machine, extent.revolutions, extent.duration)
+                if windows:
+                    edges, skipped = extent.edges(machine)
+                    windows.check(machine, edges[skipped], edges[-1])
+                    nudged = windows.seeded(nudged, len(runs), columns)
                 values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
                 values |= {SCENE: base.stem} if SCENE in columns else {}
                 values |= {REPEAT: repetition} if REPEAT in columns else {}
@@ -150,7 +160,7 @@ def read_plan(name: str) -> Plan:
                 runs.append(Run(len(runs), base.stem, nudged, ordered, given, key))
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
-    return Plan(path.stem, file.title, extent, columns, tuple(runs), file.bags)
+    return Plan(path.stem, file.title, extent, columns, tuple(runs), file.bags, windows)
 
 
 def _extent(file: str, sweep: SweepFile) -> Extent:
@@ -192,7 +202,14 @@ def _value(scene: Scene, path: str) -> float | str | bool | None:
         place = place.get(part) if isinstance(place, Mapping) else getattr(place, part, None)
     if place is None or isinstance(place, bool | str | float | int):
         return place
+    if isinstance(place, Measure):
+        return place.value
     return json.dumps(place.model_dump() if hasattr(place, 'model_dump') else place)
+
+
+def _measuring(scene: Scene) -> dict[str, Any]:
+    """What a scene says of its measurements."""
+    return scene.model_dump(include={'sensors', 'oscillators'})
 
 
 def _is_path(scene: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +23,7 @@ from mechanism_sim.scene.machine import Machine, Scene
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import BagError, RunBag
 from mechanism_sim.sweep.plan import Extent
+from mechanism_sim.sweep.shards import Channels, Shard, ShardError, ShardWriter
 
 Array = NDArray[np.float64]
 Value = float | int | str | None
@@ -68,13 +69,17 @@ FIGURES = (
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know of a run; `bag` is a file to record it in."""
+    """What a worker needs to know of a motion; `bag` is a file to record it in.
+
+    Runs that differ in their sensors only share a motion, and write a shard each.
+    """
 
     key: str
     name: str
     scene: Scene
     extent: Extent
     bag: Path | None = None
+    shards: tuple[Shard, ...] = ()
 
 
 class Finished(NamedTuple):
@@ -118,38 +123,49 @@ def compute(task: Task) -> Finished:
 
     Raises
     ------
-    BagError
-        If its bag cannot be written.
+    BagError, ShardError
+        If its bag or its windows cannot be written.
     """
     cpu = time.process_time()
     try:
-        row = _measure(Machine(task.name, task.scene), task.extent, task.bag)
-    except BagError:
+        row = _measure(Machine(task.name, task.scene), task)
+    except (BagError, ShardError):
         raise
     except (InputError, RunError) as error:
         row = {'status': str(error)}
     return Finished(task.key, row, time.process_time() - cpu)
 
 
-def _measure(machine: Machine, extent: Extent, file: Path | None) -> dict[str, Value]:
+def _measure(machine: Machine, task: Task) -> dict[str, Value]:
+    extent = task.extent
     edges, skip = extent.edges(machine)
     gauge = Gauge(machine.physics, edges[skip])
     audit, tally, digest = Audit(gauge), Tally(edges), MotionDigest()
     crank = np.full(len(edges), math.nan)
     largest = 0.0
     run = machine.start()
-    with RunBag(file, machine, edges[-1]) if file else nullcontext() as bag:
+    with ExitStack() as files:
+        bag = files.enter_context(RunBag(task.bag, machine, edges[-1])) if task.bag else None
+        channels: Channels = {}
+        cut = [
+            files.enter_context(ShardWriter(s, task.name, edges[skip], channels))
+            for s in task.shards
+        ]
         while run.time < edges[-1]:
             run.advance(edges[-1], final=True, most=_BATCH)
             motion, impacts, changes = run.drain()
             if bag:
                 bag.add(motion, impacts, changes)
+            for shard in cut:
+                shard.add(motion)
             work = audit.add(motion, impacts)
             audit.judge(machine.allowed_penetration)
             tally.add(motion, impacts, changes, work.friction)
             _follow(crank, edges, motion, gauge.coordinates.index(machine.main))
             digest.add(motion, impacts)
             largest = max([largest, *(i.normal_impulse for i in impacts if i.t >= edges[skip])])
+        for shard in cut:
+            shard.finish()
     turned = np.abs(np.diff(crank))[skip:] / (2.0 * np.pi)
     if extent.revolutions:
         turned = np.ones_like(turned)  # but for rounding

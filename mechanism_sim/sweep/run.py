@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,7 +12,8 @@ from pathlib import Path
 from mechanism_sim.errors import InputError
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.row import DONE, Task, Value
-from mechanism_sim.sweep.store import Journal, write_table
+from mechanism_sim.sweep.shards import Shard, name_of, shards, windows_in
+from mechanism_sim.sweep.store import Journal, journal_of, write_table
 from mechanism_sim.sweep.workers import on_cluster, on_this_machine
 
 Show = Callable[[int, int], None]
@@ -31,6 +32,8 @@ class Summary:
     kept: int
     wall_time: float
     cpu_time: float
+    windows: int = 0
+    windows_folder: str | None = None
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
@@ -47,6 +50,7 @@ def sweep(
     workers: int | None = None,
     dask: str | None = None,
     bags: str | None = None,
+    windows: str | None = None,
     restart: bool = False,
     show: Show | None = None,
 ) -> tuple[Summary, list[dict[str, Value]]]:
@@ -58,6 +62,7 @@ def sweep(
     workers : processes, one for each core by default; or
     dask : address of a scheduler
     bags : folder for a bag of every run made now, which all workers reach under this name
+    windows : folder for the windows, if the sweep has some; likewise
     restart : make all runs anew
 
     Returns
@@ -81,52 +86,100 @@ def sweep(
             else '--workers and --dask exclude each other: a cluster has workers of its own'
         )
     began, cpu = time.perf_counter(), 0.0
+    fresh = not restart and not journal_of(table).exists()
+    into = _window_folder(plan, table, windows, fresh)
     with Journal(table, plan, restart) as journal:
-        folder = _bag_folder(plan, table, bags)
-        unique: dict[str, Task] = {}
-        for run in plan.runs:
-            unique.setdefault(run.key, _task(plan, run, folder))
-        kept = len(journal.rows)
-        tasks = [task for key, task in unique.items() if key not in journal.rows]
+        cut = shards(plan, into) if into else {}
+        unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
+        tasks = [t for key, t in unique.items() if not _kept(t, journal.rows.get(key))]
+        finished = kept = len(unique) - len(tasks)
         failed = sum(map(_failed, journal.rows.values()))
         cores = len(os.sched_getaffinity(0))
         source = on_cluster(tasks, dask) if dask else on_this_machine(tasks, workers or cores)
         try:
-            with closing(source) as finished:
-                for one in finished:
+            with closing(source) as results:
+                for one in results:
                     journal.add(one)
+                    finished += 1
                     cpu += one.cpu
                     failed += _failed(one.row)
                     if show:
-                        show(len(journal.rows), failed)
+                        show(finished, failed)
         except KeyboardInterrupt:
             raise Interrupted(
-                f'interrupted after {len(journal.rows)} of {plan.size} runs, which are kept in '
+                f'interrupted after {finished} of {plan.size} runs, which are kept in '
                 f"'{journal.path}'; the same command goes on from there"
             ) from None
         rows = [journal.rows[run.key] for run in plan.runs]
         write_table(table, plan, rows)
-    wall, failed = time.perf_counter() - began, sum(map(_failed, rows))
-    return Summary(plan.name, str(table), len(rows), failed, len(tasks), kept, wall, cpu), rows
+    summary = Summary(
+        plan.name,
+        str(table),
+        len(rows),
+        sum(map(_failed, rows)),
+        len(tasks),
+        kept,
+        time.perf_counter() - began,
+        cpu,
+        windows_in(cut.values()),
+        str(into) if into else None,
+    )
+    return summary, rows
 
 
-def _task(plan: Plan, run: Run, folder: Path | None) -> Task:
-    bag = folder / f'run_{run.index:05d}.mcap' if folder else None
-    return Task(run.key, run.name, run.scene, plan.extent, bag)
+def _kept(task: Task, row: dict[str, Value] | None) -> bool:
+    """Whether a run need not be made: its row is known, and so are its windows if it has any."""
+    if row is None:
+        return False
+    return _failed(row) or all(shard.file.exists() for shard in task.shards)
+
+
+def _tasks(plan: Plan, bags: Path | None, cut: Mapping[int, Shard]) -> dict[str, Task]:
+    """What is to be computed, by key: a motion for all runs that differ in their sensors only."""
+    sharing: dict[str, list[Run]] = {}
+    for run in plan.runs:
+        sharing.setdefault(run.key, []).append(run)
+    tasks = {}
+    for key, (run, *others) in sharing.items():
+        bag = bags / f'run_{run.index:05d}.mcap' if bags else None
+        files = tuple(cut[r.index] for r in (run, *others)) if cut else ()
+        tasks[key] = Task(key, run.name, run.scene, plan.extent, bag, files)
+    return tasks
 
 
 def _bag_folder(plan: Plan, table: Path, bags: str | None) -> Path | None:
     """Where runs are to be recorded, if they are."""
     if not bags and not plan.bags:
         return None
-    folder = (Path(bags) if bags else table.with_suffix('.bags')).resolve()
+    return _made('bags', Path(bags) if bags else table.with_suffix('.bags'))
+
+
+def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) -> Path | None:
+    """Where windows are to be written, if there are any."""
+    if not plan.windows:
+        if windows:
+            raise InputError(f"--windows {windows}: the sweep has no key 'windows'")
+        return None
+    folder = _made('windows', Path(windows) if windows else table.with_suffix('.windows'))
+    own = set() if fresh else {name_of(run) for run in plan.runs}
+    for file in sorted(folder.glob('*.parquet')):
+        if file.name not in own:
+            raise InputError(
+                f"'{file}' is not of this sweep, but whoever reads the folder would read it too: "
+                'choose another folder by --windows, or remove it'
+            )
+    return folder
+
+
+def _made(what: str, folder: Path) -> Path:
+    """A folder, made if it is not there."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            f"the bags' folder '{folder}' cannot be made: {error.strerror}"
+            f"the {what}' folder '{folder.resolve()}' cannot be made: {error.strerror}"
         ) from error
-    return folder
+    return folder.resolve()
 
 
 def check_table(table: Path) -> None:

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from mechanism_sim.scene.quantities import Angle, Part, Time
 
 Count = Annotated[int, Field(strict=True, ge=1)]
+
+
+class WindowsPart(Part):
+    """What is cut from the signals of the sensors, for data sets."""
+
+    sensors: Annotated[list[str], Field(min_length=1)] | None = None  #: all of the scene if not
+    samples: Annotated[int, Field(strict=True, ge=2)] = 1024  #: of a window
+    overlap: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  #: of a window with the next
+    per_run: Count | None = None  #: of every sensor, exactly; as many as there are if not
+    type: Literal['float32', 'float64'] = 'float32'  #: of the samples in the file
 
 
 class SweepFile(Part):
@@ -29,3 +39,4 @@ class SweepFile(Part):
     duration: Annotated[Time, Field(gt=0.0)] | None = None
     skip: float | str = 0  #: revolutions, or a time, that no figure is made of
     bags: bool = False
+    windows: WindowsPart | None = None

@@ -18,13 +18,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.sweep.labels import column, label_columns
 from mechanism_sim.sweep.plan import Plan
 from mechanism_sim.sweep.row import FIGURES, Finished, Value
 
 _RULING = ('mechanism_sim', 'heyoka', 'numpy')
 """Packages whose version may change the last digit, and with it the impacts of a long run."""
-
-_TYPES = {float: pa.float64(), int: pa.int64(), str: pa.string(), bool: pa.bool_()}
 
 
 class Journal:
@@ -48,7 +47,7 @@ class Journal:
     """
 
     def __init__(self, table: Path, plan: Plan, restart: bool = False) -> None:
-        self.path = table.with_name(f'{table.name}.journal')
+        self.path = journal_of(table)
         self.rows: dict[str, dict[str, Value]] = {}
         fresh = not self.path.exists() or restart
         if fresh and table.exists() and not restart:
@@ -118,6 +117,11 @@ class Journal:
         self._file.close()
 
 
+def journal_of(table: Path) -> Path:
+    """The journal beside a table."""
+    return table.with_name(f'{table.name}.journal')
+
+
 def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
     """Write the table, a row for each run in the order of the plan, all at once.
 
@@ -129,19 +133,10 @@ def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> Non
     InputError
         If it cannot be written.
     """
-    columns: list[tuple[Any, list[Any]]] = [
-        (_field('run', pa.int64()), [run.index for run in plan.runs])
-    ]
-    for name in plan.columns:
-        values = [run.values[name] for run in plan.runs]
-        kinds = {type(v) for v in values if v is not None}
-        if len(kinds) != 1:  # several, or none
-            kinds, values = {str}, [None if v is None else str(v) for v in values]
-        unit = 'SI' if kinds == {float} else ''
-        columns.append((_field(name, _TYPES[kinds.pop()], unit), values))
-    results = [_field(c.name, pa.float64(), c.unit, c.meaning) for c in FIGURES]
-    results += [_field('steps', pa.int64()), _field('digest', pa.string())]
-    results.append(_field('status', pa.string()))
+    columns = label_columns(plan)
+    results = [column(c.name, pa.float64(), c.unit, c.meaning) for c in FIGURES]
+    results += [column('steps', pa.int64()), column('digest', pa.string())]
+    results.append(column('status', pa.string()))
     columns += [(field, [row.get(field.name) for row in rows]) for field in results]
     schema = pa.schema([field for field, _ in columns], {'sweep': plan.name, 'title': plan.title})
     table = pa.table([pa.array(v, f.type) for f, v in columns], schema=schema)
@@ -158,8 +153,3 @@ def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> Non
 def _to_disk(stream: IO[bytes]) -> None:
     stream.flush()
     os.fsync(stream.fileno())
-
-
-def _field(name: str, kind: Any, unit: str = '', meaning: str = '') -> Any:
-    about = {k: v for k, v in (('unit', unit), ('meaning', meaning)) if v}
-    return pa.field(name, kind, metadata=about or None)

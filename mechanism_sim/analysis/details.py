@@ -1,0 +1,215 @@
+"""What is asked of a bag beyond its summary: spectra, orders, impacts, wear, deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from mechanism_sim.analysis.averages import over_turns, unit
+from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
+from mechanism_sim.analysis.signals import Signal
+from mechanism_sim.analysis.summary import plain
+from mechanism_sim.analysis.wear import WearMap, wear_maps
+from mechanism_sim.errors import InputError
+from mechanism_sim.sensing.orders import Turns, order_spectrum
+from mechanism_sim.sensing.spectra import Spectrum, envelope_spectrum, power, shock_band
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked for: names of sensors, of quantities and of joints.
+
+    Attributes
+    ----------
+    spectra, orders, envelopes : sensors
+    averages, deviations : sensors or names of `Piece.sample`
+    impacts, wear : joints
+    band : of the envelopes [Hz]; where the signal consists of shocks most if it is not given
+    skip : whole turns of the drive at the start that are left out
+    pin_radius : [m] of wear maps, instead of the scene's
+    """
+
+    spectra: Sequence[str] = ()
+    orders: Sequence[str] = ()
+    envelopes: Sequence[str] = ()
+    averages: Sequence[str] = ()
+    impacts: Sequence[str] = ()
+    wear: Sequence[str] = ()
+    deviations: Sequence[str] = ()
+    band: tuple[float, float] | None = None
+    skip: int = 0
+    pin_radius: float | None = None
+
+    def __bool__(self) -> bool:
+        """Whether anything is named."""
+        return any(
+            (self.spectra, self.orders, self.envelopes, self.averages, self.impacts, self.wear,
+             self.deviations)
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A spectrum of one signal, and the unit of its values."""
+
+    spectrum: Spectrum
+    unit: str
+    band: tuple[float, float] | None = None  #: of an envelope [Hz]
+
+
+@dataclass(frozen=True, eq=False)
+class Average:
+    """A quantity over the angle of the drive."""
+
+    turns: Turns
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Struck:
+    """The impacts of a joint, one by one and turn by turn."""
+
+    rose: Rose
+    cycles: ImpactCycles | None  #: None where no whole turn of the drive is in the run
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A deviation from the ideal machine, and its ratio to that of another bag."""
+
+    deviation: Deviation
+    unit: str
+    against: str | None = None  #: the scene of the other
+    alpha: Alpha | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Details:
+    """What was asked for, by name."""
+
+    drive: str  #: the link whose angle orders the turns
+    spectra: dict[str, Line] = field(default_factory=dict)
+    orders: dict[str, Line] = field(default_factory=dict)
+    envelopes: dict[str, Line] = field(default_factory=dict)
+    averages: dict[str, Average] = field(default_factory=dict)
+    impacts: dict[str, Struck] = field(default_factory=dict)
+    wear: dict[str, tuple[WearMap, WearMap]] = field(default_factory=dict)  #: bushing, pin
+    deviations: dict[str, Beside] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """As dictionaries, lists and numbers, in SI units."""
+        return {
+            'drive': self.drive,
+            **{
+                kind: {name: plain(line) for name, line in getattr(self, kind).items()}
+                for kind in ('spectra', 'orders', 'envelopes', 'impacts')
+            },
+            'averages': {name: _average(a.turns, a.unit) for name, a in self.averages.items()},
+            'wear': {
+                name: {'bushing': plain(bushing), 'pin': plain(pin)}
+                for name, (bushing, pin) in self.wear.items()
+            },
+            'deviations': {
+                name: {
+                    'rms': b.deviation.rms,
+                    'own': _average(b.deviation.own, b.unit),
+                    'ideal': _average(b.deviation.ideal, b.unit),
+                    'against': b.against,
+                    'alpha': plain(b.alpha),
+                }
+                for name, b in self.deviations.items()
+            },
+        }
+
+
+def _average(turns: Turns, unit: str) -> dict[str, Any]:
+    columns = {'angle': turns.angle, 'mean': turns.mean, 'spread': turns.spread}
+    return {'unit': unit, 'turns': len(turns.values), **plain(columns)}
+
+
+def everything(record: Record, wanted: Wanted) -> Wanted:
+    """All that can be drawn of a run, every sensor and loose bearing, in the way that is wanted."""
+    sensors, joints = record.sensors, record.loose_joints
+    turning = sensors if record.has_turns else ()
+    return replace(
+        wanted,
+        spectra=sensors,
+        orders=turning,
+        envelopes=sensors,
+        averages=turning,
+        impacts=joints,
+        wear=joints if record.machine.physics.has_forces else (),
+    )
+
+
+def find_details(record: Record, wanted: Wanted, against: Record | None = None) -> Details:
+    """What is asked of a run.
+
+    Parameters
+    ----------
+    against : another run, whose deviations the deviations are divided by
+
+    Raises
+    ------
+    InputError
+        If there is no such sensor, quantity or joint, or the run is too short for it.
+    """
+    if against and not wanted.deviations:
+        raise InputError('--against goes with --deviation: it compares two deviations')
+    skip = wanted.skip
+    begin = record.begin(skip)
+
+    def signal(name: str) -> Signal:
+        return record.signal(name).since(begin)
+
+    return Details(
+        record.machine.main,
+        {name: _spectrum(signal(name)) for name in wanted.spectra},
+        {name: _orders(record, name, skip) for name in wanted.orders},
+        {name: _envelope(signal(name), wanted.band) for name in wanted.envelopes},
+        {
+            name: Average(over_turns(record, name, skip=skip), unit(record, name))
+            for name in wanted.averages
+        },
+        {name: _struck(record, name, skip) for name in wanted.impacts},
+        {
+            name: wear_maps(record, name, pin_radius=wanted.pin_radius, skip=skip)
+            for name in wanted.wear
+        },
+        {name: _beside(record, name, skip, against) for name in wanted.deviations},
+    )
+
+
+def _spectrum(signal: Signal) -> Line:
+    return Line(power(signal.runs, signal.rate), f'({signal.unit})^2/Hz')
+
+
+def _orders(record: Record, sensor: str, skip: int) -> Line:
+    return Line(order_spectrum(over_turns(record, sensor, skip=skip)), unit(record, sensor))
+
+
+def _envelope(signal: Signal, band: tuple[float, float] | None) -> Line:
+    if band and not 0.0 <= band[0] < band[1] <= 0.5 * signal.rate:
+        raise InputError(
+            f'the band {band[0]:g} Hz to {band[1]:g} Hz does not lie between 0 and half the '
+            f'sampling rate of {signal.sensor}, {0.5 * signal.rate:g} Hz'
+        )
+    band = band or shock_band(signal.longest, signal.rate)
+    found = envelope_spectrum(signal.longest, signal.rate, band)
+    return Line(found, f'({signal.unit})^2', band)
+
+
+def _struck(record: Record, joint: str, skip: int) -> Struck:
+    rose = impact_rose(record, joint, skip)
+    return Struck(rose, impact_cycles(record, rose, skip) if record.has_turns else None)
+
+
+def _beside(record: Record, quantity: str, skip: int, against: Record | None) -> Beside:
+    own = deviation(record, quantity, skip=skip)
+    if against is None:
+        return Beside(own, unit(record, quantity))
+    ratio = alpha(own, deviation(against, quantity, skip=skip))
+    return Beside(own, unit(record, quantity), against.machine.name, ratio)

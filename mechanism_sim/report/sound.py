@@ -1,0 +1,100 @@
+"""The sound of a run as a WAV file, and what it says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.io import wavfile
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.sensing.sound import Listener, Strike, level, pressure
+
+RATE = 44100  #: [Hz] of the file
+TAIL = 0.1  # [s] of the file, after the run
+
+
+@dataclass(frozen=True)
+class Sound:
+    """A sound that was written.
+
+    impacts: that are heard; peak: largest pressure [Pa], which is full scale in the file;
+    peak_level: its level [dB re 20 uPa]; mean_level: of the whole run [dB re 20 uPa]; slow: how
+    many times slower than the machine; duration: of the file [s].
+    """
+
+    file: str
+    impacts: int
+    peak: float
+    peak_level: float
+    mean_level: float
+    slow: float
+    duration: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the same as a plain dictionary."""
+        return asdict(self)
+
+
+def check_file(file: str) -> Path:
+    """Refuse what cannot be written before anything is computed.
+
+    Raises
+    ------
+    InputError
+    """
+    path = Path(file)
+    if path.suffix != '.wav':
+        raise InputError(f'--output {file}: the ending must be .wav')
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
+    return path
+
+
+def write(
+    train: Sequence[Strike],
+    end: float,
+    file: Path,
+    listener: Listener,
+    pulse: float | None = None,
+    slow: float = 1.0,
+) -> Sound:
+    """Write the sound of impacts, 16 bit at 44.1 kHz, its peak at full scale.
+
+    Parameters
+    ----------
+    train : of a run that lasts up to `end` [s]
+    pulse : [s], see `mechanism_sim.sensing.sound.pressure`
+    slow : 4 plays a second of the machine in 4 s
+
+    Raises
+    ------
+    InputError
+        If nothing sounds, the listener is inside of the machine, or the file cannot be written.
+    """
+    if not slow > 0.0:
+        raise InputError(f'--slow {slow:g}: must be more than 0')
+    p = pressure(train, RATE * slow, end + TAIL / slow, listener, pulse)
+    peak = float(np.abs(p).max())
+    if peak == 0.0:
+        raise InputError('there is nothing to hear: the run has no impacts')
+    try:
+        wavfile.write(file, RATE, np.round(p * (32767.0 / peak)).astype(np.int16))
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    mean = float(np.sqrt(np.mean(p**2)))
+    return Sound(str(file), len(train), peak, level(peak), level(mean), slow, len(p) / RATE)
+
+
+def render(sound: Sound) -> str:
+    """What was written, for people."""
+    pace = f', {sound.slow:g} times slower' if sound.slow != 1.0 else ''
+    return (
+        f'{sound.file}: {sound.duration:.3g} s{pace}\n'
+        f'impacts    {sound.impacts}\n'
+        f'peak       {sound.peak:.3g} Pa ({sound.peak_level:.1f} dB), full scale in the file\n'
+        f'mean       {sound.mean_level:.1f} dB over the run'
+    )

@@ -1,0 +1,112 @@
+"""An inertial unit on a link: two accelerometers at right angles, and how the link turns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.sensing.chain import Instrument
+from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.point import PointOnLink
+
+
+class Attitude:
+    """The angle of a link, or its rate, as a source of a channel.
+
+    Parameters
+    ----------
+    derivative : 0 for the angle without whole turns [rad], 1 for its rate [rad/s]
+    """
+
+    inputs = 1
+
+    def __init__(self, mechanism: Mechanism, link: str, derivative: int) -> None:
+        frame, offset = mechanism.frame(link)
+        self._index = None if frame == GROUND else mechanism.coordinates.index(frame)
+        self._offset, self._derivative = 0.0 if derivative else offset, derivative
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from what is read here to what comes out of a chain."""
+        return chain.modes()
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Angle or rate (1, N) at instants as those of ``curve.at(segments, dt)``."""
+        turned = motion.curve.local(segments, dt, self._derivative)
+        if self._index is None:
+            return np.full((1, len(turned)), self._offset)
+        return turned[None, :, self._index] + self._offset
+
+    def impulses(self, motion: Motion) -> Array:
+        """None (m, 1): an angle has no impulses, and a gyroscope is ideal here."""
+        return np.zeros((len(motion), 1))
+
+
+class Readings(NamedTuple):
+    """N consecutive readings of an inertial unit; x is along the link, y across it."""
+
+    times: Array  #: (N,) [s] when they are due
+    acceleration: Array  #: (N, 2) [m/s^2] less that of gravity: at rest it points upwards
+    angle: Array  #: (N,) [rad] of the link in the world, without whole turns
+    rate: Array  #: (N,) [rad/s]
+
+
+class InertialUnit:
+    """Measures with the chain of an accelerometer along and across the link, and gravity with it.
+
+    On the axis of the accelerometer noise and jitter are those that it has itself. Angle and rate
+    are the true ones at the times when samples are due.
+
+    Parameters
+    ----------
+    link, at, axis, transverse : of the accelerometer, see `PointOnLink`
+    instrument, name, drive : as for its `Channel`
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        link: str,
+        at: float | Vector2,
+        axis: str,
+        instrument: Instrument,
+        name: str,
+        transverse: float = 0.0,
+        drive: int = 0,
+    ) -> None:
+        self._period = 1.0 / instrument.sample_rate
+        ideal = replace(Instrument(instrument.sample_rate), trigger=instrument.trigger)
+        self._channels = [
+            Channel(
+                PointOnLink(mechanism, link, at, way, True, transverse),
+                instrument,
+                name if way == axis else f'{name}.{way}',
+                drive,
+            )
+            for way in ('along', 'across')
+        ]
+        self._channels += [
+            Channel(Attitude(mechanism, link, derivative), ideal, name, drive)
+            for derivative in (0, 1)
+        ]
+
+    def take(self, motion: Motion) -> None:
+        """Measure a piece of motion, which follows that of the last call."""
+        for channel in self._channels:
+            channel.take(motion)
+
+    def readings(self, final: bool = False) -> list[Readings]:
+        """Those of full blocks, or all that is left; each is given once."""
+        found = []
+        blocks = (channel.blocks(final) for channel in self._channels)
+        for x, y, angle, rate in zip(*blocks, strict=True):
+            times = x.time + self._period * np.arange(len(x.samples))
+            both = np.stack([x.samples, y.samples], axis=1)
+            found.append(Readings(times, both, angle.samples, rate.samples))
+        return found

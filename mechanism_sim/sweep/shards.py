@@ -1,0 +1,251 @@
+"""The windows of one run as a Parquet file, written as the run goes on."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.scene.machine import Machine, Scene
+from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sweep.labels import column, label_columns
+from mechanism_sim.sweep.plan import Plan, Run
+from mechanism_sim.sweep.windows import Cutter, Windows
+
+SIGNAL = 'signal'
+_ROWS = 256  # of a row group
+_DIGITAL = {'instrument', 'sample_rate', 'trigger', 'adc', 'noise'}
+"""Keys of a sensor that say nothing of its analogue part, or nothing that others do not say."""
+
+Channels = dict[str, Channel]
+"""Channels of one motion by all that their analogue parts follow from."""
+
+
+class ShardError(RunError):
+    """A file of windows cannot be written: no fault of the run, so it ends the sweep."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """What a worker needs to know to write the windows of a run.
+
+    Attributes
+    ----------
+    scene : whose sensors measure the motion; scenes that differ in nothing else share a motion
+    labels : what is the same in every row
+    schema : of the file
+    """
+
+    file: Path
+    scene: Scene
+    windows: Windows
+    labels: Mapping[str, Any]
+    schema: pa.Schema
+
+
+def shards(plan: Plan, folder: Path) -> dict[int, Shard]:
+    """The file of every run of a sweep that asks for windows, by the number of the run."""
+    if plan.windows is None:
+        return {}
+    columns, size = label_columns(plan), plan.windows.samples
+    kind = pa.list_(pa.from_numpy_dtype(np.dtype(plan.windows.type)), size)
+    fields = [
+        *(field for field, _ in columns),
+        column('sensor', pa.string()),
+        column('window', pa.int32(), '', 'number within the run and sensor'),
+        column('start', pa.float64(), 's', 'when the first sample is due'),
+        column('crank_angle', pa.float64(), 'rad', 'of the main drive at the start, 0 to 2 pi'),
+        column('crank_speed', pa.float64(), 'rad/s', 'of the main drive at the start'),
+        column('sample_rate', pa.float64(), 'Hz'),
+        column('quantity', pa.string(), '', 'acceleration [m/s^2] or what it was integrated to'),
+        column('seed', pa.uint32(), '', 'of the noise of this run'),
+        column(SIGNAL, kind, 'SI', f'{size} consecutive samples'),
+    ]
+    schema = pa.schema(fields, {'sweep': plan.name, 'title': plan.title})
+
+    def shard(run: Run, windows: Windows) -> Shard:
+        labels = {field.name: values[run.index] for field, values in columns}
+        return Shard(folder / name_of(run), run.scene, windows, labels, schema)
+
+    return {run.index: shard(run, plan.windows) for run in plan.runs}
+
+
+def name_of(run: Run) -> str:
+    """The file of a run in the folder of the windows."""
+    return f'run_{run.index:05d}.parquet'
+
+
+def windows_in(files: Iterable[Shard]) -> int:
+    """How many windows there are in the files that exist."""
+    return sum(pq.read_metadata(s.file).num_rows for s in files if s.file.exists())
+
+
+class ShardWriter:
+    """Measures a motion with the sensors of a shard and writes its windows.
+
+    The file appears when it is complete; one that is there already is replaced.
+
+    Parameters
+    ----------
+    name : of the scene
+    since : [s] windows that begin earlier are left out
+    channels : those of other shards of this motion, which may serve this one too; it adds its own
+
+    Raises
+    ------
+    ShardError
+        From any method: nothing can be written there.
+    """
+
+    def __init__(self, shard: Shard, name: str, since: float, channels: Channels) -> None:
+        self._shard, machine = shard, Machine(name, shard.scene)
+        scene, windows = machine.scene, shard.windows
+        self._main = machine.mechanism.coordinates.index(machine.main)
+        self._sensors = [
+            _Sensor(shard, machine, n, since, channels) for n in windows.chosen(scene)
+        ]
+        self._rows: list[dict[str, Any]] = []
+        self._signals: list[np.ndarray[Any, Any]] = []
+        self._curves: list[PiecewisePolynomial] = []  # of motion in which windows may begin
+        self._part = shard.file.with_name(f'.{shard.file.name}.part')
+        with _told(shard.file):
+            self._stream = self._part.open('wb')
+            self._parquet = pq.ParquetWriter(
+                self._stream,
+                shard.schema,
+                compression='zstd',
+                use_dictionary=[f.name for f in shard.schema if f.name != SIGNAL],
+                column_encoding={f'{SIGNAL}.list.element': 'BYTE_STREAM_SPLIT'},
+            )
+
+    def add(self, motion: Motion) -> None:
+        """Measure a batch of steps, and write the windows that it completes."""
+        if len(motion):
+            self._curves.append(motion.curve)
+        for sensor in self._sensors:
+            if not sensor.done:
+                sensor.channel.take(motion)
+        self._gather(final=False)
+        reached = min(math.inf if s.done else s.cutter.reached for s in self._sensors)
+        self._curves = [curve for curve in self._curves if curve.end >= reached]
+
+    def _gather(self, final: bool) -> None:
+        for sensor in self._sensors:
+            for start, samples in sensor.windows(final):
+                self._rows.append(sensor.row(start) | self._crank(start))
+                self._signals.append(samples)
+                if len(self._rows) == _ROWS:
+                    self._flush()
+
+    def finish(self) -> None:
+        """Write what is left, and give the file its name.
+
+        Raises
+        ------
+        InputError
+            If there are fewer windows than asked for.
+        """
+        self._gather(final=True)
+        wanted = self._shard.windows.per_run or 1
+        for sensor in self._sensors:
+            if sensor.count < wanted:
+                raise InputError(
+                    f"sensor '{sensor.name}' gave {sensor.count} windows, not {wanted}: run "
+                    'longer, or ask for fewer or shorter ones'
+                )
+        self._flush()
+        with _told(self._shard.file):
+            self._parquet.close()
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+            self._part.replace(self._shard.file)
+
+    def _crank(self, t: float) -> dict[str, float]:
+        curve = next(c for c in self._curves if t < c.end or c is self._curves[-1])
+        at, i = curve.find(np.array([t])), self._main
+        angle = float(curve.local(*at)[0, i]) % TWO_PI
+        return {'crank_angle': angle, 'crank_speed': float(curve.local(*at, 1)[0, i])}
+
+    def _flush(self) -> None:
+        if not self._rows:
+            return
+        schema = self._shard.schema
+        flat = np.concatenate(self._signals).astype(self._shard.windows.type)
+        columns = [
+            pa.array([row[field.name] for row in self._rows], field.type)
+            if field.name != SIGNAL
+            else pa.FixedSizeListArray.from_arrays(pa.array(flat), type=field.type)
+            for field in schema
+        ]
+        with _told(self._shard.file):
+            self._parquet.write_batch(pa.record_batch(columns, schema))
+        self._rows, self._signals = [], []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_failure: object) -> None:
+        if not self._stream.closed:  # the run failed, or the disk
+            with suppress(OSError):
+                self._parquet.close()
+            with suppress(OSError):
+                self._stream.close()
+            self._part.unlink(missing_ok=True)
+
+
+class _Sensor:
+    """A sensor of a shard: its channel, its cutter, and what its rows say."""
+
+    def __init__(
+        self, shard: Shard, machine: Machine, name: str, since: float, channels: Channels
+    ) -> None:
+        scene = machine.scene.sensors[name]
+        self.name, self.count = name, 0
+        key = f'{name} {scene.model_dump_json(exclude=_DIGITAL)}'
+        self.channel = machine.channel(name, channels.get(key))
+        channels.setdefault(key, self.channel)
+        self._most = shard.windows.per_run or math.inf
+        self.cutter = Cutter(shard.windows, scene.sample_rate, since)
+        self._labels = {
+            **shard.labels,
+            'sensor': name,
+            'sample_rate': scene.sample_rate,
+            'quantity': scene.quantity,
+            'seed': scene.noise.seed,
+        }
+
+    @property
+    def done(self) -> bool:
+        """Whether there are as many windows as are wanted."""
+        return self.count >= self._most
+
+    def windows(self, final: bool) -> Iterator[tuple[float, np.ndarray[Any, Any]]]:
+        """Those that are complete by now, as far as they are wanted."""
+        for window in self.cutter.cut(self.channel.blocks(final)):
+            if not self.done:
+                yield window
+                self.count += 1
+
+    def row(self, start: float) -> dict[str, Any]:
+        """All of a row but its signal and the crank."""
+        return {**self._labels, 'window': self.count, 'start': start}
+
+
+@contextmanager
+def _told(file: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ShardError(f"'{file}' cannot be written: {error.strerror or error}") from error

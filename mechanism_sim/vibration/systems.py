@@ -1,0 +1,253 @@
+"""Many degrees of freedom: modes, damping of any kind, frequency response ([V] 6.13).
+
+    M y'' + C y' + K y = F
+
+Where the modes of the undamped system diagonalise C too (proportional damping), each modal
+coordinate is an `Oscillator`; otherwise the state-space solution is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve_triangular
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.vibration import state_space
+from mechanism_sim.vibration.single import Oscillator, Response
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: what is smaller, against the largest of its kind, is rounding
+ROUNDING = 1e-13
+#: condition number of damped modes beyond which sums over them lose more than six digits
+DEPENDENT = 1e6
+
+
+class Modes(NamedTuple):
+    """Modes of the undamped system, the slowest first."""
+
+    frequencies: Array  #: natural frequencies (n,) [rad/s]; 0 for a rigid-body mode
+    shapes: Array  #: (n, n), a mode in each column, with shapes^T M shapes = 1
+    decay_rates: Array | None  #: (n,) [1/s]; None if the damping couples the modes
+
+
+class DampedModes(NamedTuple):
+    """Roots and amplitudes of free vibrations under any damping, [V] eqs. 6.185 to 6.198."""
+
+    roots: ComplexArray  #: (2n,) [1/s], by imaginary part
+    shapes: ComplexArray  #: (n, 2n), an amplitude vector in each column
+
+    def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> Response:
+        """Free vibration as a sum of exponentials, [V] eqs. 6.197, 6.198; as `System.free`.
+
+        Raises
+        ------
+        InputError
+            If roots are so nearly repeated that the exponentials do not span the motions;
+            `System.free` can do it.
+        """
+        whole = np.concatenate([self.shapes, self.shapes * self.roots])
+        if np.linalg.cond(whole / np.linalg.norm(whole, axis=0)) > DEPENDENT:
+            raise InputError('damped modes with repeated roots cannot be summed: take System.free')
+        share = np.linalg.solve(whole, np.concatenate([displacement, velocity]).astype(complex))
+        states = whole @ (share[:, None] * np.exp(np.outer(self.roots, np.atleast_1d(t))))
+        return Response(*np.split(states.real, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Masses, dampers and springs as matrices.
+
+    Parameters
+    ----------
+    mass : M (n, n) [kg], symmetric and positive definite
+    damping : C (n, n) [N s/m]
+    stiffness : K (n, n) [N/m], symmetric, without negative eigenvalues
+
+    Raises
+    ------
+    InputError
+        If a matrix is not as described.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_1d(self.mass))
+        for name in ('mass', 'damping', 'stiffness'):
+            matrix = np.asarray(getattr(self, name), np.float64)
+            if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+                raise InputError(f'the {name} matrix is not a square of {n} rows of numbers')
+            if name != 'damping' and (
+                np.abs(matrix - matrix.T).max() > ROUNDING * np.abs(matrix).max()
+            ):
+                raise InputError(f'the {name} matrix is not symmetric')
+            object.__setattr__(self, name, matrix)
+        try:
+            cholesky(self.mass)
+        except LinAlgError:
+            raise InputError('the mass matrix is not positive definite') from None
+        if (least := self._principal[0].min()) < 0.0:
+            raise InputError(f'the stiffness matrix has a negative eigenvalue, {least:.3g}')
+
+    @cached_property
+    def modes(self) -> Modes:
+        """Natural frequencies, modes, and rates of decay if the damping is proportional.
+
+        Modes of the same frequency are chosen so that the damping does not couple them, if they
+        can be.
+        """
+        squares, Q, loss = self._principal
+        L = cholesky(self.mass, lower=True)
+        shapes = solve_triangular(L.T, Q)
+        shapes = shapes * np.where(shapes[np.abs(shapes).argmax(axis=0), range(len(L))] < 0, -1, 1)
+        return Modes(np.sqrt(squares), shapes, None if loss is None else loss / 2.0)
+
+    @cached_property
+    def _principal(self) -> tuple[Array, Array, Array | None]:
+        """Eigenvalues of M^-1 K; eigenvectors in mass-normalised coordinates; those of M^-1 C."""
+        L = cholesky(self.mass, lower=True)
+        K, C = (
+            solve_triangular(L, solve_triangular(L, matrix, lower=True).T, lower=True)
+            for matrix in (self.stiffness, self.damping.T)
+        )
+        K = (K + K.T) / 2.0
+        stiffest, strongest = (float(np.linalg.norm(matrix, 2)) or 1.0 for matrix in (K, C))
+        # a mixture of both, with an odd share so that no eigenvalues meet by accident
+        Q = eigh(K / stiffest + 0.6180339887498949 * (C + C.T) / 2.0 / strongest)[1]
+        K_modal, C_modal = Q.T @ K @ Q, Q.T @ C @ Q
+        order = np.argsort(np.diag(K_modal))
+        squares, Q, loss = np.diag(K_modal)[order], Q[:, order], np.diag(C_modal)[order]
+        coupling = max(_coupling(K_modal) / stiffest, _coupling(C_modal) / strongest)
+        proportional = max(coupling, -loss.min() / strongest) < ROUNDING * len(L)
+        if not proportional:
+            squares, Q = eigh(K)
+        squares = np.where(np.abs(squares) < ROUNDING * stiffest, 0.0, squares)
+        return squares, Q, np.maximum(loss, 0.0) if proportional else None
+
+    @property
+    def state_matrix(self) -> Array:
+        """A (2n, 2n) of x' = A x, x = (y, y')."""
+        return state_space.state_matrix(self.mass, self.damping, self.stiffness)
+
+    @property
+    def damped_modes(self) -> DampedModes:
+        """Roots of the characteristic equation and their amplitude vectors, largest entry 1."""
+        roots, vectors = eig(self.state_matrix)
+        order = np.lexsort((roots.real, roots.imag))
+        shapes = vectors[: len(self.mass), order]
+        largest = shapes[np.abs(shapes).argmax(axis=0), range(shapes.shape[1])]
+        return DampedModes(roots[order], shapes / largest)
+
+    def impedance(self, frequency: ArrayLike) -> ComplexArray:
+        """Force amplitudes per displacement (..., n, n) [N/m] at frequencies (...) [rad/s].
+
+        The dynamic stiffness K - w^2 M + i w C, [V] eqs. 6.205 to 6.209.
+        """
+        w = np.asarray(frequency, np.float64)[..., None, None]
+        return np.asarray(self.stiffness - w**2 * self.mass + 1j * w * self.damping)
+
+    def receptance(self, frequency: ArrayLike) -> ComplexArray:
+        """Displacement amplitudes per force (..., n, n) [m/N], the inverse of the impedance.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            At a resonance without damping.
+        """
+        return np.asarray(np.linalg.inv(self.impedance(frequency)))
+
+    def steady(self, force: ArrayLike, frequency: ArrayLike) -> ComplexArray:
+        """Complex amplitudes (..., n) [m] under the force amplitudes (..., n) [N]."""
+        F = np.asarray(force, complex)[..., None]
+        return np.asarray(np.linalg.solve(self.impedance(frequency), F)[..., 0])
+
+    def free(self, t: ArrayLike, displacement: ArrayLike, velocity: ArrayLike) -> Response:
+        """Free vibration (n, N) at times t (N,) [s] from displacement and velocity (n,)."""
+        modes = self.modes
+        if modes.decay_rates is None:
+            start = np.concatenate([displacement, velocity])
+            return Response(*np.split(state_space.free(self.state_matrix, t, start), 2))
+        q0, v0 = (modes.shapes.T @ self.mass @ np.asarray(x) for x in (displacement, velocity))
+        coordinates = Oscillator(modes.frequencies[:, None], modes.decay_rates[:, None])
+        q = coordinates.free(np.atleast_1d(t), q0[:, None], v0[:, None])
+        return Response(modes.shapes @ q.displacement, modes.shapes @ q.velocity)
+
+    def forced(
+        self,
+        t: ArrayLike,
+        force: ArrayLike,
+        frequency: float,
+        displacement: ArrayLike,
+        velocity: ArrayLike,
+    ) -> Response:
+        """Response (n, N) to harmonic forces that begin at t = 0, at any frequency.
+
+        Parameters
+        ----------
+        t : times (N,) [s]
+        force : complex amplitudes (n,) [N]
+        frequency : of the force [rad/s]
+        displacement, velocity : at t = 0, (n,)
+        """
+        modes = self.modes
+        if modes.decay_rates is None:
+            start = np.concatenate([displacement, velocity])
+            b = state_space.input_vector(self.mass, force)
+            states = state_space.forced(self.state_matrix, t, b, [frequency], start)
+            return Response(*np.split(states, 2))
+        push = (modes.shapes.T @ np.asarray(force))[:, None]
+        coordinates = Oscillator(modes.frequencies[:, None], modes.decay_rates[:, None])
+        q = coordinates.forced(np.atleast_1d(t), push, frequency)
+        free = self.free(t, displacement, velocity)
+        return Response(
+            free.displacement + modes.shapes @ q.displacement,
+            free.velocity + modes.shapes @ q.velocity,
+        )
+
+
+def chain(masses: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) -> System:
+    """Masses in a row between springs and dampers, [V] eqs. 6.138 to 6.142.
+
+    Parameters
+    ----------
+    masses : (n,) [kg]
+    stiffnesses : (n,) or (n + 1,) [N/m]: of the spring before each mass, the first one from the
+        ground (0 for a free end), and of one behind the last
+    dampings : as many [N s/m], or one for all
+
+    Raises
+    ------
+    InputError
+        If there are not as many springs as it takes, or a number cannot be.
+    """
+    m = np.atleast_1d(np.asarray(masses, np.float64))
+    k = np.atleast_1d(np.asarray(stiffnesses, np.float64))
+    if len(k) not in {len(m), len(m) + 1}:
+        raise InputError(f'{len(m)} masses in a row take {len(m)} springs, or one more')
+    try:
+        c = np.broadcast_to(np.asarray(dampings, np.float64), k.shape)
+    except ValueError:
+        raise InputError(f'{len(k)} springs take {len(k)} dampers') from None
+    if (k < 0.0).any() or (c < 0.0).any():
+        raise InputError('springs and dampers of a row are not negative')
+    return System(np.diag(m), _row(c, len(m)), _row(k, len(m)))
+
+
+def _row(values: Array, n: int) -> Array:
+    """Matrix (n, n) of elements between neighbours."""
+    across = np.diff(np.eye(n + 2, n, -1), axis=0)[: len(values)]  # elongations per displacement
+    return np.asarray(across.T @ (values[:, None] * across))
+
+
+def _coupling(matrix: Array) -> float:
+    """Largest entry off the diagonal."""
+    return float(np.abs(matrix - np.diag(np.diag(matrix))).max())
