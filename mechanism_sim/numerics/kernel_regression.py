@@ -94,4 +94,4 @@ def explained(x: Array, y: Array) -> Array:
 def _squares(a: Array, b: Array) -> Array:
     """Squared distances (n, m) of rows of a (n, p) and b (m, p)."""
     products = 2.0 * a @ b.T
-    return np.maximum((a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - products, 0.0)
+    return np.asarray(np.maximum((a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - products, 0.0))

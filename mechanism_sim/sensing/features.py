@@ -34,8 +34,8 @@ def features(x: Array, rate: float, stretches: int = 1) -> Array:
     * the power in ten bands, each 1.74 times as wide as the one below, up to half of the sampling
       rate;
     * the heights of the bursts: peaks of the envelope above a tenth of half of the sampling rate,
-      the n-th highest for nine n from 1/2048 to 1/16 of the number of samples. A bearing that gives
-      back little has few impacts after each other, and its bursts fall off quickly with n;
+      the n-th highest for nine n from 1/2048 to 1/16 of the number of samples. A bearing that
+      gives back little has few impacts after each other, and its bursts fall off quickly with n;
     * how long bursts last: the autocorrelation of the logarithm of the envelope at nine lags.
 
     Parameters

@@ -1,8 +1,8 @@
 """Restitution, friction and clearance from the signal of an accelerometer.
 
 [SB] 9.1 asks for what this answers: its simulation and its experiment differed thirtyfold, because
-restitution and friction of the bearing were not known. A rattling machine is chaotic, so its signal
-is compared by `features`, never sample by sample:
+restitution and friction of the bearing were not known. A rattling machine is chaotic, so its
+signal is compared by `features`, never sample by sample:
 
 1. The experiment is simulated with parameters spread evenly over a box (Sobol's sequence), each
    time with the scene's whole measurement chain and other noise.
@@ -10,8 +10,8 @@ is compared by `features`, never sample by sample:
    Constructing summary statistics for approximate Bayesian computation, J. R. Stat. Soc. B 74
    (2012) 419); on the features of the measured signal it gives an estimate and its error, as it
    shows on simulations left out of it.
-3. Around the estimate the box is drawn closer, so that it keeps all that is likely, and filled with
-   new simulations (truncated prior: B. K. Miller et al., Truncated marginal neural ratio
+3. Around the estimate the box is drawn closer, so that it keeps all that is likely, and filled
+   with new simulations (truncated prior: B. K. Miller et al., Truncated marginal neural ratio
    estimation, NeurIPS 2021), and so on.
 
 The error contains chaos, noise, and jumps between responses that exist side by side, because the
@@ -43,13 +43,15 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """Called with the numbers of simulations finished and failed."""
 
-ROUNDS = (128, 64, 64)
+ROUNDS = (128, 48, 48)
 """Simulations of each round; those of earlier rounds that lie in the box serve again."""
 LEVEL = 0.95
+"""Of confidence, for all parameters together."""
 _KEPT = 0.99  # of the probability, when the box is drawn closer
 _MARGIN = 1.25  # by which it is wider than that
 _BATCH = 2048  # steps
-_STRETCHES = 6  # where the speed changes
+STRETCHES = 6
+"""Parts of a signal that are looked at apart, where the speed changes."""
 _MOST_FAILED = 0.25
 
 
@@ -76,14 +78,18 @@ class Measurement:
         return float(self.machine.scene.sensors[self.sensor].sample_rate)
 
     @property
+    def steady(self) -> bool:
+        """Whether the main drive has one speed."""
+        return len(self.machine.laws) == 1 and not self.machine.torque_driven
+
+    @property
     def features(self) -> Array:
         """Of the samples."""
         return self.features_of(self.samples)
 
     def features_of(self, samples: Array) -> Array:
         """Of other samples of the same experiment."""
-        steady = len(self.machine.laws) == 1 and not self.machine.torque_driven
-        return features(samples, self.rate, 1 if steady else _STRETCHES)
+        return features(samples, self.rate, 1 if self.steady else STRETCHES)
 
     def repeated(self, overrides: dict[str, float], seed: int) -> Array:
         """Samples (N,) of the same experiment on a machine with other values and other noise.
@@ -95,9 +101,7 @@ class Measurement:
         """
         given = overrides | {f'sensors.{self.sensor}.noise.seed': seed}
         content = self.machine.scene.model_dump()
-        machine = build(
-            self.machine.name, check_scene(self.machine.name, content, given)
-        )
+        machine = build(self.machine.name, check_scene(self.machine.name, content, given))
         wanted = len(self.samples)
         end = self.start + (wanted + 1) / self.rate
         channel, run = machine.channel(self.sensor), machine.start()
@@ -121,9 +125,9 @@ class Estimate:
     Attributes
     ----------
     value : median of what it may be
-    low, high : limits of its 95 % interval
-    share : of the width that was allowed, on the parameter's scale, that the interval still has; of
-        a parameter without effect on the signal nearly 1
+    low, high : limits; all parameters together are within theirs with 95 % (Bonferroni)
+    share : of the width that was allowed, on the parameter's scale, that the interval still has;
+        nearly 1 of a parameter without effect on the signal
     """
 
     parameter: Parameter
@@ -256,16 +260,15 @@ class Identification:
             near = everything.within(low, high)
             fits = _fitted(near)
         may_be = np.column_stack([fit.left_out(observed) + fit.residuals for fit in fits])
+        level = 1.0 - (1.0 - LEVEL) / len(fits)
         estimates = []
         for k, (p, fit) in enumerate(zip(self.parameters, fits, strict=True)):
-            limits = np.clip(fit.interval(observed, LEVEL), self.low[k], self.high[k])
+            limits = np.clip(fit.interval(observed, level), self.low[k], self.high[k])
             middle = float(np.clip(np.median(may_be[:, k]), *limits))
-            share = float(np.ptp(limits) / (self.high[k] - self.low[k]) / LEVEL)
-            estimates.append(
-                Estimate(p, p.value(middle), *map(p.value, limits.tolist()), min(share, 1.0))
-            )
-        at = np.clip(np.median(may_be, axis=0), low, high)
-        misfit, likeness = _likeness(near, at, observed)
+            share = float(np.ptp(limits) / (self.high[k] - self.low[k]))
+            below, above = map(p.value, limits.tolist())
+            estimates.append(Estimate(p, p.value(middle), below, above, share))
+        misfit, likeness = _likeness(near, fits, observed)
         correlation = np.atleast_2d(np.corrcoef(may_be.T))
         return Identified(
             tuple(estimates), correlation, self.simulations, self.failed, misfit, likeness
@@ -291,27 +294,32 @@ def _closer(
     return np.maximum(low, middle - half), np.minimum(high, middle + half)
 
 
-def _likeness(near: Design, at: Array, observed: Array) -> tuple[float, float]:
-    """Misfit of the observed features at a place, and the share of simulations with a larger one.
+def _likeness(
+    near: Design, fits: Sequence[KernelRegression], observed: Array
+) -> tuple[float, float]:
+    """Misfit of the observed features, and the share of simulations with a larger one.
 
-    Features are a parabola of the place, plus what scatters.
+    Features are a parabola of what is predicted from them, plus what scatters. Each simulation is
+    treated as the measurement is: by regressions without it.
     """
-    scale = near.places.std(axis=0)
+    told = near.places - np.array([fit.residuals for fit in fits]).T
+    here = np.array([np.median(fit.left_out(observed)) for fit in fits])
+    middle, scale = told.mean(axis=0), told.std(axis=0)
 
     def terms(places: Array) -> Array:
-        z = (places - near.places.mean(axis=0)) / scale
+        z = (places - middle) / scale
         pairs = [z[:, i] * z[:, j] for i in range(z.shape[1]) for j in range(i + 1)]
         return np.column_stack([np.ones(len(z)), z, *pairs])
 
-    basis = terms(near.places)
-    coefficients = np.linalg.lstsq(basis, near.features, rcond=None)[0]
-    off = near.features - basis @ coefficients
-    free = max(1, len(basis) - basis.shape[1])
-    spread = np.sqrt((off**2).sum(axis=0) / free)
+    inverse = np.linalg.pinv(terms(told))
+    leverage = np.einsum('ij,ji->i', terms(told), inverse)
+    off = near.features - terms(told) @ (inverse @ near.features)
+    off /= np.maximum(1.0 - leverage, 1e-3)[:, None]
+    spread = np.sqrt((off**2).mean(axis=0))
     spread[spread == 0.0] = math.inf
-    each = np.sqrt(((off / spread) ** 2).mean(axis=1))
-    mine = float(np.sqrt((((observed - terms(at[None])[0] @ coefficients) / spread) ** 2).mean()))
-    return mine, float((each >= mine).mean())
+    mine = observed - terms(here[None])[0] @ (inverse @ near.features)
+    misfit = float(np.sqrt(((mine / spread) ** 2).mean()))
+    return misfit, float((np.sqrt(((off / spread) ** 2).mean(axis=1)) >= misfit).mean())
 
 
 _Task = tuple[Sequence[Measurement], dict[str, float], Sequence[int]]

@@ -101,6 +101,24 @@ def parameters(
     return tuple(found)
 
 
+def ranges(texts: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Limits by name, from texts ``name=low:high``.
+
+    Raises
+    ------
+    InputError
+        If a text is not of this form.
+    """
+    found = {}
+    for text in texts:
+        name, _, limits = text.partition('=')
+        low, colon, high = limits.partition(':')
+        if not (name and low and colon and high):
+            raise InputError(f"--range '{text}': write NAME=LOW:HIGH, as 'radial=0.1 mm:0.4 mm'")
+        found[name.strip()] = low.strip(), high.strip()
+    return found
+
+
 def _path(machine: Machine, name: str, sensor: str, joint: str | None) -> str:
     if name == NOISE:
         return f'sensors.{sensor}.noise.rms'
