@@ -86,9 +86,9 @@ def explained(x: Array, y: Array) -> Array:
     """Share of the variance of each column of x (n, p) that a parabola in y (n,) explains."""
     parabola = np.vander(y, 3)
     fitted = parabola @ np.linalg.lstsq(parabola, x, rcond=None)[0]
-    variance = x.var(axis=0)
-    variance[variance == 0.0] = math.inf
-    return np.asarray(np.clip(1.0 - (x - fitted).var(axis=0) / variance, 0.0, 1.0))
+    left, variance = (x - fitted).var(axis=0), x.var(axis=0)
+    share = np.divide(left, variance, out=np.ones_like(left), where=variance > 0.0)
+    return np.asarray(np.clip(1.0 - share, 0.0, 1.0))
 
 
 def _squares(a: Array, b: Array) -> Array:

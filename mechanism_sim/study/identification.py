@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 
 import numpy as np
@@ -223,8 +223,10 @@ class Identification:
         unit = sobol.random_base2(math.ceil(math.log2(count)))[:count]
         places = low + (high - low) * unit
         seeds = self._random.integers(1 << 31, size=(count, len(self.measurements)))
+        # what a machine has compiled cannot be sent to another process
+        bare = tuple(replace(m, machine=replace(m.machine)) for m in self.measurements)
         tasks = [
-            (self.measurements, self._overrides(place), row.tolist())
+            (bare, self._overrides(place), row.tolist())
             for place, row in zip(places, seeds, strict=True)
         ]
         found: list[Array | None] = [None] * count
