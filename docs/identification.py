@@ -1,9 +1,9 @@
 """Trials of `mechanism-sim identify`: bags of machines that are known, and what is found in them.
 
 Records ten run-ups of the scene `bearing_run_up` as nodes, each with another restitution, friction,
-clearance and noise, identifies them, and puts the table into docs/identification.md. The first round
-of simulations knows nothing of a signal yet, so it is made once and serves all trials; everything
-else is what the command does.
+clearance and noise, identifies them, and puts the table into docs/identification.md. The first
+round of simulations knows nothing of a signal yet, so it is made once and serves all trials;
+everything else is what the command does.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def record(file: Path, truth: np.ndarray, noise: int) -> None:
     values.append(f'sensors.rocker.noise.seed={noise}')
     given = [x for value in values for x in ('--set', value)]
     command = [sys.executable, '-m', 'mechanism_sim', 'run', SCENE, *given, '--record', str(file)]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)  # noqa: S603 - our own
 
 
 def main() -> None:
@@ -84,9 +84,8 @@ def main() -> None:
             verdict = f'{"yes" if all(good) else "no"} | {found.misfit:.2f} | {cpu:.0f} s'
             rows.append(f'| {k + 1} | {" | ".join(cells)} | {verdict} |')
             print(rows[-1], flush=True)
-    rows.append('')
-    rows.append(f'All three within their limits in {within} of {TRIALS} trials. The first round took '
-                f'{first:.0f} s of CPU.')  # fmt: skip
+    counted = f'All three within their limits in {within} of {TRIALS} trials.'
+    rows += ['', f'{counted} The first round took {first:.0f} s of CPU.']
     print(rows[-1])
     before, _, rest = PAGE.read_text(encoding='utf-8').partition(BEGIN)
     after = rest.partition(END)[2]
