@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_ROUNDING = 1e-16
+_LOST = 1e-16, 10.0
+"""What rounding costs two poles in units of their distance, and how much more each further one."""
 _AT_ZERO = 1e-5
 """[rad/s] how far poles at zero are moved."""
 
@@ -107,7 +108,8 @@ def _cluster(poles: ComplexArray) -> tuple[NDArray[np.bool_], complex, float] | 
     """The most of the poles that are too near to each other, if any; centre and radius."""
     sizes = np.abs(poles)
     for m in range(len(poles), 1, -1):
-        radii = np.where(sizes > 0.0, _ROUNDING ** (1.0 / (2.0 * m - 1.0)) * sizes, _AT_ZERO)
+        apart = (_LOST[0] * _LOST[1] ** (m - 2)) ** (1.0 / (2.0 * m - 1.0))
+        radii = np.where(sizes > 0.0, apart * sizes, _AT_ZERO)
         # conjugates belong together where the real axis is near
         centres = np.where(np.abs(poles.imag) > radii, poles, poles.real)
         near = np.abs(poles - centres[:, None]) <= radii[:, None]
