@@ -5,7 +5,10 @@ from glob import glob
 from setuptools import find_packages, setup
 
 NAME = 'mechanism_sim'
-NODES = ('crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'accelerometer', 'recorder')
+NODES = (
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
+    'recorder',
+)  # fmt: skip
 
 setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),

@@ -43,6 +43,7 @@ VIEWS = {
     'four_bar_crossed': View(0.0, 6),
     'four_bar_double_crank': View(0.1, 8, COG),
     'four_bar_double_rocker': View(0.0, 8, COG),
+    'four_bar_measured': View(0.0, 1),
     'four_bar_nominal': View(0.0, 8, COG),
     'four_bar_triple_rocker': View(0.0, 6, COG),
     'geneva': View(0.22),

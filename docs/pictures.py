@@ -1,10 +1,12 @@
 """The pictures of the documentation: ``python docs/pictures.py`` writes docs/pictures/*.svg.
 
-Both are drawn from the scene ``four_bar_clearance`` and a run of it; nothing is drawn by hand.
+They are drawn from the scenes ``four_bar_clearance`` and ``four_bar_measured`` and runs of them;
+nothing is drawn by hand.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -19,6 +21,9 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import FourBarLinks
+from mechanism_sim.sensing.chain import Instrument
+from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.point import PointOnLink
 
 Array = NDArray[np.float64]
 Bar = tuple[Array, Array, float]
@@ -258,17 +263,63 @@ def _modes(axes: Axes, solution: Solution, period: float) -> None:
     axes.spines['left'].set_visible(False)
 
 
+def draw_chain(machine: Machine, solution: Solution) -> Figure:
+    """A hard impact on its way through the chain of the thesis: rocker, across, at the bearing."""
+    sensor = machine.scene.sensors['rocker']
+    whole, place = sensor.chain(), (sensor.link, sensor.at, sensor.axis, sensor.gravity)
+    ideal = Instrument(2e6)
+    seen = {
+        'truth, but for the impulses of impacts': ideal,
+        'transducer 42 kHz': replace(ideal, transducer=whole.transducer),
+        'amplifier 2 Hz to 1 kHz': replace(
+            ideal, transducer=whole.transducer, amplifier=whole.amplifier
+        ),
+        '12 bits at 2.7 kHz, noise, hum': replace(whole, trigger=None),
+    }
+    hard = max(solution.impacts, key=lambda i: i.normal_impulse).t
+    figure = Figure(figsize=(8.0, 5.6), layout='constrained')
+    panels = figure.subplots(len(seen), 1, sharex=True)
+    for axes, (label, instrument) in zip(panels, seen.items(), strict=True):
+        channel = Channel(PointOnLink(machine.mechanism, *place), instrument, 'rocker')
+        channel.take(solution.motion)
+        samples = np.concatenate([b.samples for b in channel.blocks(final=True)])
+        t = 1e3 * (np.arange(len(samples)) / instrument.sample_rate - hard)
+        shown = (t > -1.5) & (t < 4.5)
+        stepwise = instrument.sample_rate < 1e4
+        axes.plot(
+            t[shown][:: 1 if stepwise else 4],
+            samples[shown][:: 1 if stepwise else 4],
+            color='0.0',
+            lw=0.6,
+            marker='o' if stepwise else None,
+            ms=3.5,
+            mfc='white',
+        )
+        axes.set_title(label, fontsize=9.0, loc='right')
+        axes.grid(color='0.9', lw=0.6)
+        axes.set_axisbelow(True)
+        axes.margins(y=0.12)
+    panels[0].axvline(0.0, color='0.5', lw=0.8, ls=(0, (3, 3)))
+    figure.supylabel('acceleration [m/s$^2$]', fontsize=9.0)
+    panels[-1].set_xlabel('time since the impact [ms]')
+    panels[-1].set_xlim(-1.5, 4.5)
+    figure.align_ylabels(panels)
+    return figure
+
+
 def main() -> None:
     """Write all pictures."""
     machine = ms.load_scene(SCENE)
     solution = ms.simulate(machine, revolutions=2)
     released = ms.simulate(ms.load_scene(SCENE, {'start': 'centred'}), revolutions=1)
     nominal = ms.simulate(ms.load_scene('four_bar_nominal'), revolutions=1)
+    measured = ms.load_scene('four_bar_measured')
     FOLDER.mkdir(exist_ok=True)
     with mpl.rc_context(STYLE):
         for name, figure in (
             ('four_bar', draw_mechanism(machine, released)),
             ('bearing_force', draw_result(solution, nominal, machine.period)),
+            ('measurement_chain', draw_chain(measured, solution)),
         ):
             file = FOLDER / f'{name}.svg'
             figure.savefig(file, facecolor='white', metadata={'Date': None})

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
 
 NODE_NAMES = (
-    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'accelerometer', 'recorder',
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
+    'recorder',
 )  # fmt: skip
 
 
@@ -180,6 +181,14 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
     sub.add_argument('--over', metavar='PATH', help='draw them over this one')
+    sub = command(
+        'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
+    )
+    sub.add_argument('folder', metavar='DIR', help='of bags, see sweep --bags')
+    sub.add_argument('-o', '--output', metavar='DIR|FILE', help='for figures: folder, .pdf, .svg')
+    sub.add_argument(
+        '--skip', type=int, metavar='K', help='whole turns to leave out; the first half if not'
+    )
     sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
     sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
     sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs in series')
@@ -668,6 +677,29 @@ def _sweep(options: argparse.Namespace) -> int:
     return 0
 
 
+def _experiment(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.experiment import bags_of, read_experiment  # noqa: PLC0415
+    from mechanism_sim.report import experiment as report  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+
+    if options.skip is not None and options.skip < 0:
+        raise InputError('--skip must be at least 0')
+    place = figures.check_picture('--output', options.output, True) if options.output else None
+    bags = bags_of(Path(options.folder))
+    with progress.count('experiment', len(bags), quiet=options.json) as show:
+        found = read_experiment(bags, options.skip, show)
+    if place:
+        from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
+
+        with figures.style():
+            figures.save_all(draw(found), place)
+    if options.json:
+        _print_json(report.to_json(found))
+    else:
+        print(report.render(found))
+    return 0
+
+
 def _teeth(options: argparse.Namespace) -> int:
     from mechanism_sim.gears.teeth import choose, ratio_of  # noqa: PLC0415
     from mechanism_sim.report import teeth  # noqa: PLC0415
@@ -813,6 +845,8 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
 
     if options.skip < 0:
         raise InputError('--skip must be at least 0')
+    if options.against and not wanted.deviations:
+        raise InputError('--against goes with --deviation: it compares two deviations')
     record = read_record(options.bag, options.namespace)
     against = read_record(options.against, options.namespace) if options.against else None
     return find_details(record, wanted if wanted else everything(record, wanted), against)

@@ -237,6 +237,19 @@ def test_an_impact_makes_the_seismic_mass_ring():
     close(found, np.where(t > 0.0, wanted, 0.0), 1e-9)
 
 
+def test_an_undamped_mass_is_struck_for_half_of_its_period():
+    """In resonance half a sine leaves an amplitude of ``pi^2 jump / (4 T)``, for good."""
+    pulse, jump = 1e-4, 0.3
+    moved = motion(np.zeros_like, np.array([1e-3, 0.3]), {1: jump})
+    found = measure(Instrument(RATE, Transducer(0.5 / pulse, 0.0), impact_pulse=pulse), moved)
+    since = times(found) - 1e-3 - pulse
+    wanted = 0.25 * math.pi**2 * jump / pulse * np.cos(math.pi * since / pulse)
+    later = since > 0.0
+    close(found[later], wanted[later], 1e-2)
+    early = later & (since < 4e-3)
+    close(found[early], wanted[early])
+
+
 SPRING_MASS = """
 title: A block on a spring, at 2 kHz
 mechanism: linkage

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import importlib.util
+import itertools
 import os
 import signal
 import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pyarrow.dataset
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from four_bars import RADIAL
 from running import command, environment, run, run_json
 
@@ -128,6 +133,30 @@ def test_runs_that_differ_in_their_sensors_share_a_motion_but_no_noise(reference
     assert abs(both) < 0.05
 
 
+def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
+    stiffness = 'oscillators.frame.mounts.left.stiffness'
+    text = (
+        'scene: four_bar_on_frame\nduration: 0.3\nwindows: {samples: 500, type: float64}\n'
+        f'grid: {{{stiffness}: [[3e5, 8e5], [6e5, 8e5]]}}\n'
+    )
+    table = tmp_path / 't.parquet'
+    plan = read_plan(sweep_file(tmp_path, text))
+    assert sweep(plan, table, workers=1)[0].computed == 1
+    rows = rows_of(table)
+    for made in plan.runs:
+        machine = ms.load_scene('four_bar_on_frame', {stiffness: made.given[stiffness]})
+        motion = ms.simulate(machine, duration=0.3).motion
+        for name in machine.scene.sensors:
+            channel = machine.channel(name)
+            channel.take(motion)
+            alone = np.concatenate([block.samples for block in channel.blocks(final=True)])
+            found = [r['signal'] for r in rows if (r['run'], r['sensor']) == (made.index, name)]
+            assert found
+            assert np.array_equal(np.concatenate(found), alone[: len(found) * 500])
+    signals = [[r['signal'] for r in rows if r['run'] == k] for k in (0, 1)]
+    assert not np.array_equal(*signals)
+
+
 def test_the_schema_says_units_and_a_reader_of_files_finds_all_of_them(reference):
     table = pq.read_table(folder_of(reference))
     assert table.num_rows == RUNS * EACH
@@ -214,10 +243,44 @@ def test_a_run_with_too_few_triggers_fails_and_leaves_no_file(tmp_path):
         'windows: {samples: 700, per_run: 60}\n'
     )
     table = tmp_path / 't.parquet'
-    summary, rows = sweep(read_plan(sweep_file(tmp_path, text)), table, workers=1)
+    folder_of(table).mkdir()
+    (folder_of(table) / 'run_00000.parquet').write_bytes(b'of an earlier time')
+    plan = read_plan(sweep_file(tmp_path, text))
+    with pytest.raises(InputError, match='is not of this sweep'):
+        sweep(plan, table, workers=1)
+    summary, rows = sweep(plan, table, workers=1, restart=True)
     assert (summary.failed, summary.windows) == (1, 0)
     assert 'gave 5 windows, not 60' in rows[0]['status']
     assert not list(folder_of(table).iterdir())
+
+
+def test_the_example_learns_from_motions_it_was_not_asked_about(tmp_path):
+    model_selection = pytest.importorskip('sklearn.model_selection')
+    root = Path(__file__).parents[1]
+    spec = importlib.util.spec_from_file_location('c', root / 'docs' / 'classify_clearance.py')
+    sys.modules['c'] = example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    text = yaml.safe_load((root / 'config/sweeps/bearing_wear.yaml').read_text(encoding='utf-8'))
+    text['grid'] |= {
+        'drive.speed': ['300 rpm'], RADIAL: ['0.0254 mm', '0.254 mm'],
+        f'{SENSOR}.noise.rms': ['1 m/s^2', '3 m/s^2'],
+    }  # fmt: skip
+    text |= {'windows': {'samples': 1024, 'per_run': 20}, 'duration': 2.5, 'skip': 0.4}
+    table = tmp_path / 't.parquet'
+    sweep(read_plan(sweep_file(tmp_path, yaml.safe_dump(text))), table, workers=1)
+    data = example.read(str(folder_of(table)))
+    rows = rows_of(table)
+    assert [data.clearances[k] for k in data.label] == [row[RADIAL] for row in rows]
+    assert len(np.unique(data.motion)) == 8
+    assert len(np.unique(data.run)) == 16
+    signals = np.array([row['signal'] for row in rows])
+    assert np.exp(data.figures[:, 0]) == pytest.approx(signals.std(axis=1))
+    assert example.read(str(folder_of(table)), 4).figures == pytest.approx(data.figures[::4])
+    folds = model_selection.GroupKFold(4).split(data.figures, data.label, data.motion)
+    asked, said = example.predict(data, folds)
+    assert np.sort(asked).tolist() == list(range(320))
+    assert (said == data.label[asked]).mean() > 0.9
+    assert example.vote(data, asked, said) == 1.0
 
 
 def test_a_cutter_gives_the_same_windows_however_the_signal_comes():
@@ -225,7 +288,7 @@ def test_a_cutter_gives_the_same_windows_however_the_signal_comes():
     x = rng.standard_normal(1000)
     windows = Windows((), 64, 40, None, 'float64')
     edges = [0, *np.sort(rng.choice(np.arange(1, 1000), 20, replace=False)), 1000]
-    blocks = [Block(a / 100.0, x[a:b], 0, False) for a, b in zip(edges, edges[1:], strict=False)]
+    blocks = [Block(a / 100.0, x[a:b], 0, False) for a, b in itertools.pairwise(edges)]
     found = list(Cutter(windows, 100.0, 1.0).cut(blocks))
     firsts = [k for k in range(0, 1000 - 63, 40) if k / 100.0 >= 1.0]
     assert [w.start for w in found] == [k / 100.0 for k in firsts]

@@ -17,6 +17,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.orders import Turns, order_spectrum
 from mechanism_sim.sensing.spectra import Spectrum, envelope_spectrum, power, shock_band
 
+_FEWEST = 16  # samples of a spectrum
+
 
 @dataclass(frozen=True)
 class Wanted:
@@ -91,6 +93,7 @@ class Details:
     """What was asked for, by name."""
 
     drive: str  #: the link whose angle orders the turns
+    drive_rate: float | None  #: turns a second in the mean [Hz]; None of one that turns back
     spectra: dict[str, Line] = field(default_factory=dict)
     orders: dict[str, Line] = field(default_factory=dict)
     envelopes: dict[str, Line] = field(default_factory=dict)
@@ -103,6 +106,7 @@ class Details:
         """As dictionaries, lists and numbers, in SI units."""
         return {
             'drive': self.drive,
+            'drive_rate': self.drive_rate,
             **{
                 kind: {name: plain(line) for name, line in getattr(self, kind).items()}
                 for kind in ('spectra', 'orders', 'envelopes', 'impacts')
@@ -131,8 +135,9 @@ def _average(turns: Turns, unit: str) -> dict[str, Any]:
 
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
-    """All that can be drawn of a run, every sensor and loose bearing, in the way that is wanted."""
-    sensors, joints = record.sensors, record.loose_joints
+    """All that can be drawn of a run, in the way that is wanted: of each sensor and bearing."""
+    sensors = [x for x in record.sensors if len(record.signal(x).longest) >= _FEWEST]
+    joints = record.loose_joints
     turning = sensors if record.has_turns else ()
     return replace(
         wanted,
@@ -157,16 +162,21 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
     InputError
         If there is no such sensor, quantity or joint, or the run is too short for it.
     """
-    if against and not wanted.deviations:
-        raise InputError('--against goes with --deviation: it compares two deviations')
     skip = wanted.skip
     begin = record.begin(skip)
 
     def signal(name: str) -> Signal:
-        return record.signal(name).since(begin)
+        found = record.signal(name).since(begin)
+        if len(found.longest) < _FEWEST:
+            raise InputError(
+                f'the longest run of samples of {name} has {len(found.longest)} of them: a '
+                f'spectrum needs at least {_FEWEST}'
+            )
+        return found
 
     return Details(
         record.machine.main,
+        record.rate if record.has_turns else None,
         {name: _spectrum(signal(name)) for name in wanted.spectra},
         {name: _orders(record, name, skip) for name in wanted.orders},
         {name: _envelope(signal(name), wanted.band) for name in wanted.envelopes},

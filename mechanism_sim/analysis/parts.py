@@ -1,4 +1,4 @@
-"""What cams, gears and Geneva wheels did: the range of what was published of them."""
+"""What cams, gears, Geneva wheels and frames did: the range of what was published of them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ class PartKind(NamedTuple):
     """What is summed up of a kind of parts."""
 
     title: str
-    state: str  #: the field that says in what state a part is
+    state: str | None  #: the field that says in what state a part is
     names: dict[int, str]  #: of its values
     fields: tuple[str, ...]  #: whose ranges are wanted
+    part: str = 'joint'  #: the field that names it
 
 
 #: by topic; the numbers are those of the messages
@@ -37,6 +38,24 @@ PARTS = {
         {0: 'locked', 1: 'engaged'},
         ('driven_velocity', 'driven_acceleration', 'driven_effort', 'driver_torque'),
     ),
+    'oscillator_state': PartKind(
+        'oscillators',
+        None,
+        {},
+        (
+            'x',
+            'y',
+            'angle',
+            'acceleration_x',
+            'acceleration_y',
+            'force_x',
+            'force_y',
+            'moment',
+            'mount_force_x',
+            'mount_force_y',
+        ),
+        'oscillator',
+    ),
 }
 
 
@@ -55,7 +74,7 @@ class Range:
 class PartSummary:
     """One part over a run; `share` of the instants by the name of its state sums to 1."""
 
-    joint: str
+    joint: str  #: or the name of an oscillator
     samples: int
     share: dict[str, float]
     ranges: tuple[Range, ...]  #: without those of which nothing is known
@@ -71,10 +90,10 @@ class PartCollector:
 
     def add(self, message: Any) -> None:
         """Take in one instant of one part."""
-        joint, time = str(message.joint), float(message.time)
-        state = int(getattr(message, self._kind.state))
-        name = self._kind.names.get(state, str(state))
-        self._states.setdefault(joint, Counter())[name] += 1
+        joint, time = str(getattr(message, self._kind.part)), float(message.time)
+        counts = self._states.setdefault(joint, Counter())
+        state = int(getattr(message, self._kind.state)) if self._kind.state else 0
+        counts[self._kind.names.get(state, str(state))] += 1
         for field in self._kind.fields:
             value = float(getattr(message, field))
             if math.isnan(value):
@@ -90,7 +109,9 @@ class PartCollector:
             PartSummary(
                 joint,
                 states.total(),
-                {name: count / states.total() for name, count in states.items()},
+                {name: count / states.total() for name, count in states.items()}
+                if self._kind.state
+                else {},
                 tuple(r for (of, _), r in self._ranges.items() if of == joint),
             )
             for joint, states in self._states.items()

@@ -80,14 +80,14 @@ class Record:
         """Of the motion [s]."""
         return self.piece.motion.curve.end
 
+    @property
+    def slides(self) -> bool:
+        """Whether the main drive moves straight, so that it makes no turns."""
+        return self.machine.main in self.machine.physics.displacements
+
     @cached_property
     def _drive(self) -> int:
-        machine = self.machine
-        if machine.main in machine.physics.displacements:
-            raise InputError(
-                f'{machine.name}: {machine.main} is driven straight, it makes no turns'
-            )
-        return machine.physics.coordinates.index(machine.main)
+        return self.machine.physics.coordinates.index(self.machine.main)
 
     @cached_property
     def _sense(self) -> float:
@@ -99,14 +99,19 @@ class Record:
         return self.piece.motion.curve(t)[:, self._drive]
 
     def turned(self, t: Array) -> Array:
-        """Angle of the main drive in turns at times (N,) [s]: (N,), rising; nan outside."""
-        inside = (t >= self.start) & (t <= self.end)
+        """Angle of the main drive in turns at times (N,) [s]: (N,), rising.
+
+        Not a number outside of the motion, and of a drive that slides.
+        """
+        inside = (t >= self.start) & (t <= self.end) & (not self.slides)
         turned = np.full(len(t), np.nan)
         turned[inside] = self._sense * self._angle(t[inside]) / TWO_PI
         return turned
 
     def angle(self, t: Array) -> Array:
-        """Angle of the main drive at times (N,) [s] in [0, 2 pi)."""
+        """Angle of the main drive at times (N,) [s] in [0, 2 pi); nan of a drive that slides."""
+        if self.slides:
+            return np.full(len(t), np.nan)
         return np.asarray(np.mod(self._angle(t), TWO_PI))
 
     @property
@@ -123,6 +128,10 @@ class Record:
         InputError
             If none is left.
         """
+        if self.slides:
+            raise InputError(
+                f'{self.machine.name}: {self.machine.main} is driven straight, it makes no turns'
+            )
         first, last = self.turns
         if first + skip >= last:
             raise InputError(
@@ -134,10 +143,16 @@ class Record:
     @property
     def has_turns(self) -> bool:
         """Whether the run has a whole turn of a drive that turns one way only."""
-        if self.machine.main in self.machine.physics.displacements:
+        if self.slides:
             return False
         first, last = self.turns
-        return first < last and bool(np.all(np.diff(self._marks[1]) > 0.0))
+        return first < last and bool(np.all(np.diff(self._marks[1]) >= 0.0))
+
+    @property
+    def rate(self) -> float:
+        """Turns of the main drive a second, in the mean [Hz]."""
+        first, last = self.turned(np.array([self.start, self.end]))
+        return float((last - first) / (self.end - self.start))
 
     def begin(self, skip: int) -> float:
         """When so many whole turns of the main drive are over [s]; the start of the run for 0."""
@@ -160,10 +175,8 @@ class Record:
             If it turns back on the way.
         """
         marks, passed = self._marks
-        if np.any(np.diff(passed) <= 0.0):
-            raise InputError(
-                f'{self.machine.name}: {self.machine.main} stands still or turns back'
-            )
+        if np.any(np.diff(passed) < 0.0):
+            raise InputError(f'{self.machine.name}: {self.machine.main} turns back')
         curve, per_turn = self.piece.motion.curve, self._sense / TWO_PI
         t = np.interp(turns, passed, marks)
         for _ in range(_NEWTON):

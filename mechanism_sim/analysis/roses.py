@@ -34,7 +34,8 @@ class Rose:
     pin, bushing : the links that carry them
     time : [s]
     crank_angle : of the main drive [rad] in [0, 2 pi)
-    turn : whole turns of the drive before the impact; angle zero begins a turn
+    turn : whole turns of the drive before the impact; angle zero begins a turn. 0 of a drive that
+        slides, whose angle is not a number
     normal_impulse, tangential_impulse : [N s]
     approach_speed : [m/s]
     on_pin, on_bushing : direction of the place struck, in the frame of the pin's and of the
@@ -96,7 +97,7 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
         pin_joint.second,
         t,
         record.angle(t),
-        np.floor(record.turned(t) + 1e-9).astype(np.int64),
+        np.floor(np.nan_to_num(record.turned(t)) + 1e-9).astype(np.int64),
         column('normal_impulse'),
         column('tangential_impulse'),
         column('approach_speed'),

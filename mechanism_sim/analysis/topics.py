@@ -16,6 +16,7 @@ KINDS = {
     'cam_state': 'mechanism_sim/msg/CamState',
     'gear_state': 'mechanism_sim/msg/GearState',
     'geneva_state': 'mechanism_sim/msg/GenevaState',
+    'oscillator_state': 'mechanism_sim/msg/OscillatorState',
     'accelerometer': 'mechanism_sim/msg/AccelerometerBlock',
     'progress': 'mechanism_sim/msg/Progress',
 }

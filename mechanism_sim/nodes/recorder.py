@@ -20,6 +20,7 @@ from mechanism_sim.messages import (
     LinkageState,
     ModeChange,
     Motion,
+    OscillatorState,
     Progress,
     String,
     TFMessage,
@@ -27,6 +28,7 @@ from mechanism_sim.messages import (
     type_name,
 )
 from mechanism_sim.middleware import Parameter, QoSProfile
+from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
@@ -83,6 +85,8 @@ class Recorder(SimulationNode):
             if sensor.imu
         ]
         topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
+        if self.machine.scene.oscillators:
+            topics.append((OSCILLATOR_STATE, OscillatorState, RESULTS))
         for topic, kind, qos in topics:
             self._record(topic, kind, qos)
         self._add_topic(self.resolve_topic_name('progress'), Progress, RESULTS)

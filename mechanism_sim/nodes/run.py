@@ -17,6 +17,7 @@ from mechanism_sim.nodes.gear_train import GearTrain
 from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
+from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import run_nodes, tell
 from mechanism_sim.nodes.recorder import Recorder
@@ -29,6 +30,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'cam': Cam,
     'gear_train': GearTrain,
     'geneva': Geneva,
+    'oscillator': Oscillator,
     'accelerometer': Accelerometer,
     'recorder': Recorder,
 }
@@ -66,6 +68,7 @@ class Plan:
         integrator = integrator_of(self.machine)
         parts = [name for name in kinds_of(self.machine) if name != integrator]
         names = ['crank_drive', integrator, *parts]
+        names += ['oscillator'] if self.machine.scene.oscillators else []
         names += ['accelerometer'] if self.machine.scene.sensors else []
         return [*names, 'recorder'] if self.record else names
 

@@ -44,7 +44,7 @@ class Response(NamedTuple):
         y = np.zeros((len(t), self.forced.shape[2]))
         for row in self.forced[::-1]:
             y *= x
-            y += row[pieces]
+            y += row.take(pieces, axis=0)
         for pole, amplitude in zip(self.poles, self.free, strict=True):
             y += (amplitude[pieces] * np.exp(pole * t)[:, None]).real
         return y
@@ -100,38 +100,36 @@ class ModalFilter:
                 passed.append(z)
                 z = factor * z + gain
             states[k, :, i], self.state[k, i] = passed, z
-        forced = [self._shown(c).sum(axis=0).real for c in coefficients]
-        return Response(self._poles, durations, np.array(forced), self._shown(states - begin))
+        residues = self._residues[:, None]
+        free = ((states - begin)[..., None] * residues).sum(axis=2)
+        forced = np.zeros((*coefficients[:, 0, :, 0].shape, residues.shape[3]))
+        for k, i in np.ndindex(self.state.shape):  # sums and complex products round by length
+            c, r = coefficients[:, k, :, i, None], residues[k, 0, i]
+            forced += c.real * r.real
+            forced -= c.imag * r.imag
+        return Response(self._poles, durations, forced, free)
 
-    def _shown(self, z: ComplexArray) -> ComplexArray:
-        """What modes (k, N, inputs) give: (k, N, outputs)."""
-        shown = z[..., None] * self._residues[:, None]
-        return np.asarray(shown.sum(axis=2))
 
-
-def _forced(s: ComplexArray, inputs: Array) -> list[ComplexArray]:
-    """Coefficients c_j (k, N, inputs) for s (k, N) and inputs h u_j (d + 1, N, inputs)."""
+def _forced(s: ComplexArray, inputs: Array) -> ComplexArray:
+    """Coefficients c_j (j, k, N, inputs) for s (k, N) and inputs h u_j (d + 1, N, inputs)."""
     large = np.abs(s) > _LARGE
     inverse = np.divide(1.0, s, out=np.zeros_like(s), where=large)[:, :, None]
     count = len(inputs)
-    coefficients = []
-    c = np.zeros((*s.shape, inputs.shape[2]), complex)
+    series = _SERIES if not large.all() and inputs.any() else 0
+    coefficients = np.zeros((count + series, *s.shape, inputs.shape[2]), complex)
+    c = np.zeros_like(coefficients[0])
     for j in range(count - 1, -1, -1):
         c = ((j + 1.0) * c - inputs[j]) * inverse
-        coefficients.append(c)
-    coefficients.reverse()
-    if not large.all() and inputs.any():
+        coefficients[j] = c
+    if series:
         slow, small = np.where(large, 0.0, s)[:, :, None], ~large[:, :, None]
         c = np.zeros_like(c)
-        for j in range(count + _SERIES):
-            c = slow * c
-            if j < count:
-                c += small * inputs[j]
-            c /= j + 1.0
-            if j + 1 < count:
-                coefficients[j + 1] = coefficients[j + 1] + c
-            else:
-                coefficients.append(c)
+        for j in range(1, count + series):
+            c *= slow
+            if j <= count:
+                c += small * inputs[j - 1]
+            c /= j
+            coefficients[j] += c
     return coefficients
 
 

@@ -24,6 +24,12 @@ class Nodes:
         return len(self.fractions)
 
     @lru_cache  # noqa: B019 - there are two or three of them
+    def derivative(self, order: int, count: int) -> Array:
+        """Of the powers below `count`, those that remain, by fractions: (count - order, K)."""
+        falling = [float(math.perm(j, order)) for j in range(order, count)]
+        return (np.vander(self.fractions, count - order, increasing=True) * falling).T.copy()
+
+    @lru_cache  # noqa: B019 - there are two or three of them
     def powers(self, count: int) -> Array:
         """Of the fractions, beside the derivatives of these powers: (count, 2 K)."""
         values = np.vander(self.fractions, count, increasing=True)
@@ -99,9 +105,13 @@ class PiecewisePolynomial:
 
     def local(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
         """The same without the whole turns, which cost an angle its last digits."""
-        if isinstance(dt, Nodes):
-            dt = self.duration[segment, None] * dt.fractions
         n, count = self.coefficients.shape[1:]
+        if isinstance(dt, Nodes):
+            # a small product for each segment: one for all would round by how many there are
+            widths = np.vander(self.duration[segment], count - derivative, increasing=True)
+            scaled = self.coefficients[segment, :, derivative:] * widths[:, None]
+            values = scaled @ dt.derivative(derivative, count)
+            return values.transpose(1, 0, 2).reshape(n, -1).T
         chosen = self.coefficients[segment, :, derivative:].transpose(2, 1, 0)
         falling = [float(math.perm(j, derivative)) for j in range(derivative, count)]
         rows = np.ascontiguousarray(chosen)

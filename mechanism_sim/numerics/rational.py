@@ -11,14 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-_CLOSE = 1e-3
-"""Poles nearer to each other than this, relative to their size, are taken for a multiple one."""
-_APART = {1: 0.0, 2: 1e-5, 3: 1e-3, 4: 6e-3}
-"""How far the poles of a multiple one are moved apart, by its order m: the transfer function
-changes by about the m-th power of that, and rounding grows by the (m - 1)-th power of its inverse.
-"""
+_LOST = 1e-16, 10.0
+"""What rounding costs two poles in units of their distance, and how much more each further one."""
 _AT_ZERO = 1e-5
-"""[rad/s] what poles at zero are moved apart by."""
+"""[rad/s] how far poles at zero are moved."""
 
 
 class Modes(NamedTuple):
@@ -87,34 +83,37 @@ class Rational:
 
 
 def separated(poles: ComplexArray) -> ComplexArray:
-    """The same poles (k,), those that coincide moved apart on a circle about their place.
+    """The same poles (k,), those that nearly coincide moved apart.
 
-    Raises
-    ------
-    ValueError
-        If more than four coincide.
+    With m poles in a circle of radius r about c goes ``prod(s - p) - r^m`` in place of
+    ``prod(s - p)``, whose roots are about r apart. That changes the transfer function by about
+    ``(r / c)^m``, and rounding grows by ``(c / r)^(m - 1)``: r makes both the same. Partial
+    fractions of m poles farther apart than that lose no more.
     """
-    rest, found = list(poles), []
-    while rest:
-        p = rest[0]
-        near = [q for q in rest if abs(q - p) <= _CLOSE * abs(p)]
-        rest = [q for q in rest if abs(q - p) > _CLOSE * abs(p)]
-        m = len(near)
-        if m not in _APART:
-            raise ValueError(f'{m} coinciding poles at {p:g} rad/s are more than four')
-        least = min((abs(a - b) for i, a in enumerate(near) for b in near[:i]), default=np.inf)
-        radius = _APART[m] * abs(p) if p else _AT_ZERO * (m > 1)
-        if least >= radius:
-            found += near
-            continue
-        centre = sum(near) / m
-        # about an imaginary direction poles at zero would be stable on neither side
-        turn = 1j if not p else 1.0
-        circle = turn * np.exp(2j * np.pi * np.arange(m) / m)
-        if abs(centre.imag) <= _CLOSE * _APART[m] * abs(centre):  # conjugates met, or real poles
-            centre = centre.real
-            circle.imag[np.abs(circle.imag) < _CLOSE] = 0.0  # rounding must leave the real axis
-        elif p.imag < 0.0:
-            circle = circle.conj()
-        found += list(centre + radius * circle)
-    return np.array(found, complex)
+    rest, found = poles, np.zeros(0, complex)
+    while cluster := _cluster(rest):
+        near, centre, radius = cluster
+        shifted = np.poly((rest[near] - centre) / radius)
+        undamped = abs(centre.real) <= radius  # aside of their axis they would grow on one side
+        shifted[-1] -= (1j ** near.sum() if centre else -1.0) if undamped else 1.0
+        moved, rest = centre + radius * np.roots(shifted), rest[~near]
+        if abs(centre.imag) > radius:
+            moved = np.append(moved, moved.conj())
+            rest = rest[np.abs(rest - centre.conjugate()) > radius]
+        found = np.append(found, moved)
+    return np.append(found, rest)
+
+
+def _cluster(poles: ComplexArray) -> tuple[NDArray[np.bool_], complex, float] | None:
+    """The most of the poles that are too near to each other, if any; centre and radius."""
+    sizes = np.abs(poles)
+    for m in range(len(poles), 1, -1):
+        apart = (_LOST[0] * _LOST[1] ** (m - 2)) ** (1.0 / (2.0 * m - 1.0))
+        radii = np.where(sizes > 0.0, apart * sizes, _AT_ZERO)
+        # conjugates belong together where the real axis is near
+        centres = np.where(np.abs(poles.imag) > radii, poles, poles.real)
+        near = np.abs(poles - centres[:, None]) <= radii[:, None]
+        most = int(near.sum(axis=1).argmax())
+        if near[most].sum() >= m:
+            return near[most], complex(centres[most]), float(radii[most])
+    return None

@@ -273,6 +273,18 @@ class Mechanism:
             y += s * dy
         return x, y
 
+    def locate_all(
+        self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
+    ) -> NDArray[np.float64]:
+        """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
+        place = np.zeros((2, q.shape[1]))
+        for (frame, slide), (x, y) in self.point(link, at).items():
+            angle = 0.0 if frame == GROUND else q[self.coordinates.index(frame)]
+            s = 1.0 if slide is None else q[self.coordinates.index(slide)]
+            c, sn = np.cos(angle), np.sin(angle)
+            place += s * np.array([[c * x - sn * y], [sn * x + c * y]]).reshape(2, -1)
+        return place
+
     def angle(self, link: str, q: Mapping[str, float]) -> float:
         """Angle [rad] of a link's frame in the world."""
         frame, offset = self.frame(link)

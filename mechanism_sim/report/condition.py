@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -34,11 +33,11 @@ def _figures(details: Details) -> Iterator[tuple[str, Figure]]:
     for name, line in details.orders.items():
         yield f'{name}_orders', _orders(name, line, details.drive)
     for name, line in details.envelopes.items():
-        yield f'{name}_envelope', _envelope(name, line)
+        yield f'{name}_envelope', _envelope(name, line, details.drive_rate)
     for name, average in details.averages.items():
         yield f'{name}_average', _average(name, average, details.drive)
     for name, struck in details.impacts.items():
-        yield f'{name}_impacts', _impacts(name, struck.rose)
+        yield f'{name}_impacts', rose_picture(name, struck.rose)
         if struck.cycles is not None:
             yield f'{name}_cycles', _cycles(name, struck, details.drive)
     for name, maps in details.wear.items():
@@ -58,9 +57,11 @@ def _figure(title: str, width: float = 7.0, height: float = 3.4) -> Figure:
 def _spectrum(name: str, line: Line) -> Figure:
     figure = _figure(f'power spectral density of {name}')
     axes, s = figure.subplots(), line.spectrum
-    axes.semilogy(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
+    axes.plot(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
     axes.set_xlim(0.0, s.frequency[-1])
-    axes.set_ylim(bottom=_DECADES * s.values[1:].max())
+    if highest := s.values[1:].max():
+        axes.set_yscale('log')
+        axes.set_ylim(bottom=_DECADES * highest)
     axes.set_xlabel('frequency [Hz]')
     axes.set_ylabel(f'[{line.unit}]')
     return figure
@@ -78,13 +79,15 @@ def _orders(name: str, line: Line, drive: str) -> Figure:
     return figure
 
 
-def _envelope(name: str, line: Line) -> Figure:
+def _envelope(name: str, line: Line, drive_rate: float | None) -> Figure:
     low, high = line.band or (0.0, 0.0)
     figure = _figure(f'squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz')
     axes, s = figure.subplots(), line.spectrum
-    axes.plot(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
     # squared, the envelope holds no frequency above the width of its band
-    axes.set_xlim(0.0, min(high - low, s.frequency[-1]))
+    end = min(high - low, s.frequency[-1], _ORDERS * (drive_rate or np.inf))
+    shown = (s.frequency > 0.0) & (s.frequency <= end)
+    axes.plot(s.frequency[shown], s.values[shown], color='0.1', lw=0.9)
+    axes.set_xlim(0.0, end)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel('frequency [Hz]')
     axes.set_ylabel(f'amplitude [{line.unit}]')
@@ -113,14 +116,17 @@ def _average(name: str, average: Average, drive: str) -> Figure:
 
 
 def _polar(figure: Figure, count: int) -> list[Any]:
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
+
     found = figure.subplots(1, count, subplot_kw={'projection': 'polar'}, squeeze=False)[0]
     for axes in found:
         axes.tick_params(labelsize=6.5, pad=0.0)
         axes.set_rlabel_position(22.5)
+        axes.yaxis.set_major_locator(MaxNLocator(4))
     return list(found)
 
 
-def _impacts(name: str, rose: Rose) -> Figure:
+def rose_picture(name: str, rose: Rose) -> Figure:
     """[SB] 8.11: every impact a line towards the place struck, the six largest marked."""
     figure = _figure(f'impacts in {name} [N s]', 7.0, 4.0)
     parts = (
@@ -128,7 +134,10 @@ def _impacts(name: str, rose: Rose) -> Figure:
         (f'bushing, seen from the {rose.bushing}', rose.on_bushing),
     )
     for axes, (title, angle) in zip(_polar(figure, 2), parts, strict=True):
-        axes.vlines(angle, 0.0, rose.normal_impulse, color='0.55', lw=0.6)
+        rays = np.array([rose.normal_impulse * k for k in (0.0, 1.0, np.nan)])
+        axes.plot(
+            np.tile(angle, (3, 1)).T.ravel(), rays.T.ravel(), color='0.55', lw=0.6, rasterized=True
+        )
         for i, k in enumerate(rose.largest, 1):
             axes.plot([angle[k]] * 2, [0.0, rose.normal_impulse[k]], color='0.1', lw=1.3)
             axes.annotate(f'Y{i}', (angle[k], 1.04 * rose.normal_impulse[k]), fontsize=7.0)
@@ -141,9 +150,12 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
     """[SB] 8.12 and 7.10: the dominant impacts by angle of the drive, and sums turn by turn."""
     rose, cycles = struck.rose, struck.cycles
     assert cycles is not None  # noqa: S101 - asked before
-    figure = _figure(f'impacts in {name}, turn by turn', 7.0, 5.2)
-    above, below = figure.subplots(2, 1)
-    above.plot(np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse, '.', color='0.7', ms=3.0)
+    figure = _figure(f'impacts in {name}, turn by turn', 7.0, 6.4)
+    above, *below = figure.subplots(3, 1, height_ratios=(2, 1, 1))
+    above.plot(
+        np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse, '.', color='0.7', ms=3.0,
+        rasterized=True,
+    )  # fmt: skip
     marks = ('first', 'o', '0.1'), ('second', 's', '0.35'), ('third', '^', '0.55')
     for (label, mark, shade), column in zip(marks, cycles.dominant.T, strict=True):
         k = column[column >= 0]
@@ -155,12 +167,14 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
     above.set_ylabel('impulse [mN s]')
     above.legend(frameon=False, fontsize=7.5, ncols=3)
     turn = cycles.first + np.arange(len(cycles.count))
-    below.step(turn, 1e3 * cycles.impulse, where='mid', color='0.1', lw=1.1, label='sum')
-    below.step(turn, 1e3 * cycles.I_n, where='mid', color='0.5', lw=1.1, ls='--', label='I_n')
-    below.set_xlabel(f'turn of the {drive}')
-    below.set_ylabel('impulse [mN s]')
-    below.set_ylim(bottom=0.0)
-    below.legend(frameon=False, fontsize=7.5, ncols=2)
+    for axes, x, words in zip(
+        below, (cycles.impulse, cycles.I_n), ('sum of impulses', '$I_n$'), strict=True
+    ):
+        axes.step(turn, 1e3 * x, where='mid', color='0.1', lw=1.1)
+        axes.set_ylabel(f'{words} [mN s]')
+        axes.set_ylim(bottom=0.0)
+        axes.xaxis.get_major_locator().set_params(integer=True)
+    below[-1].set_xlabel(f'turn of the {drive}')
     return figure
 
 
@@ -175,7 +189,7 @@ def _wear(name: str, bushing: WearMap, pin: WearMap) -> Figure:
         )
         shown = [(title, x) for title, x in sums if x.any()] or [sums[0]]
         for axes, (title, x) in zip(_polar(row, len(shown)), shown, strict=True):
-            axes.bar(wear.middles, x, width=2.0 * math.pi / len(x), color='0.45')
+            axes.fill(np.repeat(wear.edges, 2)[1:-1], np.repeat(x, 2), color='0.45', lw=0.0)
             axes.set_title(f'{part} on {wear.link}\n{title}', fontsize=8.0)
     return figure
 

@@ -10,6 +10,7 @@ from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
+from mechanism_sim.scene.oscillators import check_oscillators
 from mechanism_sim.scene.plan import check_motor, check_times
 from mechanism_sim.scene.schema import FourBarScene, Play
 
@@ -28,16 +29,27 @@ def build(name: str, scene: Scene) -> Machine:
     else:
         _check_linkage(machine)
     _check_joints(machine)
+    check_oscillators(machine)
     for sensor, placed in scene.sensors.items():
         if not sensor.isidentifier():
             raise InputError(f"{name}: the sensor name '{sensor}' must be letters, digits and _")
-        if placed.link not in machine.links:
+        known = [*machine.links, *scene.oscillators]
+        if placed.link not in known:
             raise InputError(
                 f"{name}: sensors.{sensor}.link: there is no moving link '{placed.link}'"
-                f'{nearest(placed.link, machine.links)}; links: {", ".join(machine.links)}'
+                f'{nearest(placed.link, known)}; links: {", ".join(known)}'
+            )
+        if placed.imu and placed.link in scene.oscillators:
+            raise InputError(
+                f'{name}: sensors.{sensor}.imu is for sensors on links; {placed.link} is a frame '
+                'on springs'
+            )
+        if placed.trigger and machine.main in machine.mechanism.displacements:
+            raise InputError(
+                f'{name}: sensors.{sensor}.trigger needs a drive that turns; {machine.main} slides'
             )
         at = placed.at if isinstance(placed.at, tuple) else (placed.at, 0.0)
-        if math.hypot(*at) > 10.0 * machine.mechanism.size:
+        if placed.link in machine.links and math.hypot(*at) > 10.0 * machine.mechanism.size:
             raise InputError(
                 f'{name}: sensors.{sensor}.at = {math.hypot(*at):g} m lies far off the '
                 f'{placed.link} (the longest link has {machine.mechanism.size:g} m)'

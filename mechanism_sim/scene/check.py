@@ -13,8 +13,10 @@ from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
 from mechanism_sim.scene.cam_notes import cam_notes
+from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import motion_notes
+from mechanism_sim.scene.oscillators import oscillator_notes
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -150,11 +152,8 @@ def _notes(machine: Machine) -> list[str]:
         if isinstance(pair, CamPair):
             notes += cam_notes(pair, loose=pair.name in machine.clearances)
     notes += [_mesh(machine, j, start) for j in machine.plan.joints if isinstance(j, GearMesh)]
-    notes += [
-        f'sensor {name}: {s.kind} on the {s.link}, {_at(s.at)} from its origin, {s.axis} '
-        f'the link, {s.sample_rate:g} Hz'
-        for name, s in scene.sensors.items()
-    ]
+    notes += sensor_notes(machine)
+    notes += oscillator_notes(machine)
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
@@ -199,8 +198,3 @@ def render(report: Report) -> str:
         if items:
             lines += [heading, *(f'  {item}' for item in items)]
     return '\n'.join(lines)
-
-
-def _at(place: float | tuple[float, float]) -> str:
-    x, y = place if isinstance(place, tuple) else (place, 0.0)
-    return f'({x:g}, {y:g}) m' if y else f'{x:g} m'

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.scene.oscillators import forces_on, read_frame
+from mechanism_sim.scene.sensor_keys import QUANTITIES, Sensor
+from mechanism_sim.sensing.channel import Channel, Source
+from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.point import PointOnLink
 
@@ -21,16 +25,21 @@ def channel(machine: Machine, name: str, beside: Channel | None = None) -> Chann
     ------
     KeyError
         If there is no such sensor.
+    InputError
+        If it is on a frame, and what shakes that is not known.
     """
     sensor, mechanism = machine.scene.sensors[name], machine.mechanism
-    place = PointOnLink(
-        mechanism,
-        sensor.link,
-        sensor.at,
-        sensor.axis,
-        sensor.gravity,
-        sensor.transducer.transverse,
-    )
+    transverse = sensor.transducer.transverse
+    place: Source
+    if sensor.link in machine.scene.oscillators:
+        frame, forces = read_frame(machine, sensor.link), forces_on(machine, sensor.link)
+        at = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
+        gravity = mechanism.gravity if sensor.gravity else (0.0, 0.0)
+        place = PointOnFrame(frame, forces, at, sensor.axis, gravity, transverse)
+    else:
+        place = PointOnLink(
+            mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity, transverse
+        )
     return Channel(place, sensor.chain(), name, _drive(machine, name), beside)
 
 
@@ -59,3 +68,41 @@ def _drive(machine: Machine, name: str) -> int:
     """Index of the coordinate that triggers a sensor."""
     triggered = machine.scene.sensors[name].trigger
     return machine.mechanism.coordinates.index(machine.main) if triggered else 0
+
+
+def sensor_notes(machine: Machine) -> list[str]:
+    """What the sensors of a scene are, and what lies between them and their samples."""
+    notes = []
+    for name, sensor in machine.scene.sensors.items():
+        x, y = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
+        at = f'({x:g}, {y:g}) m' if y else f'{x:g} m'
+        if sensor.link in machine.links:
+            place = f'on the {sensor.link}, {at} from its origin, {sensor.axis} the link'
+        else:
+            way = 'x' if sensor.axis == 'along' else 'y'
+            place = f'on the oscillator {sensor.link}, at {at}, along {way}'
+        said = [f'{sensor.kind} {place}', f'{sensor.sample_rate:g} Hz', *_chain(sensor)]
+        notes.append(f'sensor {name}: {", ".join(said)}')
+    return notes
+
+
+def _chain(sensor: Sensor) -> list[str]:
+    """What of a sensor is not ideal."""
+    transducer, amplifier, adc = sensor.transducer, sensor.amplifier, sensor.adc
+    integrated = sensor.quantity != 'acceleration'
+    lower = sensor.integrator.high_pass if sensor.integrator else None
+    parts: tuple[tuple[Any, Callable[[Any], str]], ...] = (
+        (transducer.natural_frequency, lambda f: f'transducer of {f:g} Hz'),
+        (amplifier.high_pass, lambda f: f'high-pass {f:g} Hz'),
+        (amplifier.low_pass, lambda f: f'low-pass {f:g} Hz'),
+        (integrated, lambda _: f'integrated to {sensor.quantity}'),
+        (lower, lambda f: f'from {f:g} Hz on'),
+        (sensor.anti_alias, lambda a: f'anti-alias filter {a.frequency:g} Hz'),
+        (sensor.impact_pulse, lambda s: f'impacts last {s:g} s'),
+        (sensor.trigger, lambda t: f'triggered at {t.angle:g} rad'),
+        (adc.range, lambda r: f'range {r.value:g} {QUANTITIES[sensor.quantity]}'),
+        (adc.bits, lambda n: f'{n} bits'),
+        (adc.jitter, lambda s: f'jitter {s:g} s'),
+        (sensor.noise.rms.value, lambda x: f'noise {x:g} {QUANTITIES[sensor.quantity]}'),
+    )
+    return [say(value) for value, say in parts if value] or ['ideal: no impacts in it']

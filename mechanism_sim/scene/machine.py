@@ -38,10 +38,12 @@ from mechanism_sim.scene.initial import initial_state
 from mechanism_sim.scene.instruments import channel, inertial_unit
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
+from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.scene.plan import Plan, four_bar_plan
 from mechanism_sim.scene.schema import FourBarScene, Play
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
+from mechanism_sim.vibration.shaken_frame import ShakenFrame
 
 Scene = FourBarScene | LinkageScene
 
@@ -276,6 +278,19 @@ class Machine:
         forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
         return NominalPhysics(self.ideal, self.mechanism, forces)
 
+    def oscillator(self, name: str) -> ShakenFrame:
+        """A frame of the scene on its springs, at the start of a run.
+
+        ``machine.oscillator('frame').take(solution.motion)`` gives its motion, a function of time;
+        `take` may also be called with the motion of one `Piece` after the other.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name, or what shakes it is not known.
+        """
+        return ShakenFrame(read_frame(self, name), forces_on(self, name))
+
     @property
     def fastest(self) -> float:
         """Largest speed of the main drive that is known beforehand [rad/s]."""
@@ -383,7 +398,7 @@ class Machine:
     @cached_property
     def fingerprint(self) -> str:
         """Of all that rules the motion, in a few letters."""
-        silent = {'title', 'description', 'duration', 'outputs', 'sensors'}
+        silent = {'title', 'description', 'duration', 'outputs', 'sensors', 'oscillators'}
         content = self.scene.model_dump(exclude=silent)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 

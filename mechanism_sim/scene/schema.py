@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
     AddedInertia,
@@ -167,7 +168,7 @@ class Outputs(Part):
     linkage_state: Rate = 100.0
     joint_reactions: Rate = 100.0
     transforms: Rate = 50.0
-    part_states: Rate = 100.0  #: of each cam, pair of gears and Geneva wheel
+    part_states: Rate = 100.0  #: of each cam, pair of gears, Geneva wheel and oscillator
 
 
 class Solver(Part):
@@ -187,6 +188,7 @@ class AnyScene(Part):
     start: Literal['seated', 'centred'] = 'seated'
     outputs: Outputs = Outputs()
     solver: Solver = Solver()
+    oscillators: dict[str, Oscillator] = {}
 
 
 class FourBarScene(AnyScene):

@@ -107,7 +107,7 @@ def at_equal_angles(
 
 def _per_turn(turned: Sequence[Array]) -> int:
     step = min((float(np.diff(run).min()) for run in turned if len(run) > 1), default=1.0)
-    return int(min(max(math.ceil(1.0 / step), 8), _MOST))
+    return int(min(max(math.ceil((1.0 - 1e-9) / step), 8), _MOST))
 
 
 def order_spectrum(turns: Turns, window: str = 'boxcar') -> Spectrum:

@@ -7,7 +7,9 @@ import zlib
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial.polynomial import polyval
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from mechanism_sim.hybrid.tape import Motion
@@ -16,6 +18,8 @@ from mechanism_sim.sensing.chain import Instrument, Trigger
 
 Array = NDArray[np.float64]
 
+_TOUCH = 1e-12
+"""[turns] nearer than this to an angle is on it: a drive may rest there."""
 _FARTHEST = 0.49
 """Of a sampling period: so far at most jitter moves a sample, that none overtakes another."""
 
@@ -93,7 +97,7 @@ class Sampler:
 
 
 class Passage:
-    """When a coordinate passes an angle, in either direction.
+    """When a coordinate passes an angle, in either direction; a run may begin on it.
 
     Parameters
     ----------
@@ -103,39 +107,65 @@ class Passage:
 
     def __init__(self, trigger: Trigger, index: int) -> None:
         self._angle, self._index = trigger.angle, index
-        self._level: int | None = None
+        self._level: int | None = None  # whole turns beyond the angle
 
     def times(self, motion: Motion) -> list[float]:
         """Times [s] within a motion, which follows that of the last call."""
         curve, i = motion.curve, self._index
-        every = np.arange(len(curve))
-        ends = (curve.local(every, curve.duration)[:, i] - self._angle) / TWO_PI
-        levels = curve.turns[:, i] + np.floor(ends).astype(np.int64)
+        turns, h = curve.turns[:, i], curve.duration
+        coefficients = curve.coefficients[:, i].copy()
+        coefficients[:, 0] -= self._angle
+        coefficients *= np.vander(h, coefficients.shape[1], increasing=True) / TWO_PI
+        levels = turns + _floor(polyval(1.0, coefficients.T))
+        found: list[tuple[int, float]] = []  # piece and fraction of it
         if self._level is None:
-            begin = (curve.coefficients[0, i, 0] - self._angle) / TWO_PI
-            on_it, forward = begin == math.floor(begin), curve.coefficients[0, i, 1] > 0.0
-            self._level = int(curve.turns[0, i]) + math.floor(begin) - int(on_it and forward)
+            first, moved = coefficients[0, 0], coefficients[0, 1:][coefficients[0, 1:] != 0.0]
+            self._level = int(turns[0] + _floor(first))
+            backward = len(moved) and moved[0] < 0.0  # then it passes now
+            if _floor(first) != _floor(first - _TOUCH) and not backward:
+                found.append((0, 0.0))
         before = np.append(self._level, levels[:-1])
         self._level = int(levels[-1])
-        found = []
-        for k in np.flatnonzero(levels != before):
-            passed = max(levels[k], before[k]) - curve.turns[k, i]
-            powers = curve.coefficients[k, i].copy()
-            powers[0] -= self._angle + TWO_PI * passed
-            found.append(curve.start[k] + (curve.start_low[k] + _root(powers, curve.duration[k])))
-        return [float(t) for t in found]
+        rates = np.abs(coefficients[:, 1:] * np.arange(1.0, coefficients.shape[1]))
+        may_turn = rates[:, 1:].sum(axis=1) > rates[:, 0]
+        for k in np.flatnonzero(may_turn | (levels != before)):
+            passed = _passed(coefficients[k], int(before[k] - turns[k]), bool(may_turn[k]))
+            found += [(int(k), x) for x in passed]
+        return [float(curve.start[k] + (curve.start_low[k] + h[k] * x)) for k, x in found]
 
 
-def _root(powers: Array, width: float) -> float:
-    """Where a polynomial passes zero on [0, width]; at an end if rounding moves it out."""
+def _floor(turns: ArrayLike) -> NDArray[np.int64]:
+    """Whole turns, a hair less than one being one."""
+    return np.floor(np.asarray(turns) + 0.5 * _TOUCH).astype(np.int64)
 
-    def value(x: float) -> float:
-        return float(np.polynomial.polynomial.polyval(x, powers))
 
-    first, last = value(0.0), value(width)
+def _passed(powers: Array, level: int, may_turn: bool) -> list[float]:
+    """Where on [0, 1] a polynomial that begins at a level passes from one integer to the next."""
+    knots = [1.0]
+    if may_turn:
+        rate = Polynomial(powers).deriv().convert(kind=Chebyshev, domain=[0.0, 1.0])
+        turning = rate.trim(1e-16 * np.abs(rate.coef).max()).roots().real
+        knots = [*np.sort(turning[(turning > 0.0) & (turning < 1.0)]), 1.0]
+    begin, found = 0.0, []
+    for end in knots:
+        now = int(_floor(polyval(end, powers)))
+        step = 1 if now > level else -1
+        crossed = range(level, now, step)
+        found += [_root(powers, max(n, n + step), begin, end) for n in crossed]
+        level, begin = now, end
+    return found
+
+
+def _root(powers: Array, value: int, begin: float, end: float) -> float:
+    """Where a polynomial has a value; at an end if rounding moves it out."""
+
+    def excess(x: float) -> float:
+        return float(polyval(x, powers)) - value
+
+    first, last = excess(begin), excess(end)
     if first * last >= 0.0:
-        return 0.0 if abs(first) <= abs(last) else width
-    return float(brentq(value, 0.0, width, xtol=1e-300, rtol=8.9e-16))
+        return begin if abs(first) <= abs(last) else end
+    return float(brentq(excess, begin, end, xtol=1e-300, rtol=8.9e-16))
 
 
 class Converted(NamedTuple):

@@ -213,7 +213,8 @@ class _Sensor:
     ) -> None:
         scene = machine.scene.sensors[name]
         self.name, self.count = name, 0
-        key = f'{name} {scene.model_dump_json(exclude=_DIGITAL)}'
+        frames = machine.scene.model_dump_json(include={'oscillators'})
+        key = f'{name} {scene.model_dump_json(exclude=_DIGITAL)} {frames}'
         self.channel = machine.channel(name, channels.get(key))
         channels.setdefault(key, self.channel)
         self._most = shard.windows.per_run or math.inf

@@ -1,0 +1,341 @@
+"""A link of a measured four-bar: what its sensors say, what follows from it, and what is true.
+
+The signals follow from the motion, exactly, through the chain that the scene gives the sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.sensor_keys import Sensor
+from mechanism_sim.sensing import reconstruction as angular
+from mechanism_sim.sensing.chain import Converter, Instrument, Noise
+from mechanism_sim.sensing.channel import Channel, Source
+from mechanism_sim.sensing.fading import both, fade, passing, undoing
+from mechanism_sim.sensing.point import PointOnLink
+from mechanism_sim.sensing.reconstruction import Error, error
+from mechanism_sim.sensing.turning import TurningLink
+
+Array = NDArray[np.float64]
+
+LINKS = 'coupler', 'rocker'
+MESHES = 1.0, 0.1
+"""[deg] of the crank: steps over which an acceleration with impacts is averaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A reconstruction of a quantity (N,), and the best that could have come of the instrument.
+
+    Attributes
+    ----------
+    shown : (N,) the true quantity through the same chain without noise, and treated likewise
+    """
+
+    values: Array
+    shown: Array
+    truth: Array
+
+    @property
+    def error(self) -> Error:
+        """Against the truth."""
+        return error(self.values, self.truth)
+
+    @property
+    def error_of_shown(self) -> Error:
+        """Against what the instrument could show at all."""
+        return error(self.values, self.shown)
+
+
+class Severity(NamedTuple):
+    """Roots of the mean squares of the deviation of an angular acceleration from the ideal one.
+
+    An impact is too short to be seen at any instant, and infinite. What is drawn of it is a mean
+    over some step, the larger the smaller the step, or what a filter makes of it.
+
+    Attributes
+    ----------
+    between : impacts, at the instants of the samples [rad/s^2]
+    by_mesh : of means over the steps `MESHES` of the crank, impacts included
+    heard : as the chain shows it, without noise
+    """
+
+    between: float
+    by_mesh: tuple[float, ...]
+    heard: float
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """A link in N samples of its sensor.
+
+    Attributes
+    ----------
+    t : [s]
+    angle : of the crank [deg], from the first of these turns on
+    reading : what the outermost sensor says [m/s^2]
+    overloads : samples of all sensors of the link, from the start of the run, cut at the range
+    nominal : acceleration and velocity (2, N) of the ideal mechanism [rad/s^2, rad/s]
+    heard : true acceleration through the chain, without noise
+    accelerations, velocities : by method
+    severity : in these turns
+    severity_at_first : in the first turn with an impact and the three that follow
+    """
+
+    t: Array
+    angle: Array
+    reading: Array
+    overloads: int
+    nominal: Array
+    heard: Array
+    accelerations: Mapping[str, Estimate]
+    velocities: Mapping[str, Estimate]
+    severity: Severity
+    severity_at_first: Severity
+
+
+def sensors_across(machine: Machine, link: str) -> dict[str, Sensor]:
+    """Up to two sensors that read accelerations across a link, the outermost first.
+
+    Ideal sensors are taken only if there are no others.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    across = {
+        name: sensor
+        for name, sensor in machine.scene.sensors.items()
+        if (sensor.link, sensor.axis, sensor.quantity) == (link, 'across', 'acceleration')
+        and _place_on(sensor)
+    }
+    real = {name: s for name, s in across.items() if s.chain().transfer().poles}
+    found = sorted((real or across).items(), key=lambda item: -abs(_place_on(item[1])))
+    if not found:
+        raise InputError(
+            f'{machine.name}: no sensor reads accelerations across the {link}; its scene needs '
+            f"'sensors: NAME: {{link: {link}, axis: across, at: ...}}'"
+        )
+    others = [item for item in found[1:] if _place_on(item[1]) != _place_on(found[0][1])]
+    return dict([found[0], *others[:1]])
+
+
+def _place_on(sensor: Sensor) -> float:
+    """Distance from the joint [m]; 0 for a sensor beside the line of its link."""
+    return 0.0 if isinstance(sensor.at, tuple) else float(sensor.at)
+
+
+def swing(
+    record: Record, ideal: Motion, link: str, turns: tuple[int, int], first: tuple[int, int]
+) -> Swing:
+    """A link in some turns of the crank.
+
+    Parameters
+    ----------
+    ideal : the motion of the ideal mechanism
+    turns, first : from and up to which turn: to be analysed, and the first with impacts
+
+    Raises
+    ------
+    InputError
+        If the link has no sensor across it.
+    """
+    machine, motion = record.machine, record.piece.motion
+    mechanism, row = machine.mechanism, machine.physics.coordinates.index(link)
+    sensors = sensors_across(machine, link)
+    instruments = {name: sensor.chain() for name, sensor in sensors.items()}
+    outermost = next(iter(instruments.values()))
+    bare = replace(outermost, noise=Noise(), converter=Converter())
+    heard, heard_nominal = (
+        _heard(TurningLink(mechanism, link), bare, link, m)[0] for m in (motion, ideal)
+    )
+    read = [
+        _heard(_source(machine, s), instruments[name], name, motion) for name, s in sensors.items()
+    ]
+
+    def samples(within: tuple[int, int]) -> slice:
+        window = record.times_at(np.array(within, float))
+        return slice(*np.ceil(window * outermost.sample_rate - 1e-9).astype(int))
+
+    def severity(within: tuple[int, int]) -> Severity:
+        chosen = samples(within)
+        t = np.arange(chosen.start, chosen.stop) / outermost.sample_rate
+        between = _rms(_beyond_ideal(record, row, t, 2))
+        meshes = []
+        for mesh in MESHES:
+            t = steps(record, within, mesh)
+            meshes.append(_rms(np.diff(_beyond_ideal(record, row, t, 1)) / np.diff(t)))
+        return Severity(between, tuple(meshes), _rms(heard[chosen] - heard_nominal[chosen]))
+
+    chosen = samples(turns)
+    t = np.arange(chosen.start, chosen.stop) / outermost.sample_rate
+    k, dt = motion.curve.find(t)
+    q, v, a = (motion.curve.at(k, dt, d).T for d in (0, 1, 2))
+    angle, speed, acceleration = machine.linkage.motion(q[0], v[0], np.zeros(len(t)))
+    rebuilt = _Rebuilt(machine, link, list(sensors.values()), bare, angle, speed)
+    readings = [found[chosen] for found, _ in read]
+    accelerations = rebuilt.accelerations(readings, heard[chosen], a[row])
+    return Swing(
+        t,
+        np.degrees(q[0] - TWO_PI * np.floor(q[0][0] / TWO_PI + 1e-9)),
+        readings[0],
+        sum(cut for _, cut in read),
+        np.array([acceleration[row], speed[row]]),
+        heard[chosen],
+        accelerations,
+        rebuilt.velocities(accelerations, speed[row], v[row]),
+        severity(turns),
+        severity(first),
+    )
+
+
+def steps(record: Record, turns: tuple[int, int], mesh: float) -> Array:
+    """Times [s] at steps of the crank of `mesh` [deg] in some turns, both ends included."""
+    count = round((turns[1] - turns[0]) * 360.0 / mesh)
+    return record.times_at(np.asarray(turns[0] + np.arange(count + 1) * (mesh / 360.0), float))
+
+
+def _beyond_ideal(record: Record, row: int, t: Array, derivative: int) -> Array:
+    """Angular velocity (1) or acceleration (2) of a link less that of the ideal mechanism."""
+    curve = record.piece.motion.curve
+    k, dt = curve.find(t)
+    q, v = (curve.at(k, dt, d).T for d in (0, 1))
+    ideal = record.machine.linkage.motion(q[0], v[0], np.zeros(len(t)))
+    return np.asarray(curve.at(k, dt, derivative).T[row] - ideal[derivative][row])
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def _heard(source: Source, instrument: Instrument, name: str, motion: Motion) -> tuple[Array, int]:
+    """All samples of an instrument, from the start of the motion on, and how many were cut."""
+    channel = Channel(source, replace(instrument, trigger=None), name)
+    channel.take(motion)
+    blocks = channel.blocks(final=True)
+    return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)
+
+
+def _source(machine: Machine, sensor: Sensor) -> PointOnLink:
+    return PointOnLink(
+        machine.mechanism,
+        sensor.link,
+        sensor.at,
+        sensor.axis,
+        sensor.gravity,
+        sensor.transducer.transverse,
+    )
+
+
+class _Rebuilt:
+    """The methods of `mechanism_sim.sensing.reconstruction` on one link."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        link: str,
+        sensors: list[Sensor],
+        bare: Instrument,
+        angle: Array,
+        speed: Array,
+    ) -> None:
+        self._at = [_place_on(sensor) for sensor in sensors]
+        self._gravity = machine.mechanism.gravity if sensors[0].gravity else (0.0, 0.0)
+        self._angle = angle[LINKS.index(link) + 1]
+        lengths = machine.linkage
+        self._joint = (
+            angular.crank_pin(lengths.crank, angle[0], speed[0]) if link == 'coupler' else None
+        )
+        self._rate = bare.sample_rate
+        self._crank = float(np.abs(speed[0]).mean()) / TWO_PI
+        top = bare.anti_alias.frequency if bare.anti_alias else 0.45 * self._rate
+        self._top = min(top, 0.45 * self._rate)
+        self._turn = max(2, round(self._rate / self._crank))
+        transfer = bare.transfer()
+        band = passing(0.5 * self._crank, self._top, 0.25 * self._crank)
+        self._undo = both(undoing(transfer), band)
+
+    def accelerations(
+        self, readings: list[Array], heard: Array, truth: Array
+    ) -> dict[str, Estimate]:
+        """Angular accelerations [rad/s^2] by method."""
+        first = readings[0]
+        faded = self._turn_by_turn(first)
+        undone, best = self._undone(first), self._undone(heard)
+        found = {
+            'thesis': Estimate(self._one(faded, False), self._turn_by_turn(heard), truth),
+            'corrected': Estimate(
+                _swinging(self._one(faded, True)), self._turn_by_turn(heard), truth
+            ),
+            'undone': Estimate(_swinging(self._one(undone, True)), best, truth),
+        }
+        if len(readings) > 1:
+            two = angular.by_two(first, readings[1], *self._at)
+            found['two'] = Estimate(self._turn_by_turn(two), self._turn_by_turn(heard), truth)
+            found['two, undone'] = Estimate(self._undone(two), best, truth)
+        return found
+
+    def velocities(
+        self, accelerations: Mapping[str, Estimate], nominal: Array, truth: Array
+    ) -> dict[str, Estimate]:
+        """Angular velocities [rad/s] by method, from the angular acceleration of another."""
+        thesis = accelerations['thesis']
+        best = accelerations.get('two, undone', accelerations['undone'])
+        rate, low, mean = self._rate, 0.5 * self._crank, float(nominal.mean())
+
+        def each(values: Array, closed: bool) -> Array:
+            starts = range(0, len(values), self._turn)
+            pieces = [
+                angular.closing(part, rate, float(nominal[i : i + self._turn].mean()))
+                if closed
+                else angular.by_trapezoids(part, rate, nominal[i])
+                for i in starts
+                if len(part := values[i : i + self._turn])
+            ]
+            return np.concatenate(pieces)
+
+        return {
+            'thesis': Estimate(each(thesis.values, False), each(thesis.shown, False), truth),
+            'closed': Estimate(each(thesis.values, True), each(thesis.shown, True), truth),
+            'spectrum': Estimate(
+                angular.by_spectrum(best.values, rate, low, mean),
+                angular.by_spectrum(best.shown, rate, low, mean),
+                truth,
+            ),
+            'filter': Estimate(
+                angular.by_filter(best.values, rate, 0.4 * low, 2, mean),
+                angular.by_filter(best.shown, rate, 0.4 * low, 2, mean),
+                truth,
+            ),
+        }
+
+    def _one(self, reading: Array, weighed: bool) -> Array:
+        """By the outermost sensor, as [SB]; gravity is taken off if `weighed`."""
+        gravity = self._gravity if weighed else (0.0, 0.0)
+        return angular.angular_acceleration(
+            reading, self._at[0], self._angle, self._joint, gravity
+        )
+
+    def _turn_by_turn(self, values: Array) -> Array:
+        """Faded above the band under a rectangular window of one turn, as [SB]."""
+        return fade(values, self._rate, passing(0.0, self._top), 'boxcar', self._turn)
+
+    def _undone(self, values: Array) -> Array:
+        """Gain and delay of the instrument taken out of the whole record."""
+        return fade(values, self._rate, self._undo)
+
+
+def _swinging(acceleration: Array) -> Array:
+    """The mean taken off: that of a link that rocks is zero, and no such chain passes it."""
+    return np.asarray(acceleration - acceleration.mean())

@@ -1,0 +1,77 @@
+"""The frames on springs of a machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.messages import OscillatorState, stamp
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.process import main_of
+from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.schedule import Schedule
+from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.vibration.shaken_frame import FrameStates
+
+TOPIC = 'oscillator_state'
+FIELDS = (
+    ('x', 'y', 'angle'),
+    ('velocity_x', 'velocity_y', 'angular_velocity'),
+    ('acceleration_x', 'acceleration_y', 'angular_acceleration'),
+    ('force_x', 'force_y', 'moment'),
+    ('mount_force_x', 'mount_force_y', 'mount_moment'),
+)
+"""Of the message, in the order of `FrameStates` and of its rows."""
+
+
+def fields(states: FrameStates, i: int) -> dict[str, float]:
+    """The fields of the message at instant i."""
+    return {
+        name: value
+        for names, rows in zip(FIELDS, states, strict=True)
+        for name, value in zip(names, [*rows[:, i].tolist(), 0.0], strict=False)
+    }
+
+
+class Oscillator(SimulationNode):
+    """Publishes ``oscillator_state`` of every frame, from the motion that it follows."""
+
+    def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
+        super().__init__('oscillator', parameters)
+        machine = self.machine
+        names = list(machine.scene.oscillators)
+        if not names:
+            raise InputError(
+                f"{machine.name} has nothing for the node 'oscillator': it needs 'oscillators'"
+            )
+        self._frames = {name: machine.oscillator(name) for name in names}
+        self._states = self.create_publisher(OscillatorState, TOPIC, RESULTS)
+        self._schedule = Schedule(machine.scene.outputs.part_states)
+        self._following = Following(self, self._take)
+        self.join()
+
+    def on_progress(self, message: Any) -> None:
+        """The last report of who publishes the motion says how much there is of it."""
+        self._following.look()
+
+    def _take(self, motion: Motion) -> None:
+        t = self._schedule.due(motion.curve.end)
+        moved = {name: frame.take(motion) for name, frame in self._frames.items()}
+        states = {name: frame(t) for name, frame in moved.items()}
+        for i, time in enumerate(t.tolist()):
+            for name, known in states.items():
+                message = OscillatorState(time=time, oscillator=name, **fields(known, i))
+                message.header.stamp = stamp(time)
+                self.send(self._states, message)
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run this node by itself."""
+    main_of(Oscillator, args)
+
+
+if __name__ == '__main__':
+    main()

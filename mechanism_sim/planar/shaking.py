@@ -1,0 +1,86 @@
+"""What a machine does to its ground, from the momentum of its links.
+
+By Newton's and Euler's laws for all links together the ground feels what is applied to them, less
+what changes their momentum:
+
+``F = sum (m g - m p'') + sum f``,  ``M = sum (p x (m g - m p'') - I theta'') + sum (r x f + t)``
+
+Forces between links or between link and ground (bearings, contacts, springs, teeth, drives) need
+not be known; in a step of the velocities the same sums give the impulse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.known import Known
+from mechanism_sim.planar.loads import moment_of
+from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.protocols import ForceElement
+
+Array = NDArray[np.float64]
+
+
+class ShakingForce:
+    """Force and moment of a machine on its ground.
+
+    Parameters
+    ----------
+    mechanism : its links
+    applied : what acts on links, or on the ground, from outside of the machine
+
+    Attributes
+    ----------
+    outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
+    """
+
+    def __init__(self, mechanism: Mechanism, applied: Sequence[ForceElement] = ()) -> None:
+        frames = Frames(mechanism.coordinates, Parameters())
+        parts: list[list[Term]] = []
+        for body in mechanism.bodies:
+            place = frames.position(mechanism.point(body.name, body.cog), f'{body.name}.cog')
+            mass = frames.parameters(f'{body.name}.mass', body.mass)
+            force = []
+            for axis, (jet, g) in enumerate(zip(place, mechanism.gravity, strict=True)):
+                moved = [mul(slope, frames.a[c]) for c, slope in jet.gradient.items()]
+                gravity = frames.parameters(f'gravity.{axis}', g)
+                force.append(mul(mass, add(gravity, neg(add(*moved, jet.curvature)))))
+            frame, spin = mechanism.frame(body.name)[0], None
+            if frame != GROUND:
+                inertia = frames.parameters(f'{body.name}.inertia', body.inertia)
+                spin = neg(mul(inertia, frames.a[frame]))
+            moment = moment_of((place[0].value, place[1].value), (force[0], force[1]))
+            parts.append([*force, add(moment, spin)])
+        for load in (load for element in applied for load in element.loads(frames)):
+            x, y = load.place(frames, mechanism)
+            moment = add(moment_of((x.value, y.value), load.force), load.moment)
+            parts.append([*load.force, moment])
+        self.outside = tuple(frames.outside)
+        motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
+        terms = [add(*column) for column in zip(*parts, strict=True)]
+        self._function = Known(frames, [terms], [*motion, *frames.outside.values()])
+
+    def __call__(self, q: Array, v: Array, a: Array, outside: Array) -> Array:
+        """Force x, y [N] and moment about the origin [N m], (3, N).
+
+        Parameters
+        ----------
+        q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
+        outside : (k, N) what is named by `outside`
+        """
+        return self._function(np.concatenate([q, v, a, outside]))[0]
+
+    def impulse(self, q: Array, step: Array, outside: Array) -> Array:
+        """Impulse x, y [N s] and its moment about the origin [N m s], (3, N).
+
+        Parameters
+        ----------
+        step : (n, N) of the velocities [rad/s, m/s]
+        """
+        rest = np.zeros_like(q)
+        return self(q, rest, step, outside) - self(q, rest, rest, outside)

@@ -1,0 +1,117 @@
+"""The frames on springs of a machine, and what can be said of them without running it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.forces import AppliedForce
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.impulses import JointImpulses
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.shaking import ShakingForce
+from mechanism_sim.scene.clearances import gaps_and_films
+from mechanism_sim.scene.files import nearest
+from mechanism_sim.vibration.frame import Frame, Mount
+from mechanism_sim.vibration.joint_forces import JointForces
+from mechanism_sim.vibration.shaking import Forces, WholeMachine
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene.machine import Machine
+
+_FASTEST = 1e6
+"""[Hz] Natural frequencies beyond it are those of no frame."""
+
+
+def read_frame(machine: Machine, name: str) -> Frame:
+    """A frame of the scene.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, or its mounts do not hold it.
+    """
+    parts = machine.scene.oscillators
+    if name not in parts:
+        known = ', '.join(parts) or 'none'
+        raise InputError(
+            f"{machine.name}: there is no oscillator '{name}'{nearest(name, parts)}; "
+            f'oscillators: {known}'
+        )
+    part, where = parts[name], f'{machine.name}: oscillators.{name}'
+    mounts = tuple(Mount(m.at, m.stiffness, m.damping) for m in part.mounts.values())
+    frame = Frame(part.mass, part.inertia, part.cog, mounts)
+    if not frame.held:
+        raise InputError(
+            f'{where}.mounts do not hold it in every direction: give each direction a stiffness, '
+            'and a frame that can turn two mounts apart, or leave out its inertia'
+        )
+    if frame.frequencies[-1] > _FASTEST:
+        raise InputError(
+            f'{where}: its highest natural frequency of {frame.frequencies[-1]:.3g} Hz is above '
+            f'{_FASTEST:g} Hz: check mass, inertia and stiffness'
+        )
+    return frame
+
+
+def forces_on(machine: Machine, name: str) -> Forces:
+    """What shakes a frame of the scene."""
+    joints, mechanism = machine.scene.oscillators[name].joints, machine.mechanism
+    if joints is None:
+        elements = machine.plan.elements(mechanism)
+        applied = [element for element in elements if isinstance(element, AppliedForce)]
+        return WholeMachine(ShakingForce(mechanism, applied), mechanism.coordinates)
+    gaps, _ = gaps_and_films(mechanism, machine.clearances)
+    closing = [j for j in mechanism.cut if j not in machine.clearances]
+    impulses = JointImpulses(
+        mechanism, gaps, closures(mechanism, closing), machine.plan.prescribed
+    )
+    return JointForces(mechanism, machine.physics, impulses, joints)
+
+
+def check_oscillators(machine: Machine) -> None:
+    """Refuse frames that cannot be.
+
+    Raises
+    ------
+    InputError
+    """
+    for name, part in machine.scene.oscillators.items():
+        where = f'{machine.name}: oscillators.{name}'
+        if not name.isidentifier():
+            raise InputError(
+                f"{machine.name}: the oscillator name '{name}' must be letters, digits and _"
+            )
+        if name in (GROUND, *machine.links):
+            raise InputError(f"{machine.name}: the oscillator '{name}' has the name of a link")
+        read_frame(machine, name)
+        if not machine.plan.weighed:
+            raise InputError(f'{where}: what shakes it needs the masses of all links')
+        if part.joints is None:
+            continue
+        if not (machine.dynamic or machine.scene.outputs.forces):
+            raise InputError(f"{where}.joints: their forces need 'outputs.forces: true'")
+        grounded = [j.name for j in machine.mechanism.joints if GROUND in (j.first, j.second)]
+        for joint in part.joints:
+            if joint not in grounded:
+                raise InputError(
+                    f"{where}.joints: '{joint}' is no joint of the ground"
+                    f'{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
+                )
+
+
+def oscillator_notes(machine: Machine) -> list[str]:
+    """What can be said of the frames of a scene."""
+    notes = []
+    carried = sum(body.mass for body in machine.mechanism.bodies)
+    for name, part in machine.scene.oscillators.items():
+        frame = read_frame(machine, name)
+        pitches = ', '.join(f'{f:.4g}' for f in frame.frequencies)
+        by = 'the machine' if part.joints is None else ', '.join(part.joints)
+        notes.append(
+            f'oscillator {name}: {frame.mass:g} kg on {len(frame.mounts)} '
+            f'mount{"s" * (len(frame.mounts) > 1)}, natural frequencies {pitches} Hz, shaken by '
+            f'{by}; it does not move the machine, whose moving links have '
+            f'{carried / frame.mass:.2g} of its mass'
+        )
+    return notes

@@ -1,0 +1,75 @@
+"""The acceleration of a point of a frame on springs, as an instrument feels it."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.planar.mechanism import Vector2
+from mechanism_sim.vibration.frame import Frame
+from mechanism_sim.vibration.residues import through
+from mechanism_sim.vibration.shaking import Forces, Shaking
+
+
+class PointOnFrame:
+    """A source whose inputs are the forces on a frame: the frame is the first part of the chain.
+
+    Parameters
+    ----------
+    frame : with n degrees of freedom
+    forces : of the machine on it
+    at : [m] in the world, like its centre of gravity and its mounts
+    axis : 'along' the world's x axis or 'across' it
+    gravity : [m/s^2] what is read is the acceleration less this
+    transverse : part of the acceleration 90 degrees on from the axis that is read, too
+
+    Attributes
+    ----------
+    inputs : n, and one more for gravity
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        forces: Forces,
+        at: Vector2,
+        axis: Literal['along', 'across'],
+        gravity: Vector2 = (0.0, 0.0),
+        transverse: float = 0.0,
+    ) -> None:
+        self._frame, self._shaking = frame, Shaking(frame, forces)
+        turn = (0.0 if axis == 'along' else 0.5 * math.pi) + math.atan(transverse)
+        way = math.hypot(1.0, transverse) * np.array([math.cos(turn), math.sin(turn)])
+        self._outputs = way @ frame.motion_of(at)
+        self._weight = -float(way @ gravity)
+        self.inputs = frame.freedom + 1
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from the forces, and from gravity, to what comes out of a chain."""
+        moved = through(self._frame.receptance, self._frame.M, self._outputs, chain)
+        still = chain.modes()
+        n, m = len(moved.poles), len(still.poles)
+        residues = np.zeros((1, self.inputs, n + m), complex)
+        residues[:, :-1, :n], residues[:, -1:, n:] = moved.residues, still.residues
+        return Modes(
+            np.concatenate([moved.poles, still.poles]),
+            residues,
+            np.concatenate([moved.direct, still.direct], axis=1),
+        )
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Forces less those at the start (n, N) [N, N m], and the reading of gravity."""
+        start = self._shaking.at_start(motion)
+        forces = self._shaking.read(motion, segments, dt) - start[:, None]
+        return np.concatenate([forces, np.full((1, forces.shape[1]), self._weight)])
+
+    def impulses(self, motion: Motion) -> Array:
+        """Impulses (m, n + 1) [N s, N m s] at the instants at which the m pieces begin."""
+        impulses = self._shaking.impulses(motion)
+        return np.concatenate([impulses, np.zeros((len(impulses), 1))], axis=1)

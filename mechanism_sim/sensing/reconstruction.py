@@ -1,0 +1,178 @@
+"""From the readings of accelerometers on links back to the angular motion of the links ([SB] 7.2).
+
+Readings are in the direction `across` of a scene's sensors: along v(angle) = (-sin, cos), which is
+counterclockwise. Arrays are (N,) over time, SI units and radians.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import integrate, signal
+
+from mechanism_sim.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def crank_pin(
+    length: float, angle: Array, speed: Array | float, rate: Array | float = 0.0
+) -> Array:
+    """Acceleration (2, N) [m/s^2] of the end of a crank: ``l2 (a2 v(th2) - w2^2 u(th2))``.
+
+    Parameters
+    ----------
+    length : l2 [m]
+    angle, speed, rate : th2 [rad], w2 [rad/s], a2 [rad/s^2]
+    """
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned = np.array([-sine, cosine])
+    return np.asarray(length * (rate * turned - speed**2 * np.array([cosine, sine])))
+
+
+def angular_acceleration(
+    reading: Array,
+    at: float,
+    angle: Array | float = 0.0,
+    joint: Array | None = None,
+    gravity: tuple[float, float] = (0.0, 0.0),
+) -> Array:
+    """Angular acceleration (N,) [rad/s^2] of a link from the reading of one accelerometer.
+
+    The reading is ``v . (joint'' - gravity) + at angle''``, v being the axis of the sensor. For
+    the coupler, with the crank pin as joint, this is [SB] eq. 7.2.1-6
+    ``a3 = (l2 w2^2 sin(th2 - th3) - a_t)/l3``, where a_t counts clockwise (eq. 7.2.1-5), and which
+    leaves out the crank's own acceleration ``- l2 a2 cos(th2 - th3)/l3``. For the rocker, whose
+    joint rests, it is eq. 7.2.2-1.
+
+    Parameters
+    ----------
+    reading : (N,) [m/s^2]
+    at : distance of the sensor from the joint [m]
+    angle : of the link [rad]: the ideal mechanism's as in [SB], or better
+    joint : (2, N) acceleration of the joint that the distance counts from; at rest if not given
+    gravity : of the world, for instruments that read acceleration less gravity; else 0
+
+    Raises
+    ------
+    InputError
+        If the sensor sits in the joint.
+    """
+    if at == 0.0:
+        raise InputError('a sensor in the joint of its link does not feel it turn')
+    ax, ay = np.zeros((2, 1)) if joint is None else joint
+    carried = -np.sin(angle) * (ax - gravity[0]) + np.cos(angle) * (ay - gravity[1])
+    return np.asarray((reading - carried) / at)
+
+
+def by_two(first: Array, second: Array, at_first: float, at_second: float) -> Array:
+    """Angular acceleration (N,) [rad/s^2] of a link from two sensors on it, both across it.
+
+    What they share, the motion of the joint and gravity, drops out: neither the crank nor the
+    angle of the link need be known.
+
+    Parameters
+    ----------
+    first, second : readings (N,) [m/s^2]
+    at_first, at_second : where they sit [m], on one line through the joint
+
+    Raises
+    ------
+    InputError
+        If both sit in the same place.
+    """
+    if at_first == at_second:
+        raise InputError('two sensors at the same place of a link do not tell how it turns')
+    return np.asarray((first - second) / (at_first - at_second))
+
+
+def by_trapezoids(rate: Array, sample_rate: float, start: float = 0.0) -> Array:
+    """Integral (N,) of samples by the trapezoidal rule ([SB] eq. 7.2.1-8) from a value `start`.
+
+    It drifts: an offset of the samples grows with time, and noise makes a random walk.
+    """
+    return np.asarray(start + integrate.cumulative_trapezoid(rate, dx=1 / sample_rate, initial=0))
+
+
+def closing(rate: Array, sample_rate: float, mean: float = 0.0) -> Array:
+    """The same for a record of whole cycles of a motion that repeats: (N,).
+
+    An angular velocity that comes back to where it was has a derivative whose mean is zero, so
+    the mean is taken off beforehand. The constant follows from the mean of the velocity: zero for
+    a link that rocks.
+    """
+    found = by_trapezoids(rate - rate.mean(), sample_rate)
+    return np.asarray(found - found.mean() + mean)
+
+
+def by_spectrum(rate: Array, sample_rate: float, low: float = 0.0, mean: float = 0.0) -> Array:
+    """The same by FFT, amplitudes over ``i omega``: (N,), without any phase error.
+
+    Exact for a record of whole cycles that holds no frequency from half the sampling rate on.
+
+    Parameters
+    ----------
+    low : [Hz] below which frequencies are left out: what drifts
+    mean : of the result
+    """
+    f = np.fft.rfftfreq(len(rate), 1.0 / sample_rate)
+    spectrum = np.fft.rfft(rate)
+    keep = (f > 0.0) & (f >= low)
+    spectrum[keep] /= 2j * np.pi * f[keep]
+    spectrum[~keep] = 0.0
+    return np.asarray(np.fft.irfft(spectrum, len(rate)) + mean)
+
+
+def by_filter(
+    rate: Array, sample_rate: float, low: float, order: int = 2, mean: float = 0.0
+) -> Array:
+    """The same by trapezoids and a Butterworth high-pass run forward and backward: (N,).
+
+    For records that are no whole cycles. Running it both ways cancels its phase and squares its
+    gain; within a few periods of `low` from both ends it is less exact.
+
+    Parameters
+    ----------
+    low : corner frequency [Hz], well below that of the crank
+    order : of the filter in each direction
+
+    Raises
+    ------
+    InputError
+        If the corner is not between zero and half the sampling rate.
+    """
+    if not 0.0 < low < 0.5 * sample_rate:
+        raise InputError(
+            f'the corner of a high-pass must be above 0 and below half the sampling rate '
+            f'({0.5 * sample_rate:g} Hz): {low:g} Hz is not'
+        )
+    sections = signal.butter(order, low, 'highpass', fs=sample_rate, output='sos')
+    integral = by_trapezoids(rate - rate.mean(), sample_rate)
+    length = min(len(rate) - 1, round(3.0 * sample_rate / low))
+    # an even reflection keeps the mean; the usual odd one would look like a step to a high-pass
+    found = signal.sosfiltfilt(sections, integral - integral.mean(), padtype='even', padlen=length)
+    return np.asarray(found + mean)
+
+
+class Error(NamedTuple):
+    """How far an estimate is from the truth.
+
+    Attributes
+    ----------
+    rms, largest : of the difference, in the unit of the signals
+    relative : rms over that of the truth
+    """
+
+    rms: float
+    largest: float
+    relative: float
+
+
+def error(estimate: Array, truth: Array) -> Error:
+    """The error of samples (N,) whose truth (N,) is known."""
+    off = estimate - truth
+    rms = float(np.sqrt(np.mean(off**2)))
+    scale = float(np.sqrt(np.mean(truth**2)))
+    return Error(rms, float(np.abs(off).max()), rms / scale if scale else np.inf)

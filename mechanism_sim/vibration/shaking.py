@@ -1,0 +1,150 @@
+"""What shakes a frame: the forces of a machine, from its motion."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.physics import outside
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.polynomials import (
+    Nodes,
+    PiecewisePolynomial,
+    chebyshev_coefficients,
+    chebyshev_nodes,
+)
+from mechanism_sim.planar.shaking import ShakingForce
+from mechanism_sim.vibration.frame import Frame
+
+Array = NDArray[np.float64]
+
+NODES = Nodes(tuple(chebyshev_nodes(20)))
+"""Where forces are asked for on every piece, to make polynomials of them."""
+_UNRESOLVED = 1e-6
+"""Of the largest force: higher harmonics of a piece must be smaller."""
+_ROUNDING = 1e-12
+"""Of the largest rate of a coordinate: smaller steps of it are none."""
+
+
+class Forces(Protocol):
+    """Forces on the ground at instants of a motion; moments about the origin."""
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Force x, y [N] and moment [N m] (3, N) at instants as of ``motion.curve.at``."""
+
+    def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
+        """Their integrals (3, N) [N s, N m s] over the instants at which segments (N,) begin.
+
+        The rates of the coordinates make a `step` (n, N) there.
+        """
+
+
+class WholeMachine:
+    """All that a machine does to its ground, impacts included.
+
+    Parameters
+    ----------
+    force : from the momentum of its links
+    coordinates : of the machine
+    """
+
+    def __init__(self, force: ShakingForce, coordinates: tuple[str, ...]) -> None:
+        self._force, self._coordinates = force, coordinates
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Force and moment."""
+        q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
+        return self._force(q, v, a, self._outside(motion, segments, dt))
+
+    def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
+        """Impulse and its moment."""
+        dt = np.zeros(len(segments))
+        q = motion.curve.local(segments, dt).T
+        return self._force.impulse(q, step, self._outside(motion, segments, dt))
+
+    def _outside(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        return outside(self._force.outside, self._coordinates, motion.curve, segments, dt)
+
+
+class Shaking:
+    """Forces on a frame, in its coordinates, for one listener.
+
+    Pieces of motion must come in the order of time.
+
+    Parameters
+    ----------
+    frame : with n degrees of freedom
+    forces : of the machine on it
+
+    Attributes
+    ----------
+    inputs : n
+    """
+
+    def __init__(self, frame: Frame, forces: Forces) -> None:
+        self.inputs = frame.freedom
+        self._cog, self._forces = frame.cog, forces
+        self._before: Array | None = None
+        self._start: Array | None = None
+
+    def at_start(self, motion: Motion) -> Array:
+        """What acts when the first motion begins (n,): the mounts bear it then."""
+        if self._start is None:
+            first = np.zeros(1, np.intp)
+            self._start = self.read(motion, first, np.zeros(1))[:, 0]
+        return self._start
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Forces (n, N) [N, N m about the centre of gravity] at instants as of a curve's `at`."""
+        return self._about_cog(self._forces.read(motion, segments, dt))
+
+    def impulses(self, motion: Motion) -> Array:
+        """Impulses (m, n) [N s, N m s] at the instants at which the m pieces begin.
+
+        Raises
+        ------
+        RunError
+            If loads change so fast that polynomials on these pieces do not follow them.
+        """
+        self._check(motion)
+        step = self._steps(motion.curve)
+        found = np.zeros((len(motion), self.inputs))
+        sudden = np.flatnonzero(step.any(axis=0))
+        if sudden.size:
+            impulses = self._forces.impulses(motion, sudden, step[:, sudden])
+            found[sudden] = self._about_cog(impulses).T
+        return found
+
+    def _check(self, motion: Motion) -> None:
+        """Whether polynomials follow the forces, where loads do not rule the length of pieces."""
+        if motion.modes.shape[1]:
+            return
+        every = np.arange(len(motion))
+        values = self.read(motion, every, NODES).reshape(-1, len(motion), len(NODES))
+        sizes = np.abs(chebyshev_coefficients(values)).max(axis=1)
+        if (sizes[:, -2:].max(axis=1) > _UNRESOLVED * sizes.max()).any():
+            raise RunError(
+                'the forces on a frame change too fast for the pieces of its motion: loads by '
+                'formulas must not be much faster than the machine'
+            )
+
+    def _steps(self, curve: PiecewisePolynomial) -> Array:
+        """Steps (coordinates, m) of the rates where pieces begin."""
+        every = np.arange(len(curve))
+        after = curve.local(every, np.zeros(len(curve)), 1)
+        ends = curve.local(every, curve.duration, 1)
+        first = after[:1] if self._before is None else self._before
+        before = np.concatenate([first, ends[:-1]])
+        self._before = ends[-1:]
+        step = after - before
+        small = _ROUNDING * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+        step[np.abs(step).max(axis=1) <= small] = 0.0
+        return np.asarray(step.T)
+
+    def _about_cog(self, forces: Array) -> Array:
+        x, y, moment = forces
+        about = moment - self._cog[0] * y + self._cog[1] * x
+        return np.array([x, y, about])[: self.inputs]

@@ -1,0 +1,207 @@
+"""Spectra, envelopes, orders and indicators against closed forms, Parseval, and SciPy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import signal, stats
+
+from mechanism_sim.sensing.indicators import Moments, indicators
+from mechanism_sim.sensing.orders import Turns, at_equal_angles, order_spectrum
+from mechanism_sim.sensing.spectra import (
+    Spectrum,
+    amplitude,
+    envelope,
+    envelope_spectrum,
+    power,
+    shock_band,
+    spectral_kurtosis,
+)
+
+RATE = 2000.0
+
+
+def noise(count, seed=1):
+    return np.random.default_rng(seed).normal(size=count)
+
+
+def sine(frequency, count, phase=0.4, size=1.0):
+    return size * np.sin(math.tau * frequency * np.arange(count) / RATE + phase)
+
+
+def shocks(count, every, ring, decay=200.0):
+    """Decaying oscillations at `ring` Hz, one every so many samples."""
+    x = np.zeros(count)
+    t = np.arange(count) / RATE
+    for k in range(0, count, every):
+        since = t[k:] - t[k]
+        x[k:] += np.exp(-decay * since) * np.sin(math.tau * ring * since)
+    return x
+
+
+@pytest.mark.parametrize('count', [1000, 1001])
+def test_power_of_one_segment_sums_to_the_variance(count):
+    x = noise(count)
+    found = power([x], RATE, count, 'boxcar')
+    assert found.values.sum() * found.step == pytest.approx(x.var(), rel=1e-12)
+
+
+def test_power_of_noise_is_flat_and_of_the_right_height():
+    found = power([noise(50_000), noise(70_000, 2)], RATE, 512)
+    assert found.values[2:-2].mean() == pytest.approx(2.0 / RATE, rel=0.01)
+    assert found.values[2:-2].std() < 0.15 * 2.0 / RATE  # 1/sqrt(468 segments), twice
+
+
+def test_runs_are_averaged_by_the_segments_they_hold():
+    """A long run and a short one give what SciPy gives of their segments taken one by one."""
+    runs, n = [noise(4096), noise(1024, 2), noise(100, 3)], 512
+    cut = [x[k : k + n] for x in runs for k in range(0, len(x) - n + 1, n // 2)]
+    by_hand = np.mean([signal.periodogram(x, RATE, 'hann')[1] for x in cut], axis=0)
+    assert power(runs, RATE, n).values == pytest.approx(by_hand, rel=1e-12)
+
+
+@pytest.mark.parametrize('window', ['boxcar', 'hann', 'flattop'])
+@pytest.mark.parametrize('count', [2000, 2001])
+def test_a_sine_on_a_line_shows_its_amplitude_under_any_window(window, count):
+    x = 3.0 + sine(100 * RATE / count, count, size=2.5)
+    found = amplitude(x, RATE, window)
+    assert found.values[100] == pytest.approx(2.5, rel=1e-9)
+    assert found.values[0] == pytest.approx(3.0, rel=1e-9)
+    assert found.frequency[100] == pytest.approx(100 * RATE / count)
+
+
+def test_amplitude_at_half_the_sampling_rate():
+    assert amplitude(np.tile([1.0, -1.0], 8), RATE).values[-1] == pytest.approx(1.0)
+
+
+def test_strongest_are_local_peaks_in_falling_order():
+    found = Spectrum(np.arange(7.0), np.array([9.0, 1.0, 3.0, 2.0, 1.0, 4.0, 5.0]))
+    assert found.strongest(5) == [(6.0, 5.0), (2.0, 3.0)]
+
+
+def test_envelope_of_a_modulated_tone_is_the_modulation():
+    t = np.arange(4000) / RATE
+    shape = 1.0 + 0.6 * np.cos(math.tau * 20.0 * t)
+    x = shape * np.sin(math.tau * 500.0 * t)
+    assert envelope(x, RATE, (300.0, 700.0)) == pytest.approx(shape, abs=1e-12)
+    assert envelope(x, RATE) == pytest.approx(np.abs(signal.hilbert(x)), abs=1e-12)
+    # (1 + m cos)^2 = 1 + m^2/2 + 2 m cos + m^2/2 cos(2 ..)
+    found = envelope_spectrum(x, RATE, (300.0, 700.0), 'boxcar')
+    peaks = dict(found.strongest(2))
+    assert peaks == pytest.approx({20.0: 1.2, 40.0: 0.18}, rel=1e-9)
+
+
+def test_envelope_finds_the_rate_of_shocks_under_a_stronger_tone_and_noise():
+    x = shocks(40_000, 160, 700.0) + 0.2 * noise(40_000) + sine(60.0, 40_000, size=5.0)
+    band = shock_band(x, RATE)
+    assert band[0] < 700.0 < band[1]
+    assert band[0] > 60.0
+    lines = sorted(f for f, _ in envelope_spectrum(x, RATE, band).strongest(4))
+    assert lines == pytest.approx([12.5, 25.0, 37.5, 50.0], abs=0.06)
+
+
+def test_spectral_kurtosis_of_noise_sines_and_shocks():
+    of_noise = spectral_kurtosis(noise(100_000), RATE, 64).values
+    assert np.abs(of_noise).max() < 0.2
+    assert of_noise[1:-1].mean() == pytest.approx(0.0, abs=0.02)
+    assert spectral_kurtosis(sine(500.0, 10_000), RATE, 64).values[16] == pytest.approx(-1.0)
+    of_shocks = spectral_kurtosis(shocks(40_000, 400, 700.0, 400.0) + 0.01 * noise(40_000), RATE)
+    at = int(np.argmax(of_shocks.values))
+    assert of_shocks.frequency[at] == pytest.approx(700.0, abs=150.0)
+    assert of_shocks.values[at] > 1.0
+
+
+def test_indicators_are_those_of_scipy_and_of_a_sine():
+    x = noise(999) ** 3
+    found = indicators(x)
+    assert found.kurtosis == pytest.approx(stats.kurtosis(x, fisher=False), rel=1e-12)
+    assert found.skewness == pytest.approx(stats.skew(x), rel=1e-12)
+    assert found.clearance == pytest.approx(
+        np.abs(x).max() / np.mean(np.sqrt(np.abs(x))) ** 2, rel=1e-12
+    )
+    tone = indicators(sine(1.0, 200_000, 0.0))
+    assert tone.crest == pytest.approx(math.sqrt(2.0), rel=1e-6)
+    assert tone.kurtosis == pytest.approx(1.5, rel=1e-9)
+    assert tone.shape == pytest.approx(math.pi / (2.0 * math.sqrt(2.0)), rel=1e-6)
+    assert tone.impulse == pytest.approx(math.pi / 2.0, rel=1e-6)
+    # (mean sqrt|sin|)^2 = (Gamma(3/4) / (sqrt(pi) Gamma(5/4)))^2
+    mean_root = math.gamma(0.75) / (math.sqrt(math.pi) * math.gamma(1.25))
+    assert tone.clearance == pytest.approx(mean_root**-2, rel=1e-4)
+
+
+def test_indicators_do_not_depend_on_blocks():
+    x = noise(5000) + 3.0
+    moments = Moments()
+    for block in np.split(x, [1, 10, 10, 777, 4999]):
+        moments.add(block)
+    whole, pieces = vars(indicators(x)), vars(moments.indicators())
+    assert pieces == pytest.approx(whole, rel=1e-10)
+
+
+def test_indicators_of_signals_that_say_nothing():
+    still = indicators(np.full(10, 2.0))
+    assert (still.rms, still.peak, still.crest) == (2.0, 2.0, 1.0)
+    assert still.kurtosis is still.skewness is None
+    silent = indicators(np.zeros(10))
+    assert silent.crest is silent.shape is silent.impulse is silent.clearance is None
+    with pytest.raises(ValueError, match='without samples'):
+        indicators([])
+
+
+def ramp(seconds=10.0):
+    """Turns of a shaft that goes from 2 to 12 turns a second, at the sampling times."""
+    t = np.arange(int(seconds * RATE)) / RATE
+    return 2.0 * t + 0.5 * t**2
+
+
+def test_an_order_stays_a_line_while_the_speed_changes():
+    turned = ramp()
+    x = np.cos(math.tau * 8.0 * turned + 0.3) + 0.5 * np.cos(math.tau * 2.5 * turned)
+    turns = at_equal_angles([turned], [x])
+    assert turns.values.shape[0] == 70 - 1  # at 69.99... turns it ends
+    found = order_spectrum(Turns(turns.values[:68], turns.first[:68]))
+    lines = dict(found.strongest(2))
+    assert lines == pytest.approx({8.0: 1.0, 2.5: 0.5}, rel=1e-4)
+    apart = np.abs(found.frequency - 8.0) + 1e9 * (np.abs(found.frequency - 2.5) < 1e-9)
+    assert found.values[apart > 1e-9].min() < 1e-4
+    off = (np.abs(found.frequency - 8.0) > 1e-9) & (np.abs(found.frequency - 2.5) > 1e-9)
+    assert found.values[off].max() < 1e-3
+    assert amplitude(x, RATE).values.max() < 0.2  # over frequency it is smeared
+
+
+def test_the_average_keeps_what_repeats_and_the_residual_has_the_rest():
+    turned = ramp()
+    repeats = np.cos(math.tau * 3.0 * turned)
+    turns = at_equal_angles([turned], [repeats + 0.1 * noise(len(turned))], 128)
+    assert turns.mean == pytest.approx(np.cos(3.0 * turns.angle), abs=0.1)
+    assert np.std(turns.mean - np.cos(3.0 * turns.angle)) < 0.02
+    assert turns.residual.mean(axis=0) == pytest.approx(0.0, abs=1e-12)
+    assert turns.spread.mean() == pytest.approx(0.1, rel=0.15)
+
+
+def test_runs_with_gaps_between_keep_their_turns_apart():
+    turned = ramp()
+    x = np.sin(math.tau * turned)
+    halves = [slice(0, 9000), slice(9500, None)]
+    turns = at_equal_angles([turned[h] for h in halves], [x[h] for h in halves], 64)
+    assert [len(s) for s in turns.series()] == [64 * k for k in (19, 49)]
+    assert turns.values == pytest.approx(
+        np.tile(np.sin(turns.angle), (len(turns.values), 1)), abs=1e-6
+    )
+
+
+def test_a_record_of_one_turn_from_a_trigger_is_a_turn():
+    """As long as the turn, less one sample: the angle of its end is that of the next start."""
+    turned = 3.0 + np.arange(400) / 400.0
+    turns = at_equal_angles([turned], [np.sin(math.tau * turned)])
+    assert turns.values.shape == (1, 400)
+    assert turns.first.tolist() == [3]
+
+
+def test_a_shaft_that_turns_back_has_no_orders():
+    with pytest.raises(ValueError, match='turns back'):
+        at_equal_angles([np.array([0.0, 1.0, 0.5])], [np.zeros(3)])
+    with pytest.raises(ValueError, match='no whole turn'):
+        at_equal_angles([np.linspace(0.1, 1.05, 90)], [np.zeros(90)])
