@@ -1,8 +1,8 @@
 """Trials of `mechanism-sim identify`: bags of machines that are known, and what is found in them.
 
-Records ten run-ups of the scene `bearing_run_up` as nodes, each with another restitution, friction
-and clearance and noise, identifies them, and puts the table into docs/identification.md. The first
-round of simulations knows nothing of a signal yet, so it is made once and serves all trials;
+Records ten run-ups of the scene `bearing_run_up` as nodes, each with another restitution,
+friction, clearance and noise, identifies them, and puts the table into docs/identification.md. The
+first round of simulations knows nothing of a signal yet, so it is made once and serves all trials;
 everything else is what the command does.
 """
 

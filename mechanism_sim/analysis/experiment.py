@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.deviation import ideal_machine
+from mechanism_sim.analysis.rebuilt import LINKS
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
-from mechanism_sim.analysis.swing import LINKS, MESHES, Swing, sensors_across, steps, swing
+from mechanism_sim.analysis.swing import MESHES, Swing, sensors_across, steps, swing
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.schema import FourBarScene

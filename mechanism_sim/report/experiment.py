@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from mechanism_sim.analysis.experiment import Experiment, Trial
-from mechanism_sim.analysis.swing import LINKS, MESHES, Estimate
+from mechanism_sim.analysis.rebuilt import LINKS, Estimate
+from mechanism_sim.analysis.swing import MESHES
 
 _METHODS = {
     'thesis': 'as [SB]',
@@ -62,6 +63,9 @@ def render(found: Experiment) -> str:
             f'({found.assumed.bag}), as means over {MESHES[-1]:g} deg, over what the instrument '
             f'shows of {_said(found.reference)} ({found.reference.bag})'
         )
+    cut = sum(swing.overloads for t in found.trials for swing in t.swings.values())
+    if cut:
+        head.append(f'{cut} samples of all runs were cut at the range of their converters')
     return '\n\n'.join(['\n'.join(head), *(table.markdown() for table in tables(found))])
 
 

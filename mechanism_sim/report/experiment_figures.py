@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.experiment import JOINT, Cycle, Experiment, Trial
-from mechanism_sim.analysis.swing import LINKS
+from mechanism_sim.analysis.rebuilt import LINKS
 from mechanism_sim.report.condition import rose_picture
 from mechanism_sim.sensing.spectra import power
 

@@ -131,7 +131,8 @@ class System:
         if not proportional:
             squares, Q = eigh(K)
         squares = np.where(np.abs(squares) < ROUNDING * stiffest, 0.0, squares)
-        return squares, Q, np.maximum(loss, 0.0) if proportional else None
+        loss = np.where(loss < np.finfo(np.float64).eps * strongest, 0.0, loss)
+        return squares, Q, loss if proportional else None
 
     @property
     def state_matrix(self) -> Array:

@@ -9,10 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
 from mechanism_sim.bench.hard.bodies import SPEED, TURN, thesis
 from mechanism_sim.bench.hard.case import Figure, hard_case
+from mechanism_sim.bench.stages import (
+    State,
+    in_series,
+    integral,
+    lag,
+    lead,
+    low_pass,
+    resonator,
+)
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum
@@ -39,9 +48,6 @@ BLOCK = Mechanism(
     (Prismatic('guide', 'ground', 'block', (0.0, 0.0), (0.0, 0.0)),),
     (),
 )
-
-State = tuple[Array, Array, Array, float]
-"""A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
 
 
 def pushed(durations: ArrayLike, accelerations: ArrayLike, jumps: ArrayLike) -> Motion:
@@ -70,46 +76,11 @@ def measured(instrument: Instrument, motion: Motion) -> Array:
     return samples(channel.blocks(final=True))
 
 
-def resonator(frequency: float, damping: float) -> State:
-    """``y'' + 2 zeta w y' + w^2 y = w^2 u``."""
-    w = 2.0 * math.pi * frequency
-    A = np.array([[0.0, w], [-w, -2.0 * damping * w]])
-    return A, np.array([0.0, w]), np.array([1.0, 0.0]), 0.0
-
-
-def lag(frequency: float) -> State:
-    """``y' = w (u - y)``."""
-    w = 2.0 * math.pi * frequency
-    return np.array([[-w]]), np.array([w]), np.ones(1), 0.0
-
-
-def lead(frequency: float) -> State:
-    """What a lag leaves over."""
-    A, B, C, _ = lag(frequency)
-    return A, B, -C, 1.0
-
-
-def integral(frequency: float) -> State:
-    """``y' = u - w y``."""
-    return np.array([[-2.0 * math.pi * frequency]]), np.ones(1), np.ones(1), 0.0
-
-
-def low_pass(frequency: float, order: int) -> list[State]:
-    """Butterworth of even order: resonators of damping ``sin((2 k - 1) pi / 2 n)``."""
-    angles = (np.arange(1, order, 2)) * math.pi / (2 * order)
-    return [resonator(frequency, float(zeta)) for zeta in np.sin(angles)]
-
-
 def stepped(
     stages: Sequence[State], count: int, jump: float, at: int, rate: float = RATE
 ) -> Array:
     """What stages in series give for 1 m/s^2 from rest and a jump at a sample, by ``expm``."""
-    A, B, C, D = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
-    for a, b, c, d in stages:
-        n = len(A)
-        A = block_diag(A, a)
-        A[n:, :n] = np.outer(b, C)
-        B, C, D = np.append(B, b * D), np.append(d * C, c), d * D
+    A, B, C, D = in_series(stages)
     n = len(A)
     step = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) / rate)
     x, out = np.append(np.zeros(n), 1.0), []

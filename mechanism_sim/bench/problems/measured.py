@@ -1,0 +1,167 @@
+"""The accelerometer of the thesis on a loose four-bar: samples behind its filters.
+
+The motion is known and the same for all, polynomials and impacts; only measuring it is timed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.polynomial.polynomial import polyval
+from scipy.integrate import solve_ivp
+from scipy.signal import bilinear_zpk, lsim, sosfilt, zpk2sos
+
+from mechanism_sim.bench.measured import SENSOR, Array, Measured
+from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run
+from mechanism_sim.errors import RunError
+from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
+from mechanism_sim.sensing.channel import Channel
+
+RUN = Measured(20)
+NODES = Nodes(tuple(chebyshev_nodes(14).tolist()))
+
+
+def timed(measure: Callable[[], Array]) -> Run:
+    """A run whose answer are the samples."""
+
+    def run() -> Callable[[], Outcome]:
+        samples = measure()
+        return lambda: Outcome(samples)
+
+    return run
+
+
+def ours(_: float) -> Run:
+    """The channel that nodes, sweeps and the library use; and the motion, once for all."""
+    motion = RUN.motion
+
+    def measure() -> Array:
+        channel = Channel(RUN.source(), RUN.instrument, SENSOR)
+        channel.take(motion)
+        return np.concatenate([block.samples for block in channel.blocks(final=True)])
+
+    return timed(measure)
+
+
+def oversampled(factor: float, pulses: bool) -> tuple[Array, Array]:
+    """Ideal acceleration at a multiple of the rate, and its times [s].
+
+    With pulses, the two samples about each impact share its area, so that its instant is kept.
+    """
+    rate = factor * RUN.instrument.sample_rate
+    t = np.arange(len(RUN.times) * int(factor)) / rate
+    t = t[t < RUN.motion.curve.end]
+    u = RUN.acceleration(t)
+    if pulses:
+        at, sizes = RUN.impacts
+        before = np.minimum((at * rate).astype(int), len(u) - 2)
+        later = at * rate - before
+        np.add.at(u, before, sizes * rate * (1.0 - later))
+        np.add.at(u, before + 1, sizes * rate * later)
+    return u, t
+
+
+def filtered(pulses: bool) -> Callable[[float], Run]:
+    """`sosfilt` with the chain made digital by the bilinear transform, by factor of the rate."""
+
+    def prepare(factor: float) -> Run:
+        chain = RUN.instrument.transfer()
+        rate = factor * RUN.instrument.sample_rate
+        sections = zpk2sos(*bilinear_zpk(chain.zeros, chain.poles, chain.gain, rate))
+        every = int(factor)
+        return timed(lambda: sosfilt(sections, oversampled(factor, pulses)[0])[::every])
+
+    return prepare
+
+
+def simulated(factor: float) -> Run:
+    """`lsim` of the state equations, straight lines between samples, by factor of the rate."""
+    A, B, C, D = RUN.state
+
+    def measure() -> Array:
+        u, t = oversampled(factor, pulses=True)
+        _, y, _ = lsim((A, B[:, None], C[None], D), u, t)
+        return np.asarray(y[:: int(factor)])
+
+    return timed(measure)
+
+
+def integrated(rtol: float) -> Run:
+    """`solve_ivp` from piece to piece, by tolerance."""
+    A, B, C, _ = RUN.state
+    curve, times, every = RUN.motion.curve, RUN.times, np.arange(len(RUN.motion))
+
+    def measure() -> Array:
+        source = RUN.source()
+        steps = source.impulses(RUN.motion)[:, 0]
+        u = source.read(RUN.motion, every, NODES)[0].reshape(len(every), -1)
+        powers = fit_powers(u, 1.0)
+        x, shown = np.zeros(len(A)), []
+        for start, h, c, step in zip(curve.start, curve.duration, powers, steps, strict=True):
+            due = times[np.searchsorted(times, start) : np.searchsorted(times, start + h)] - start
+            solution = solve_ivp(
+                lambda s, x, c=c, h=h: h * (A @ x + B * polyval(s, c)), (0.0, 1.0),
+                x + step * B, 'DOP853', np.append(due / h, 1.0), rtol=rtol, atol=rtol,
+            )  # fmt: skip
+            if not solution.success:
+                raise RunError(f'DOP853 gave up: {solution.message}')
+            shown.append(C @ solution.y[:, :-1])
+            x = solution.y[:, -1]
+        return np.concatenate(shown)
+
+    return timed(measure)
+
+
+FACTORS = (1.0, 4.0, 16.0, 64.0, 256.0)
+OVER = 'times the sampling rate'
+MEASURED = Problem(
+    'measured',
+    'Accelerometer of the thesis on the coupler, 20 revolutions with 753 impacts',
+    'revolution',
+    RUN.revolutions,
+    'm/s^2',
+    'All samples, by power series of the state equations of the chain in steps of 10 microseconds '
+    '(mechanism_sim/bench/measured.py). The largest sample is 708 m/s^2.',
+    RUN.error,
+    (
+        Method(
+            OURS,
+            (RUN.revolutions,),
+            'revolutions',
+            ours,
+            'The channel of a scene: exact response to polynomials and impulses; no setting. The '
+            'simulation stands in its preparation, though all methods use it.',
+        ),
+        Method(
+            'SciPy sosfilt, no impacts',
+            FACTORS,
+            OVER,
+            filtered(pulses=False),
+            'Ideal acceleration sampled at a multiple of the rate, sections by the bilinear '
+            'transform, every n-th sample; impacts are not seen.',
+        ),
+        Method(
+            'SciPy sosfilt, pulses',
+            FACTORS,
+            OVER,
+            filtered(pulses=True),
+            'The same; two samples about an impact share its area, so that its instant is kept.',
+        ),
+        Method(
+            'SciPy lsim, pulses',
+            FACTORS[:4],
+            OVER,
+            simulated,
+            'The same input to `lsim`, which is exact for straight lines between samples.',
+        ),
+        Method(
+            'SciPy DOP853',
+            (1e-3, 1e-6),
+            'rtol',
+            integrated,
+            '`solve_ivp` from piece to piece of the motion, with velocity jumps put in the state.',
+        ),
+    ),
+    1e-6,
+)
