@@ -45,6 +45,7 @@ def check_file(file: str) -> Path:
     Raises
     ------
     InputError
+        If it is no WAV file, or in no directory.
     """
     path = Path(file)
     if path.suffix != '.wav':

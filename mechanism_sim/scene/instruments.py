@@ -113,5 +113,6 @@ def _chain(sensor: Sensor) -> list[str]:
         (adc.bits, lambda n: f'{n} bits'),
         (adc.jitter, lambda s: f'jitter {s:g} s'),
         (sensor.noise.rms.value, lambda x: f'noise {x:g} {QUANTITIES[sensor.quantity]}'),
+        (sensor.noise.hum, lambda h: f'hum {h.amplitude.value:g} at {h.frequency:g} Hz'),
     )
     return [say(value) for value, say in parts if value] or ['ideal: no impacts in it']

@@ -143,8 +143,7 @@ def band_above_noise(
     A band for `passing`; of a signal that is nothing but noise it is empty (0, 0).
     """
     f, density = _density(samples, sample_rate, length)
-    floor = noise_floor(samples, sample_rate, length)
-    loud = f[density > factor * floor]
+    loud = f[density > factor * np.median(density)]
     return 0.0, float(loud[-1]) if len(loud) else 0.0
 
 

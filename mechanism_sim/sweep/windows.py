@@ -58,6 +58,7 @@ class Windows:
         Raises
         ------
         InputError
+            If a sensor is not there, or gives too few windows.
         """
         known = list(machine.scene.sensors)
         if not known:
