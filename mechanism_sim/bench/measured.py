@@ -13,8 +13,9 @@ from mechanism_sim.bench.stages import State, in_series, lead, low_pass, resonat
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shift_powers
 from mechanism_sim.scene import Machine, load_scene, simulate
+from mechanism_sim.scene.instruments import source
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
-from mechanism_sim.sensing.point import PointOnLink
+from mechanism_sim.sensing.channel import Source
 
 Array = NDArray[np.float64]
 
@@ -57,13 +58,9 @@ class Measured:
         rate = self.instrument.sample_rate
         return np.arange(np.ceil(self.motion.curve.end * rate)) / rate
 
-    def source(self) -> PointOnLink:
-        """Where the sensor sits."""
-        sensor = self.machine.scene.sensors[SENSOR]
-        return PointOnLink(
-            self.machine.mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity,
-            sensor.transducer.transverse,
-        )  # fmt: skip
+    def source(self) -> Source:
+        """What the sensor is mounted on."""
+        return source(self.machine, SENSOR)
 
     def acceleration(self, t: Array) -> Array:
         """What an ideal sensor shows at times (N,) [s]: (N,) [m/s^2], without impacts."""
