@@ -64,6 +64,11 @@ class FourierSeries:
         """Through N equidistant samples of one period, whose last is a step before its end.
 
         Harmonics up to (N - 1)/2: what a function contains beyond them is folded back.
+
+        Raises
+        ------
+        InputError
+            If there are no samples in one row, or no period.
         """
         y = np.asarray(samples, np.float64)
         if y.ndim != 1 or not len(y) or not period > 0.0:
@@ -88,6 +93,11 @@ class FourierSeries:
         period : [s]
         harmonics : so many
         breaks : times inside the period at which the function jumps or bends [s]
+
+        Raises
+        ------
+        InputError
+            If there is no period, or a break is not inside of it.
         """
         if not period > 0.0 or harmonics < 0 or any(not 0.0 < b < period for b in breaks):
             raise InputError('a Fourier series needs a period, and breaks inside of it')

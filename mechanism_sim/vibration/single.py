@@ -56,7 +56,13 @@ class Oscillator:
 
     @classmethod
     def of_coefficients(cls, mass: float, damping: float, stiffness: float) -> Self:
-        """From m [kg], c [N s/m] and k [N/m], [V] eq. 6.17."""
+        """From m [kg], c [N s/m] and k [N/m], [V] eq. 6.17.
+
+        Raises
+        ------
+        InputError
+            If the mass is not positive, or damping or stiffness are negative.
+        """
         if not mass > 0.0 or not stiffness >= 0.0:
             raise InputError('an oscillator needs a mass, and a stiffness that is not negative')
         return cls(float(np.sqrt(stiffness / mass)), damping / (2.0 * mass), mass)
