@@ -200,6 +200,34 @@ def _parser() -> argparse.ArgumentParser:
         '--centre-distance', metavar='C', help="of every stage, as '60 mm'; with --modules"
     )
     sub.add_argument('--modules', metavar='M,...', help="to choose from, as '2 mm,2.5 mm'")
+    sub = command('identify', _identify, "fit a bearing's parameters to an accelerometer's signal")
+    sub.add_argument('bags', nargs='+', metavar='BAG', help='recorded or measured')
+    sub.add_argument(
+        '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
+        help='machine and chain, one for each bag or for all; those in the bag if not',
+    )  # fmt: skip
+    sub.add_argument(
+        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
+        help='override a value of the scenes',
+    )  # fmt: skip
+    sub.add_argument(
+        '--fit', default='restitution,friction,radial', metavar='NAME,...',
+        help='what is to be found: these, noise, or dotted paths',
+    )  # fmt: skip
+    sub.add_argument(
+        '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
+        help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'",
+    )  # fmt: skip
+    sub.add_argument('--joint', metavar='J', help='the loose joint, where there are several')
+    sub.add_argument('--sensor', metavar='S', help='the sensor, where there are several')
+    sub.add_argument('--skip', type=float, default=0.0, metavar='S', help='seconds to leave out')
+    sub.add_argument('--seed', type=int, default=0, metavar='N', help='of the search')
+    sub.add_argument(
+        '--rounds', metavar='N,...', help='simulations of each round; 128,48,48 if not given'
+    )
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='processes; one for each core if not'
+    )
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
@@ -748,6 +776,36 @@ def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
     if options.json:
         _print_json(hard.to_json(outcomes))
     return 0 if all(outcome.ok for outcome in outcomes) else 1
+
+
+def _identify(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
+    from mechanism_sim.report import identification as report  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.study.identification import ROUNDS, Identification  # noqa: PLC0415
+    from mechanism_sim.study.parameters import parameters, ranges  # noqa: PLC0415
+
+    counts = options.rounds.split(',') if options.rounds else ROUNDS
+    if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
+        raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48")
+    rounds = [int(n) for n in counts]
+    workers = os.cpu_count() or 1 if options.workers is None else options.workers
+    if workers < 1 or options.seed < 0:
+        raise InputError('--workers must be at least 1, --seed at least 0')
+    signals = measurements(
+        options.bags, options.scenes, options.overrides, options.sensor, options.skip
+    )
+    first = signals[0]
+    wanted = parameters(
+        first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
+    )
+    with progress.count('identify', sum(rounds), quiet=options.json) as show:
+        found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
+    if options.json:
+        _print_json(report.to_json(found))
+    else:
+        print(report.render(found))
+    return 0
 
 
 def _analyze(options: argparse.Namespace) -> int:

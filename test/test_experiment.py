@@ -9,9 +9,9 @@ import pytest
 from running import run
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.experiment import JOINT, bags_of, read_experiment
+from mechanism_sim.analysis.experiment import JOINT, Experiment, bags_of, read_experiment
 from mechanism_sim.errors import InputError
-from mechanism_sim.report.experiment import render, tables
+from mechanism_sim.report.experiment import render, tables, to_json
 from mechanism_sim.report.experiment_figures import draw
 from mechanism_sim.scene.machine import Level
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
@@ -155,6 +155,13 @@ def test_figures_are_those_of_the_thesis(found):
         for n in ('7_08', '7_09', '7_10', '7_11', '7_12', '7_13', '7_14', '7_15', '7_16', '7_17',
                   '8_01', '8_02', '8_03', '8_04', '8_06', '8_08', '8_11', '8_12')
     ]  # fmt: skip
+
+
+def test_a_machine_that_is_compared_with_no_other_has_no_alpha(found):
+    alone = Experiment(found.trials[:1])
+    assert 'no alpha' in render(alone)
+    assert to_json(alone)['alpha'] is None
+    assert sorted(draw(alone))[-3:] == ['figure_8_03', 'figure_8_11', 'figure_8_12']
 
 
 def test_the_command_writes_figures_and_prints_tables(bags, tmp_path):

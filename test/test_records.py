@@ -211,6 +211,13 @@ def test_cycle_average_of_an_ideal_machine_is_its_closed_form():
     assert turns.spread == pytest.approx(0.0, abs=1e-9)
 
 
+def test_averages_are_samples(rough):
+    t = rough.times_at(2 + np.arange(12) / 12)
+    columns = rough.piece.sample(t)
+    for name in ('energy.dissipated', 'energy.kinetic', f'normal_force.{JOINT}', 'drive_torque'):
+        assert over_turns(rough, name, 12, skip=2).values[0] == pytest.approx(columns[name])
+
+
 def test_average_of_a_crank_that_turns_backwards_and_speeds_up():
     profile = {'points': [['0 s', '-60 rpm'], ['4 s', '-300 rpm']]}
     record = simulated({'drive.profile': profile, 'drive.speed': None}, 6, 'four_bar_nominal')

@@ -143,14 +143,14 @@ def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
     plan = read_plan(sweep_file(tmp_path, text))
     assert sweep(plan, table, workers=1)[0].computed == 1
     rows = rows_of(table)
-    for one in plan.runs:
-        machine = ms.load_scene('four_bar_on_frame', {stiffness: one.given[stiffness]})
+    for made in plan.runs:
+        machine = ms.load_scene('four_bar_on_frame', {stiffness: made.given[stiffness]})
         motion = ms.simulate(machine, duration=0.3).motion
         for name in machine.scene.sensors:
             channel = machine.channel(name)
             channel.take(motion)
             alone = np.concatenate([block.samples for block in channel.blocks(final=True)])
-            found = [r['signal'] for r in rows if (r['run'], r['sensor']) == (run.index, name)]
+            found = [r['signal'] for r in rows if (r['run'], r['sensor']) == (made.index, name)]
             assert found
             assert np.array_equal(np.concatenate(found), alone[: len(found) * 500])
     signals = [[r['signal'] for r in rows if r['run'] == k] for k in (0, 1)]
@@ -243,7 +243,12 @@ def test_a_run_with_too_few_triggers_fails_and_leaves_no_file(tmp_path):
         'windows: {samples: 700, per_run: 60}\n'
     )
     table = tmp_path / 't.parquet'
-    summary, rows = sweep(read_plan(sweep_file(tmp_path, text)), table, workers=1)
+    folder_of(table).mkdir()
+    (folder_of(table) / 'run_00000.parquet').write_bytes(b'of an earlier time')
+    plan = read_plan(sweep_file(tmp_path, text))
+    with pytest.raises(InputError, match='is not of this sweep'):
+        sweep(plan, table, workers=1)
+    summary, rows = sweep(plan, table, workers=1, restart=True)
     assert (summary.failed, summary.windows) == (1, 0)
     assert 'gave 5 windows, not 60' in rows[0]['status']
     assert not list(folder_of(table).iterdir())

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.deviation import ideal_machine
+from mechanism_sim.analysis.rebuilt import LINKS
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
-from mechanism_sim.analysis.swing import LINKS, MESHES, Swing, sensors_across, steps, swing
+from mechanism_sim.analysis.swing import MESHES, Swing, sensors_across, steps, swing
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.schema import FourBarScene
@@ -82,7 +83,7 @@ class Trial:
     swings : by link
     rose, impacts : of these turns
     every : impacts of all turns, turn by turn
-    last, first : the last turn, and the first with an impact
+    first : the first turn with an impact
     """
 
     bag: str
@@ -95,7 +96,6 @@ class Trial:
     rose: Rose
     impacts: ImpactCycles
     every: ImpactCycles
-    last: Cycle
     first: Cycle
 
 
@@ -140,7 +140,6 @@ def trial(bag: Path, skip: int | None = None) -> Trial:
         rose,
         impact_cycles(record, rose, left_out),
         every,
-        _cycle(record, ideal, end - 1),
         _cycle(record, ideal, struck),
     )
 

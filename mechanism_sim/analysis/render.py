@@ -153,12 +153,15 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> str:
             s.peak,
             '' if s.crest is None else s.crest,
             '' if s.kurtosis is None else s.kurtosis,
-            ', '.join(f'{order:.4g} ({size:.3g})' for order, size in s.orders),
         )
         for s in sensors
     )
-    head = ('sensor', 'samples', 'missing', 'RMS', 'peak', 'crest', 'kurtosis', 'strongest orders')
+    head = ('sensor', 'samples', 'missing', 'RMS', 'peak', 'crest', 'kurtosis')
     lines = ['vibration', *table(head, rows)]
+    for s in sensors:
+        if s.orders:
+            strongest = ', '.join(f'{order:.4g} ({size:.4g} {s.unit})' for order, size in s.orders)
+            lines.append(f'  strongest orders of {s.sensor}: {strongest}')
     lines += [
         f'  {s.sensor}: {s.overloads} samples were CUT at the end of the range'
         for s in sensors

@@ -12,49 +12,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.analysis.rebuilt import Estimate, Rebuilt
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.sensor_keys import Sensor
-from mechanism_sim.sensing import reconstruction as angular
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, Source
-from mechanism_sim.sensing.fading import both, fade, passing, undoing
 from mechanism_sim.sensing.point import PointOnLink
-from mechanism_sim.sensing.reconstruction import Error, error
 from mechanism_sim.sensing.turning import TurningLink
 
 Array = NDArray[np.float64]
 
-LINKS = 'coupler', 'rocker'
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """A reconstruction of a quantity (N,), and the best that could have come of the instrument.
-
-    Attributes
-    ----------
-    shown : (N,) the true quantity through the same chain without noise, and treated likewise
-    """
-
-    values: Array
-    shown: Array
-    truth: Array
-
-    @property
-    def error(self) -> Error:
-        """Against the truth."""
-        return error(self.values, self.truth)
-
-    @property
-    def error_of_shown(self) -> Error:
-        """Against what the instrument could show at all."""
-        return error(self.values, self.shown)
 
 
 class Severity(NamedTuple):
@@ -107,7 +80,8 @@ class Swing:
 def sensors_across(machine: Machine, link: str) -> dict[str, Sensor]:
     """Up to two sensors that read accelerations across a link, the outermost first.
 
-    Ideal sensors are taken only if there are no others.
+    Ideal sensors are taken only if there are no others; the second one has the rate of the first,
+    and feels gravity if that does.
 
     Raises
     ------
@@ -127,7 +101,13 @@ def sensors_across(machine: Machine, link: str) -> dict[str, Sensor]:
             f'{machine.name}: no sensor reads accelerations across the {link}; its scene needs '
             f"'sensors: NAME: {{link: {link}, axis: across, at: ...}}'"
         )
-    others = [item for item in found[1:] if _place_on(item[1]) != _place_on(found[0][1])]
+    first = found[0][1]
+    others = [
+        (name, sensor)
+        for name, sensor in found[1:]
+        if _place_on(sensor) != _place_on(first)
+        and (sensor.sample_rate, sensor.gravity) == (first.sample_rate, first.gravity)
+    ]
     return dict([found[0], *others[:1]])
 
 
@@ -183,7 +163,10 @@ def swing(
     k, dt = motion.curve.find(t)
     q, v, a = (motion.curve.at(k, dt, d).T for d in (0, 1, 2))
     angle, speed, acceleration = machine.linkage.motion(q[0], v[0], np.zeros(len(t)))
-    rebuilt = _Rebuilt(machine, link, list(sensors.values()), bare, angle, speed)
+    places = [_place_on(sensor) for sensor in sensors.values()]
+    felt = next(iter(sensors.values())).gravity
+    gravity = mechanism.gravity if felt else (0.0, 0.0)
+    rebuilt = Rebuilt(machine.linkage, link, places, gravity, bare, angle, speed)
     readings = [found[chosen] for found, _ in read]
     accelerations = rebuilt.accelerations(readings, heard[chosen], a[row])
     return Swing(
@@ -236,106 +219,3 @@ def _source(machine: Machine, sensor: Sensor) -> PointOnLink:
         sensor.gravity,
         sensor.transducer.transverse,
     )
-
-
-class _Rebuilt:
-    """The methods of `mechanism_sim.sensing.reconstruction` on one link."""
-
-    def __init__(
-        self,
-        machine: Machine,
-        link: str,
-        sensors: list[Sensor],
-        bare: Instrument,
-        angle: Array,
-        speed: Array,
-    ) -> None:
-        self._at = [_place_on(sensor) for sensor in sensors]
-        self._gravity = machine.mechanism.gravity if sensors[0].gravity else (0.0, 0.0)
-        self._angle = angle[LINKS.index(link) + 1]
-        lengths = machine.linkage
-        self._joint = (
-            angular.crank_pin(lengths.crank, angle[0], speed[0]) if link == 'coupler' else None
-        )
-        self._rate = bare.sample_rate
-        self._crank = float(np.abs(speed[0]).mean()) / TWO_PI
-        top = bare.anti_alias.frequency if bare.anti_alias else 0.45 * self._rate
-        self._top = min(top, 0.45 * self._rate)
-        self._turn = max(2, round(self._rate / self._crank))
-        transfer = bare.transfer()
-        band = passing(0.5 * self._crank, self._top, 0.25 * self._crank)
-        self._undo = both(undoing(transfer), band)
-
-    def accelerations(
-        self, readings: list[Array], heard: Array, truth: Array
-    ) -> dict[str, Estimate]:
-        """Angular accelerations [rad/s^2] by method."""
-        first = readings[0]
-        faded = self._turn_by_turn(first)
-        undone, best = self._undone(first), self._undone(heard)
-        found = {
-            'thesis': Estimate(self._one(faded, False), self._turn_by_turn(heard), truth),
-            'corrected': Estimate(
-                _swinging(self._one(faded, True)), self._turn_by_turn(heard), truth
-            ),
-            'undone': Estimate(_swinging(self._one(undone, True)), best, truth),
-        }
-        if len(readings) > 1:
-            two = angular.by_two(first, readings[1], *self._at)
-            found['two'] = Estimate(self._turn_by_turn(two), self._turn_by_turn(heard), truth)
-            found['two, undone'] = Estimate(self._undone(two), best, truth)
-        return found
-
-    def velocities(
-        self, accelerations: Mapping[str, Estimate], nominal: Array, truth: Array
-    ) -> dict[str, Estimate]:
-        """Angular velocities [rad/s] by method, from the angular acceleration of another."""
-        thesis = accelerations['thesis']
-        best = accelerations.get('two, undone', accelerations['undone'])
-        rate, low, mean = self._rate, 0.5 * self._crank, float(nominal.mean())
-
-        def each(values: Array, closed: bool) -> Array:
-            starts = range(0, len(values), self._turn)
-            pieces = [
-                angular.closing(part, rate, float(nominal[i : i + self._turn].mean()))
-                if closed
-                else angular.by_trapezoids(part, rate, nominal[i])
-                for i in starts
-                if len(part := values[i : i + self._turn])
-            ]
-            return np.concatenate(pieces)
-
-        return {
-            'thesis': Estimate(each(thesis.values, False), each(thesis.shown, False), truth),
-            'closed': Estimate(each(thesis.values, True), each(thesis.shown, True), truth),
-            'spectrum': Estimate(
-                angular.by_spectrum(best.values, rate, low, mean),
-                angular.by_spectrum(best.shown, rate, low, mean),
-                truth,
-            ),
-            'filter': Estimate(
-                angular.by_filter(best.values, rate, 0.4 * low, 2, mean),
-                angular.by_filter(best.shown, rate, 0.4 * low, 2, mean),
-                truth,
-            ),
-        }
-
-    def _one(self, reading: Array, weighed: bool) -> Array:
-        """By the outermost sensor, as [SB]; gravity is taken off if `weighed`."""
-        gravity = self._gravity if weighed else (0.0, 0.0)
-        return angular.angular_acceleration(
-            reading, self._at[0], self._angle, self._joint, gravity
-        )
-
-    def _turn_by_turn(self, values: Array) -> Array:
-        """Faded above the band under a rectangular window of one turn, as [SB]."""
-        return fade(values, self._rate, passing(0.0, self._top), 'boxcar', self._turn)
-
-    def _undone(self, values: Array) -> Array:
-        """Gain and delay of the instrument taken out of the whole record."""
-        return fade(values, self._rate, self._undo)
-
-
-def _swinging(acceleration: Array) -> Array:
-    """The mean taken off: that of a link that rocks is zero, and no such chain passes it."""
-    return np.asarray(acceleration - acceleration.mean())

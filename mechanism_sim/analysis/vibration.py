@@ -15,15 +15,15 @@ from mechanism_sim.sensing.orders import order_spectrum
 
 Array = NDArray[np.float64]
 
-_KEPT = 2**20  # samples of each sensor, the last ones, of which the strongest orders are sought
+_KEPT = 2**18  # samples of each sensor, the last ones, of which the strongest orders are sought
 
 
 @dataclass(frozen=True)
 class SensorSummary:
     """The signal of one accelerometer; its indicators are those of `Indicators`.
 
-    orders: the strongest lines over the crank's orders as (order, amplitude), of the last million
-    samples or fewer; empty where no whole turn is recorded.
+    orders: the strongest lines over the crank's orders as (order, amplitude), of the last quarter
+    of a million samples or fewer; empty where no whole turn is recorded.
     """
 
     sensor: str

@@ -59,6 +59,7 @@ class Dynamics:
     free_acceleration : second derivatives of the rows without contact forces
     drive_response : impulse of the drives per unit impulse, by row
     closed, sticks, slips : flags of the gaps; the latter by index of those that have them
+    friction, mu : coefficients of all gaps; as parameters, by index of those that have friction
     active : flag of every row: closed for a normal, sticking for a tangent
     exact, stabilised : the solution without and with Baumgarte's terms
     loads : forces and moments of the elements
@@ -82,6 +83,7 @@ class Dynamics:
         self._degree = degree
         self.friction = [min(gap.friction, ROUGH) for gap in gaps]
         self.frictional = [i for i, mu in enumerate(self.friction) if mu > 0.0]
+        self.mu = {i: p(f'{gaps[i].name}.friction', self.friction[i]) for i in self.frictional}
         self.closed = [p.reserve(f'{g.name}.closed') for g in gaps]
         self.sticks = {i: p.reserve(f'{gaps[i].name}.sticks') for i in self.frictional}
         self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.frictional}
@@ -258,7 +260,7 @@ class Dynamics:
                 entry = self.compliance[r][c]
                 if c in self.slips:
                     # a sliding contact pushes along normal and tangent at once
-                    share = mul(self.slips[c], mul(self.friction[c], self.compliance[r][m + c]))
+                    share = mul(self.slips[c], mul(self.mu[c], self.compliance[r][m + c]))
                     entry = add(entry, neg(share))
                 flagged = mul(self.active[r], mul(self.active[c], entry))
                 if r == c:
@@ -271,7 +273,7 @@ class Dynamics:
         N = forces[:m]
         friction: Vector = [None] * m
         for i, stuck in zip(held, forces[m:], strict=True):
-            slide = mul(self.slips[i], mul(self.friction[i], N[i])) if i in self.slips else None
+            slide = mul(self.slips[i], mul(self.mu[i], N[i])) if i in self.slips else None
             friction[i] = add(stuck, neg(slide))
         factors = [*N, *(friction if self.frictional else [])]
         a = self._with(a, self.response, factors)

@@ -237,7 +237,7 @@ class System:
                 result.append(value + s * (force - value) + TINY)
                 continue
             # off the cone of friction while sticking; while sliding until it ends
-            z, mu = d.sticks[gap], d.friction[gap]
+            z, mu = d.sticks[gap], d.mu[gap]
             inside = z * (FORCE_SCALE * (mu * solved.N[gap] - friction * solved.T[gap]))
             idle = 1.0 - z
             if friction > 0:

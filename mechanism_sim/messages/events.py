@@ -17,7 +17,7 @@ from mechanism_sim.scene.machine import Machine
 def describe(machine: Machine) -> str:
     """The scene as JSON, in SI units, and which of its coordinates are displacements.
 
-    `mechanism_sim.analysis.recorded` makes the machine of it again.
+    `mechanism_sim.analysis.record` makes the machine of it again.
     """
     displacements = machine.mechanism.displacements
     content = {'name': machine.name, 'scene': machine.scene.model_dump(by_alias=True)}

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from mechanism_sim.analysis.experiment import Experiment, Trial
-from mechanism_sim.analysis.swing import LINKS, MESHES, Estimate
+from mechanism_sim.analysis.rebuilt import LINKS, Estimate
+from mechanism_sim.analysis.swing import MESHES
 
 _METHODS = {
     'thesis': 'as [SB]',
@@ -51,10 +52,20 @@ def render(found: Experiment) -> str:
     head = [
         f'{len(found.trials)} runs; measured is the machine of restitution {restitution:g} and '
         f'friction {friction:g}',
-        f'alpha = {found.alpha:.3g}: {_said(found.assumed)} in its first turns with impacts '
-        f'({found.assumed.bag}), as means over {MESHES[-1]:g} deg, over what the instrument shows '
-        f'of {_said(found.reference)} ({found.reference.bag})',
     ]
+    if found.assumed is found.reference:
+        head.append(
+            'no other machine was run at its highest speed and largest clearance: no alpha'
+        )
+    else:
+        head.append(
+            f'alpha = {found.alpha:.3g}: {_said(found.assumed)} in its first turns with impacts '
+            f'({found.assumed.bag}), as means over {MESHES[-1]:g} deg, over what the instrument '
+            f'shows of {_said(found.reference)} ({found.reference.bag})'
+        )
+    cut = sum(swing.overloads for t in found.trials for swing in t.swings.values())
+    if cut:
+        head.append(f'{cut} samples of all runs were cut at the range of their converters')
     return '\n\n'.join(['\n'.join(head), *(table.markdown() for table in tables(found))])
 
 
@@ -167,7 +178,7 @@ def to_json(found: Experiment) -> dict[str, object]:
     return {
         'restitution': found.bearing[0],
         'friction': found.bearing[1],
-        'alpha': found.alpha,
+        'alpha': found.alpha if found.assumed is not found.reference else None,
         'assumed': found.assumed.bag,
         'reference': found.reference.bag,
         'trials': [_trial(trial) for trial in found.trials],

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.experiment import JOINT, Cycle, Experiment, Trial
-from mechanism_sim.analysis.swing import LINKS
+from mechanism_sim.analysis.rebuilt import LINKS
 from mechanism_sim.report.condition import rose_picture
 from mechanism_sim.sensing.spectra import power
 
@@ -72,15 +72,16 @@ def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
         yield number, _measured(chosen, 'coupler', 'acceleration')
     yield '7_10', _severity(found, 1, 1e3, 'clearance [mm]')
     yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank [rpm]')
-    simulated = found.assumed.first
-    for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
-        yield number, _superposed(found, simulated.rows, quantity, 'simulated')
     half = min(found.bearings, key=lambda x: abs(x.condition.restitution - 0.5))
     yield '8_03', _simulated(half.first.rows[0], half.first, half)
-    modified = simulated.modified(found.alpha)
-    for number, quantity in (('8_04', 'acceleration'), ('8_06', 'velocity')):
-        yield number, _superposed(found, modified, quantity, 'simulated, modified')
-    yield '8_08', _forces(found, modified)
+    if found.assumed is not reference:
+        simulated = found.assumed.first
+        for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
+            yield number, _superposed(found, simulated.rows, quantity, 'simulated')
+        modified = simulated.modified(found.alpha)
+        for number, quantity in (('8_04', 'acceleration'), ('8_06', 'velocity')):
+            yield number, _superposed(found, modified, quantity, 'simulated, modified')
+        yield '8_08', _forces(found, modified)
     yield '8_11', rose_picture(JOINT, reference.rose)
     if len(reference.rose):
         yield '8_12', _dominant(reference)
@@ -150,7 +151,7 @@ def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Figure:
 
 def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
     """[SB] 7.10 and 7.11: over clearance (1) or speed (0), a line for each of the other."""
-    figure = _figure(f'restitution {found.bearing[0]:g}, friction {found.bearing[1]:g}', 9.5, 3.4)
+    figure = _figure(f'restitution {found.bearing[0]:g}, friction {found.bearing[1]:g}', 11.0, 3.2)
     panels = figure.subplots(1, 4)
     others = found.clearances if over == 0 else found.speeds
     reads: list[tuple[str, Callable[[Trial], float]]] = [
@@ -169,11 +170,10 @@ def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
                 marker=marker, ls=line, ms=4.0, lw=1.0, label=name,
             )  # fmt: skip
         axes.set_ylabel(label)
+        axes.set_xlabel(words)
         axes.set_ylim(bottom=0.0)
-    figure.supxlabel(words, fontsize=9.0)
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc='outside upper center', ncols=4, frameon=False
-    )
+    handles = panels[0].get_legend_handles_labels()
+    figure.legend(*handles, loc='outside lower center', ncols=4, frameon=False)
     return figure
 
 
@@ -227,7 +227,7 @@ def _forces(found: Experiment, modified: Array) -> Figure:
 
 
 def _dominant(trial: Trial) -> Figure:
-    """[SB] 8.12: where the mechanism is at the largest impacts of a turn, and their direction."""
+    """[SB] 8.12: the mechanism at the largest impacts of a turn, and the impulse on its rocker."""
     rose, links = trial.rose, trial.machine.linkage
     rows = [row[row >= 0] for row in trial.impacts.dominant if (row >= 0).any()]
     chosen = rows[-1][:_DOMINANT] if rows else rose.largest[:_DOMINANT]
@@ -242,18 +242,19 @@ def _dominant(trial: Trial) -> Figure:
         pin = crank + links.coupler * np.array([np.cos(th3), np.sin(th3)])[:, 0]
         bars = 1e3 * np.array([[0.0, 0.0], crank, pin, [links.ground, 0.0]])
         shade = f'{0.2 * k:.1f}'
-        axes.plot(*bars.T, marker='o', ms=3.5, color=shade, ls=line, lw=1.1)
+        label = (
+            f'$Y_{k + 1}$: {1e3 * rose.normal_impulse[i]:.3g} mN s '
+            f'at {math.degrees(th2[0]):.0f} deg'
+        )
+        axes.plot(*bars.T, marker='o', ms=3.5, color=shade, ls=line, lw=1.1, label=label)
         size = 100.0 * rose.normal_impulse[i] / longest
         tip = 1e3 * pin + size * np.array([np.cos(rose.in_world[i]), np.sin(rose.in_world[i])])
         axes.annotate(
             '', tuple(tip), tuple(1e3 * pin), arrowprops={'arrowstyle': '-|>', 'color': shade}
         )
-        label = (
-            f'$Y_{k + 1}$: {1e3 * rose.normal_impulse[i]:.3g} mN s '
-            f'at {math.degrees(th2[0]):.0f} deg'
-        )
-        axes.annotate(label, tuple(tip), fontsize=7.5, ha='left', va='bottom')
+        axes.update_datalim([tuple(tip)])  # annotations do not count by themselves
+    axes.legend(frameon=False, fontsize=7.5, loc='upper left')
     axes.set_xlabel('x [mm]')
     axes.set_ylabel('y [mm]')
-    axes.margins(0.15)
+    axes.margins(0.08)
     return figure

@@ -88,6 +88,9 @@ def sweep(
     began, cpu = time.perf_counter(), 0.0
     fresh = not restart and not journal_of(table).exists()
     into = _window_folder(plan, table, windows, fresh)
+    if into and restart:
+        for run in plan.runs:
+            (into / name_of(run)).unlink(missing_ok=True)
     with Journal(table, plan, restart) as journal:
         cut = shards(plan, into) if into else {}
         unique = _tasks(plan, _bag_folder(plan, table, bags), cut)

@@ -17,6 +17,7 @@ import numpy as np
 from mechanism_sim.numerics.rational import Array
 from mechanism_sim.planar.mechanism import Vector2
 from mechanism_sim.vibration.residues import Receptance, receptance
+from mechanism_sim.vibration.systems import System
 
 
 @dataclass(frozen=True)
@@ -83,5 +84,4 @@ class Frame:
     @cached_property
     def frequencies(self) -> Array:
         """Natural frequencies without damping (n,) [Hz], the lowest first."""
-        squares = np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real
-        return np.sort(np.sqrt(squares)) / (2.0 * np.pi)
+        return System(self.M, self.C, self.K).modes.frequencies / (2.0 * np.pi)

@@ -1,0 +1,355 @@
+"""Restitution, friction and clearance from the signal of an accelerometer.
+
+[SB] 9.1 asks for what this answers: its simulation and its experiment differed thirtyfold, because
+restitution and friction of the bearing were not known. A rattling machine is chaotic, so its
+signal is compared by `features`, never sample by sample:
+
+1. The experiment is simulated with parameters spread evenly over a box (Sobol's sequence), each
+   time with the scene's whole measurement chain and other noise.
+2. A regression says which parameters belong to which features (P. Fearnhead and D. Prangle,
+   Constructing summary statistics for approximate Bayesian computation, J. R. Stat. Soc. B 74
+   (2012) 419); on the features of the measured signal it gives an estimate and its error, as it
+   shows on simulations left out of it.
+3. Around the estimate the box is drawn closer, so that it keeps all that is likely, and filled
+   with new simulations (truncated prior: B. K. Miller et al., Truncated marginal neural ratio
+   estimation, NeurIPS 2021), and so on.
+
+The error contains chaos, noise, and jumps between responses that exist side by side, because the
+simulations do. It does not contain what no simulation has: `Identified.likeness` says whether the
+signal is like any of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.numerics.kernel_regression import KernelRegression
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.sensing.features import features
+from mechanism_sim.study.parameters import Parameter
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+"""Called with the numbers of simulations finished and failed."""
+
+ROUNDS = (128, 48, 48)
+"""Simulations of each round; those of earlier rounds that lie in the box serve again."""
+LEVEL = 0.95
+"""Of confidence, for all parameters together."""
+_KEPT = 0.99  # of the probability, when the box is drawn closer
+_MARGIN = 1.25  # by which it is wider than that
+_BATCH = 2048  # steps
+STRETCHES = 6
+"""Parts of a signal that are looked at apart, where the speed changes."""
+_MOST_FAILED = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """What a sensor of a machine said in one experiment.
+
+    Attributes
+    ----------
+    machine : with its drive and its chain; the values of parameters to be found do not matter
+    sensor : a name of the scene
+    start : of the first sample, after the start of the run [s]
+    samples : (N,) as the chain gives them, without a gap
+    """
+
+    machine: Machine
+    sensor: str
+    start: float
+    samples: Array
+
+    @property
+    def rate(self) -> float:
+        """Of sampling [Hz]."""
+        return float(self.machine.scene.sensors[self.sensor].sample_rate)
+
+    @property
+    def steady(self) -> bool:
+        """Whether the main drive has one speed."""
+        return len(self.machine.laws) == 1 and not self.machine.torque_driven
+
+    @property
+    def features(self) -> Array:
+        """Of the samples."""
+        return self.features_of(self.samples)
+
+    def features_of(self, samples: Array) -> Array:
+        """Of other samples of the same experiment."""
+        return features(samples, self.rate, 1 if self.steady else STRETCHES)
+
+    def repeated(self, overrides: dict[str, float], seed: int) -> Array:
+        """Samples (N,) of the same experiment on a machine with other values and other noise.
+
+        Raises
+        ------
+        InputError, RunError
+            If there is no such machine, or its run fails.
+        """
+        given = overrides | {f'sensors.{self.sensor}.noise.seed': seed}
+        content = self.machine.scene.model_dump()
+        machine = build(self.machine.name, check_scene(self.machine.name, content, given))
+        wanted = len(self.samples)
+        end = self.start + (wanted + 1) / self.rate
+        channel, run = machine.channel(self.sensor), machine.start()
+        blocks = []
+        while run.time < end:
+            run.advance(end, final=True, most=_BATCH)
+            channel.take(run.drain()[0])
+            blocks += channel.blocks(final=run.time >= end)
+        first = self.start - 0.5 / self.rate
+        parts = []
+        for block in blocks:
+            early = max(0, math.ceil((first - block.time) * self.rate))
+            parts.append(block.samples[early:])
+        return np.concatenate(parts)[:wanted]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter that was looked for.
+
+    Attributes
+    ----------
+    value : median of what it may be
+    low, high : limits; all parameters together are within theirs with 95 % (Bonferroni)
+    share : of the width that was allowed, on the parameter's scale, that the interval still has;
+        nearly 1 of a parameter without effect on the signal
+    """
+
+    parameter: Parameter
+    value: float
+    low: float
+    high: float
+    share: float
+
+    @property
+    def identified(self) -> bool:
+        """Whether the signal says more of it than half of what was known before."""
+        return self.share < 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """The outcome.
+
+    Attributes
+    ----------
+    estimates : in the order of the parameters
+    correlation : (k, k) of their errors
+    simulations, failed : numbers of runs
+    misfit : how far the signal's features are from those of a simulation with the values found, in
+        standard deviations (root mean square)
+    likeness : share of the simulations of the last round that are as far from what they should be;
+        if it is nearly 0, the scene or its chain is not that of the measurement
+    """
+
+    estimates: tuple[Estimate, ...]
+    correlation: Array
+    simulations: int
+    failed: int
+    misfit: float
+    likeness: float
+
+
+@dataclass(eq=False)
+class Design:
+    """Simulations of all rounds: parameters on their scales (n, k), features (n, p)."""
+
+    places: Array
+    features: Array
+
+    def within(self, low: Array, high: Array) -> Design:
+        """Those in a box."""
+        inside = ((self.places >= low) & (self.places <= high)).all(axis=1)
+        return Design(self.places[inside], self.features[inside])
+
+    def with_(self, other: Design) -> Design:
+        """Both."""
+        return Design(
+            np.concatenate([self.places, other.places]),
+            np.concatenate([self.features, other.features]),
+        )
+
+
+class Identification:
+    """A search in progress.
+
+    Parameters
+    ----------
+    measurements : of one machine under one or several drives, or by several sensors
+    parameters : to be found
+    seed : of places and noise; the same seed gives the same numbers
+    workers : processes; with 1 all is done in this one
+    """
+
+    def __init__(
+        self,
+        measurements: Sequence[Measurement],
+        parameters: Sequence[Parameter],
+        seed: int = 0,
+        workers: int = 1,
+        progress: Progress | None = None,
+    ) -> None:
+        self.measurements, self.parameters = tuple(measurements), tuple(parameters)
+        self.simulations = self.failed = 0
+        self._workers, self._progress = workers, progress or (lambda *_: None)
+        self._random = np.random.default_rng(seed)
+        self.low = np.array([p.scaled(p.low) for p in parameters])
+        self.high = np.array([p.scaled(p.high) for p in parameters])
+
+    def explore(self, low: Array, high: Array, count: int) -> Design:
+        """So many simulations spread over a box on the parameters' scales.
+
+        Raises
+        ------
+        RunError
+            If a quarter of them fails.
+        """
+        sobol = qmc.Sobol(len(low), rng=self._random)
+        unit = sobol.random_base2(math.ceil(math.log2(count)))[:count]
+        places = low + (high - low) * unit
+        seeds = self._random.integers(1 << 31, size=(count, len(self.measurements)))
+        # what a machine has compiled cannot be sent to another process
+        bare = tuple(replace(m, machine=replace(m.machine)) for m in self.measurements)
+        tasks = [
+            (bare, self._overrides(place), row.tolist())
+            for place, row in zip(places, seeds, strict=True)
+        ]
+        found: list[Array | None] = [None] * count
+        reasons = []
+        for k, outcome in _computed(tasks, self._workers):
+            if isinstance(outcome, str):
+                reasons.append(outcome)
+            else:
+                found[k] = outcome
+            self._progress(self.simulations + k + 1, self.failed + len(reasons))
+        self.simulations += count
+        self.failed += len(reasons)
+        if len(reasons) > _MOST_FAILED * count:
+            raise RunError(f'{len(reasons)} of {count} simulations failed, one so: {reasons[0]}')
+        kept = [k for k, one in enumerate(found) if one is not None]
+        return Design(places[kept], np.array([found[k] for k in kept]))
+
+    def find(self, rounds: Sequence[int] = ROUNDS, design: Design | None = None) -> Identified:
+        """Estimates from so many simulations in each round.
+
+        Parameters
+        ----------
+        design : simulations all over the box, made for other measurements of the same experiment;
+            they take the place of the first round
+        """
+        observed = np.concatenate([m.features for m in self.measurements])
+        low, high = self.low, self.high
+        everything = design or self.explore(low, high, rounds[0])
+        near, fits = everything, _fitted(everything)
+        for count in rounds[1:]:
+            low, high = _closer(fits, observed, low, high)
+            everything = everything.with_(self.explore(low, high, count))
+            near = everything.within(low, high)
+            fits = _fitted(near)
+        may_be = np.column_stack([fit.left_out(observed) + fit.residuals for fit in fits])
+        level = 1.0 - (1.0 - LEVEL) / len(fits)
+        estimates = []
+        for k, (p, fit) in enumerate(zip(self.parameters, fits, strict=True)):
+            limits = np.clip(fit.interval(observed, level), self.low[k], self.high[k])
+            middle = float(np.clip(np.median(may_be[:, k]), *limits))
+            share = float(np.ptp(limits) / (self.high[k] - self.low[k]))
+            below, above = map(p.value, limits.tolist())
+            estimates.append(Estimate(p, p.value(middle), below, above, share))
+        misfit, likeness = _likeness(near, fits, observed)
+        correlation = np.atleast_2d(np.corrcoef(may_be.T))
+        return Identified(
+            tuple(estimates), correlation, self.simulations, self.failed, misfit, likeness
+        )
+
+    def _overrides(self, place: Array) -> dict[str, float]:
+        pairs = zip(self.parameters, place.tolist(), strict=True)
+        return {p.path: p.value(x) for p, x in pairs}
+
+
+def _fitted(design: Design) -> list[KernelRegression]:
+    return [KernelRegression(design.features, column) for column in design.places.T]
+
+
+def _closer(
+    fits: Sequence[KernelRegression], observed: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """The box that holds what is likely, within the one before."""
+    limits = np.array([fit.interval(observed, _KEPT) for fit in fits]).T
+    middle, half = limits.mean(axis=0), 0.5 * _MARGIN * np.ptp(limits, axis=0)
+    # where the regression points out of the box, its edge is as near as one can come
+    middle = np.clip(middle, low, high)
+    return np.maximum(low, middle - half), np.minimum(high, middle + half)
+
+
+def _likeness(
+    near: Design, fits: Sequence[KernelRegression], observed: Array
+) -> tuple[float, float]:
+    """Misfit of the observed features, and the share of simulations with a larger one.
+
+    Features are a parabola of what is predicted from them, plus what scatters. Each simulation is
+    treated as the measurement is: by regressions without it.
+    """
+    told = near.places - np.array([fit.residuals for fit in fits]).T
+    here = np.array([np.median(fit.left_out(observed)) for fit in fits])
+    middle, scale = told.mean(axis=0), told.std(axis=0)
+
+    def terms(places: Array) -> Array:
+        z = (places - middle) / scale
+        pairs = [z[:, i] * z[:, j] for i in range(z.shape[1]) for j in range(i + 1)]
+        return np.column_stack([np.ones(len(z)), z, *pairs])
+
+    inverse = np.linalg.pinv(terms(told))
+    leverage = np.einsum('ij,ji->i', terms(told), inverse)
+    off = near.features - terms(told) @ (inverse @ near.features)
+    off /= np.maximum(1.0 - leverage, 1e-3)[:, None]
+    spread = np.sqrt((off**2).mean(axis=0))
+    spread[spread == 0.0] = math.inf
+    mine = observed - terms(here[None])[0] @ (inverse @ near.features)
+    misfit = float(np.sqrt(((mine / spread) ** 2).mean()))
+    return misfit, float((np.sqrt(((off / spread) ** 2).mean(axis=1)) >= misfit).mean())
+
+
+_Task = tuple[Sequence[Measurement], dict[str, float], Sequence[int]]
+
+
+def _computed(tasks: Sequence[_Task], workers: int) -> Iterator[tuple[int, Array | str]]:
+    """Index and outcome of each task, as they are finished."""
+    if workers == 1:
+        yield from ((k, _compute(task)) for k, task in enumerate(tasks))
+        return
+    with ProcessPoolExecutor(workers, get_context('spawn')) as pool:
+        futures = {pool.submit(_compute, task): k for k, task in enumerate(tasks)}
+        try:
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _compute(task: _Task) -> Array | str:
+    """Features of simulations of all measurements with the same values, or why there are none."""
+    measurements, overrides, seeds = task
+    try:
+        return np.concatenate(
+            [
+                m.features_of(m.repeated(overrides, seed))
+                for m, seed in zip(measurements, seeds, strict=True)
+            ]
+        )
+    except (InputError, RunError) as error:
+        return str(error)
