@@ -133,20 +133,6 @@ def test_at_rest_an_inertial_unit_reads_upwards():
             {'coupler.anti_alias': {'order': 8}},
             "'sensors.coupler.anti_alias.frequency' is missing",
         ),
-        (
-            {
-                'velocity.quantity': 'displacement',
-                'velocity.adc': {'range': None, 'bits': None},
-                'velocity.noise': {},
-                'velocity.amplifier': {
-                    'high_pass': '1 Hz',
-                    'low_pass': '1 Hz',
-                    'low_pass_order': 1,
-                },
-                'velocity.anti_alias': {'frequency': '1 Hz', 'order': 1},
-            },
-            'sensors.velocity has too many equal corner frequencies: 5 coinciding poles',
-        ),
         ({'coupler.impact_pulse': '0 s'}, 'it must be more than 0'),
         ({'coupler.axis': 'up'}, "allowed: 'along' or 'across'"),
         ({'coupler.link': 'cuopler'}, "did you mean 'coupler'?"),

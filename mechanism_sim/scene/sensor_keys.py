@@ -161,10 +161,6 @@ class Sensor(Part):
                 )
         if self.adc.range and not self.adc.range.value:
             raise ValueError('has adc.range = 0: it must be more')
-        try:
-            self.chain().transfer().modes()
-        except ValueError as error:
-            raise ValueError(f'has too many equal corner frequencies: {error}') from error
         return self
 
     def chain(self) -> chain.Instrument:
