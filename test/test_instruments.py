@@ -103,7 +103,9 @@ def test_at_rest_an_inertial_unit_reads_upwards():
     )
     unit = machine.inertial_unit('x')
     unit.take(ms.simulate(machine, duration=0.1).motion)
-    for readings in unit.readings(final=True):
+    read = unit.readings(final=True)
+    assert read
+    for readings in read:
         x, y = readings.acceleration.T
         c, s = np.cos(readings.angle), np.sin(readings.angle)
         felt = np.stack([c * x - s * y, s * x + c * y])

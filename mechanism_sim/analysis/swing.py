@@ -18,10 +18,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.instruments import source
 from mechanism_sim.scene.sensor_keys import Sensor
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, Source
-from mechanism_sim.sensing.point import PointOnLink
 from mechanism_sim.sensing.turning import TurningLink
 
 Array = NDArray[np.float64]
@@ -140,9 +140,7 @@ def swing(
     heard, heard_nominal = (
         _heard(TurningLink(mechanism, link), bare, link, m)[0] for m in (motion, ideal)
     )
-    read = [
-        _heard(_source(machine, s), instruments[name], name, motion) for name, s in sensors.items()
-    ]
+    read = [_heard(source(machine, name), x, name, motion) for name, x in instruments.items()]
 
     def samples(within: tuple[int, int]) -> slice:
         window = record.times_at(np.array(within, float))
@@ -202,20 +200,9 @@ def _rms(x: Array) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _heard(source: Source, instrument: Instrument, name: str, motion: Motion) -> tuple[Array, int]:
+def _heard(mount: Source, instrument: Instrument, name: str, motion: Motion) -> tuple[Array, int]:
     """All samples of an instrument, from the start of the motion on, and how many were cut."""
-    channel = Channel(source, replace(instrument, trigger=None), name)
+    channel = Channel(mount, replace(instrument, trigger=None), name)
     channel.take(motion)
     blocks = channel.blocks(final=True)
     return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)
-
-
-def _source(machine: Machine, sensor: Sensor) -> PointOnLink:
-    return PointOnLink(
-        machine.mechanism,
-        sensor.link,
-        sensor.at,
-        sensor.axis,
-        sensor.gravity,
-        sensor.transducer.transverse,
-    )

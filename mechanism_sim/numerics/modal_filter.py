@@ -18,8 +18,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.numerics.rational import Array, ComplexArray, Modes
 
+NODES = Nodes(tuple(chebyshev_nodes(20)))
+"""Where inputs are asked for on every piece, to make polynomials of them."""
 _LARGE = 8.0
 """Magnitude of s from which on the first way loses no more digits than the second below it."""
 _SERIES = 50
@@ -131,6 +134,17 @@ def _forced(s: ComplexArray, inputs: Array) -> ComplexArray:
             c /= j
             coefficients[j] += c
     return coefficients
+
+
+def polynomials(values: Array) -> Array:
+    """Inputs as `ModalFilter.advance` takes them: polynomials (N, inputs, d + 1) of N pieces.
+
+    Parameters
+    ----------
+    values : (inputs, N K) of the inputs at the K = d + 1 `NODES` of each piece
+    """
+    values = values.reshape(len(values), -1, len(NODES)).transpose(1, 0, 2)
+    return fit_powers(values, 1.0)
 
 
 def silent(inputs: int, pieces: int) -> tuple[Array, Array]:

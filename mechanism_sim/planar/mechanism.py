@@ -285,6 +285,24 @@ class Mechanism:
             place += s * np.array([[c * x - sn * y], [sn * x + c * y]]).reshape(2, -1)
         return place
 
+    def velocity_all(
+        self,
+        link: str,
+        q: NDArray[np.float64],
+        v: NDArray[np.float64],
+        at: Vector2 = (0.0, 0.0),
+    ) -> NDArray[np.float64]:
+        """Velocity (2, N) [m/s] of a point of a link, with coordinates and their rates (n, N)."""
+        velocity, index = np.zeros((2, q.shape[1])), self.coordinates.index
+        for (frame, slide), (x, y) in self.point(link, at).items():
+            angle, w = (0.0, 0.0) if frame == GROUND else (q[index(frame)], v[index(frame)])
+            s, rate = (1.0, 0.0) if slide is None else (q[index(slide)], v[index(slide)])
+            c, sn = np.cos(angle), np.sin(angle)
+            px, py = c * x - sn * y, sn * x + c * y
+            velocity[0] += rate * px - s * w * py
+            velocity[1] += rate * py + s * w * px
+        return velocity
+
     def angle(self, link: str, q: Mapping[str, float]) -> float:
         """Angle [rad] of a link's frame in the world."""
         frame, offset = self.frame(link)

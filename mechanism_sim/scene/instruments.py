@@ -28,19 +28,28 @@ def channel(machine: Machine, name: str, beside: Channel | None = None) -> Chann
     InputError
         If it is on a frame, and what shakes that is not known.
     """
+    chain = machine.scene.sensors[name].chain()
+    return Channel(source(machine, name), chain, name, _drive(machine, name), beside)
+
+
+def source(machine: Machine, name: str) -> Source:
+    """What a sensor of the scene is mounted on, from the start of a run on.
+
+    Raises
+    ------
+    KeyError
+        If there is no such sensor.
+    InputError
+        If it is on a frame, and what shakes that is not known.
+    """
     sensor, mechanism = machine.scene.sensors[name], machine.mechanism
     transverse = sensor.transducer.transverse
-    place: Source
     if sensor.link in machine.scene.oscillators:
         frame, forces = read_frame(machine, sensor.link), forces_on(machine, sensor.link)
         at = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
         gravity = mechanism.gravity if sensor.gravity else (0.0, 0.0)
-        place = PointOnFrame(frame, forces, at, sensor.axis, gravity, transverse)
-    else:
-        place = PointOnLink(
-            mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity, transverse
-        )
-    return Channel(place, sensor.chain(), name, _drive(machine, name), beside)
+        return PointOnFrame(frame, forces, at, sensor.axis, gravity, transverse)
+    return PointOnLink(mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity, transverse)
 
 
 def inertial_unit(machine: Machine, name: str) -> InertialUnit:

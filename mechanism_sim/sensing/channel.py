@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.modal_filter import ModalFilter, silent
-from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, exact_sum, fit_powers
+from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, polynomials, silent
+from mechanism_sim.numerics.polynomials import Nodes, exact_sum
 from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.sensing.chain import Instrument, half_sine
 from mechanism_sim.sensing.sampling import Digitizer, Sampler
 
 BLOCK = 256
 """Samples of a block, unless a trigger says otherwise."""
-_NODES = Nodes(tuple(chebyshev_nodes(20)))
 
 
 class Source(Protocol):
@@ -80,11 +79,9 @@ class Analogue:
             impulses = self._source.impulses(motion)
         if len(filtered):
             every = np.arange(len(curve))
-            values = self._source.read(motion, every, _NODES)
-            values = values.reshape(-1, len(curve), len(_NODES)).transpose(1, 0, 2)
-            polynomials = fit_powers(values, 1.0)
+            inputs = polynomials(self._source.read(motion, every, NODES))
             steps = np.zeros_like(impulses) if pulses else impulses
-            response = filtered.advance(curve.duration, polynomials, steps)
+            response = filtered.advance(curve.duration, inputs, steps)
         heard = pulses.take(motion, impulses) if pulses else None
 
         def at(t: Array) -> Array:
@@ -197,8 +194,8 @@ class _Pulses:
         starts = np.concatenate([np.array(self._last)[:, None], times[:, due]], axis=1)
         self._last = starts[0, -1], starts[1, -1]
         durations = np.append(np.diff(starts[0]) + np.diff(starts[1]), 0.0)
-        polynomials, none = silent(sizes.shape[1], len(durations))
-        response = system.advance(durations, polynomials, np.concatenate([none[:1], sizes[due]]))
+        still, none = silent(sizes.shape[1], len(durations))
+        response = system.advance(durations, still, np.concatenate([none[:1], sizes[due]]))
 
         def at(t: Array) -> Array:
             k = np.searchsorted(starts[0], t, side='right') - 1

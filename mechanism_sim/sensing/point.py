@@ -48,14 +48,15 @@ class PointOnLink:
         transverse: float = 0.0,
     ) -> None:
         index = mechanism.coordinates.index
-        place = at if isinstance(at, tuple) else (at, 0.0)
+        self._mechanism, self._link = mechanism, link
+        self._place = at if isinstance(at, tuple) else (at, 0.0)
         self._arms = [
             (
                 None if frame == GROUND else index(frame),
                 None if slide is None else index(slide),
                 np.array(d),
             )
-            for (frame, slide), d in mechanism.point(link, place).items()
+            for (frame, slide), d in mechanism.point(link, self._place).items()
         ]
         frame, offset = mechanism.frame(link)
         self._frame = None if frame == GROUND else index(frame)
@@ -114,14 +115,7 @@ class PointOnLink:
     ) -> Array:
         """Velocity of the point in the world (2, N) [m/s]."""
         q, v = (curve.local(segments, dt, d).T for d in (0, 1))
-        velocity = np.zeros((2, q.shape[1]))
-        for i, j, (x, y) in self._arms:
-            angle, w, _ = _of(q, v, v, i, 0.0)
-            s, rate, _ = _of(q, v, v, j, 1.0)
-            cosine, sine = np.cos(angle), np.sin(angle)
-            px, py = x * cosine - y * sine, x * sine + y * cosine
-            velocity += np.array([rate * px - s * w * py, rate * py + s * w * px])
-        return velocity
+        return self._mechanism.velocity_all(self._link, q, v, self._place)
 
 
 def _of(

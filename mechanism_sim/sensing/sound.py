@@ -23,7 +23,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute
 
 Array = NDArray[np.float64]
 
@@ -197,14 +197,14 @@ def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact
     if before < 0 or after == before:
         return 0.5
     segments, dt = np.array([before, after]), np.array([curve.duration[before], 0.0])
-    q, v = (curve.local(segments, dt, d) for d in (0, 1))
+    q, v = (curve.local(segments, dt, d).T for d in (0, 1))
     normal = np.array([math.cos(impact.normal_angle), math.sin(impact.normal_angle)])
     change = impact.approach_speed + impact.rebound_speed
     parts = []
     for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second)):
         frame = mechanism.frame(link)[0]
-        spin = 0.0 if frame == GROUND else np.diff(v[:, mechanism.coordinates.index(frame)])[0]
-        jump = np.diff(_velocity(mechanism, link, at, q, v) @ normal)[0]
+        spin = 0.0 if frame == GROUND else np.diff(v[mechanism.coordinates.index(frame)])[0]
+        jump = np.diff(mechanism.velocity_all(link, q, v, at).T @ normal)[0]
         known = isinstance(joint, Revolute) or abs(spin) * mechanism.size < _STILL * change
         part = min(abs(float(jump)) / change, 1.0)
         parts.append((part if part > _STILL else 0.0) if known else None)
@@ -212,21 +212,6 @@ def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact
     if first is not None:
         return first
     return 0.5 if second is None else 1.0 - second
-
-
-def _velocity(mechanism: Mechanism, link: str, at: Vector2, q: Array, v: Array) -> Array:
-    """Velocity (N, 2) [m/s] of a point of a link, of coordinates (N, n) and their rates."""
-    index = mechanism.coordinates.index
-    found = np.zeros((len(q), 2))
-    for (frame, slide), (x, y) in mechanism.point(link, at).items():
-        still = np.zeros(len(q))
-        angle, w = (still, still) if frame == GROUND else (q[:, index(frame)], v[:, index(frame)])
-        s, rate = (1.0, still) if slide is None else (q[:, index(slide)], v[:, index(slide)])
-        arm = np.stack(
-            [np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y]
-        )
-        found += (rate * arm + s * w * np.stack([-arm[1], arm[0]])).T
-    return found
 
 
 def pressure(

@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.modal_filter import ModalFilter, Response
-from mechanism_sim.numerics.polynomials import fit_powers
+from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, Response, polynomials
 from mechanism_sim.numerics.rational import Array, Modes
 from mechanism_sim.vibration.frame import Frame
-from mechanism_sim.vibration.shaking import NODES, Forces, Shaking
+from mechanism_sim.vibration.shaking import Forces, Shaking
 
 
 class FrameStates(NamedTuple):
@@ -90,8 +89,6 @@ class ShakenFrame:
         shaking = self._shaking
         start = shaking.at_start(motion)
         values = shaking.read(motion, np.arange(len(motion)), NODES) - start[:, None]
-        values = values.reshape(-1, len(motion), len(NODES)).transpose(1, 0, 2)
-        polynomials = fit_powers(values, 1.0)
         impulses = shaking.impulses(motion)
-        response = self._modes.advance(motion.curve.duration, polynomials, impulses)
+        response = self._modes.advance(motion.curve.duration, polynomials(values), impulses)
         return FrameMotion(self.frame, shaking, motion, response, start)

@@ -10,19 +10,17 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.modal_filter import NODES
 from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
     chebyshev_coefficients,
-    chebyshev_nodes,
 )
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.vibration.frame import Frame
 
 Array = NDArray[np.float64]
 
-NODES = Nodes(tuple(chebyshev_nodes(20)))
-"""Where forces are asked for on every piece, to make polynomials of them."""
 _UNRESOLVED = 1e-6
 """Of the largest force: higher harmonics of a piece must be smaller."""
 _ROUNDING = 1e-12
