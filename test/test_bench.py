@@ -17,11 +17,14 @@ from mechanism_sim.bench import scaling as sizes
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
 from mechanism_sim.bench.hard import cases
 from mechanism_sim.bench.measure import machine, measure
+from mechanism_sim.bench.measured import Measured
 from mechanism_sim.bench.peers import numba_dop853
 from mechanism_sim.bench.peers.scipy_compliant import damping_ratio
 from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, problems, without
+from mechanism_sim.bench.problems import measured
 from mechanism_sim.errors import RunError
 from mechanism_sim.report import bench as report
+from mechanism_sim.sensing.channel import Channel
 
 STARTS = {
     'four_bar_clearance': ('centred', 0.5),
@@ -282,6 +285,29 @@ def test_costs_by_size(monkeypatch):
     text = report.render_scaling(costs, machine())
     assert all(c.family in text for c in costs)
     assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 4
+
+
+def test_what_an_instrument_shows_agrees_with_power_series_of_its_state_equations():
+    run = Measured(2)
+    channel = Channel(run.source(), run.instrument, 'x')
+    channel.take(run.motion)
+    found = np.concatenate([block.samples for block in channel.blocks(final=True)])
+    assert len(run.impacts[0]) > 10
+    assert run.error(found) < 1e-12 * np.abs(run.reference).max()
+    assert run.error(found + 1e-3) == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_filters_of_scipy_come_near_to_what_the_instrument_shows(monkeypatch):
+    monkeypatch.setattr(measured, 'RUN', Measured(2))
+    largest = np.abs(measured.RUN.reference).max()
+    for prepare, factor, bound in (
+        (measured.ours, 1.0, 1e-12),
+        (measured.filtered(pulses=True), 16.0, 0.05),
+        (measured.simulated, 16.0, 0.05),
+        (measured.integrated, 1e-3, 1e-4),
+    ):
+        samples = prepare(factor)()().answer
+        assert measured.RUN.error(samples) < bound * largest
 
 
 def test_no_two_methods_look_alike_in_a_picture():
