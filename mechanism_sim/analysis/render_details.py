@@ -34,7 +34,7 @@ def _spectrum(name: str, line: Line) -> str:
         [
             f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
             f'Hz, RMS {math.sqrt(whole * s.step):.6g} about the mean',
-            *table(('peak at [Hz]', line.unit, 'share of the line'), rows),
+            *table(('peak at [Hz]', line.unit, 'share of the whole'), rows),
         ]
     )
 
