@@ -13,7 +13,8 @@ from mechanism_sim.messages import AccelerometerBlock, float64_array, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.report.identification import render, unlike
 from mechanism_sim.scene.files import read_scene
-from mechanism_sim.study.identification import Identification, Measurement
+from mechanism_sim.study.identification import Identification
+from mechanism_sim.study.measurement import Measurement
 from mechanism_sim.study.parameters import NAMES, parameters, ranges
 
 SCENE = 'bearing_run_up'

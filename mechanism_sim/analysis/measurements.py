@@ -13,7 +13,7 @@ from mechanism_sim.recording import Bag, read_bag
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.files import nearest
 from mechanism_sim.sensing.features import FEWEST
-from mechanism_sim.study.identification import STRETCHES, Measurement
+from mechanism_sim.study.measurement import STRETCHES, Measurement
 
 
 def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None) -> Signal:

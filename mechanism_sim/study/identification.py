@@ -22,8 +22,11 @@ signal is like any of them.
 from __future__ import annotations
 
 import math
+import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 
@@ -33,10 +36,7 @@ from scipy.stats import qmc
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
-from mechanism_sim.scene import Machine
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
-from mechanism_sim.sensing.features import features
+from mechanism_sim.study.measurement import Measurement
 from mechanism_sim.study.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -49,73 +49,7 @@ LEVEL = 0.95
 """Of confidence, for all parameters together."""
 _KEPT = 0.99  # of the probability, when the box is drawn closer
 _MARGIN = 1.25  # by which it is wider than that
-_BATCH = 2048  # steps
-STRETCHES = 6
-"""Parts of a signal that are looked at apart, where the speed changes."""
 _MOST_FAILED = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class Measurement:
-    """What a sensor of a machine said in one experiment.
-
-    Attributes
-    ----------
-    machine : with its drive and its chain; the values of parameters to be found do not matter
-    sensor : a name of the scene
-    start : of the first sample, after the start of the run [s]
-    samples : (N,) as the chain gives them, without a gap
-    """
-
-    machine: Machine
-    sensor: str
-    start: float
-    samples: Array
-
-    @property
-    def rate(self) -> float:
-        """Of sampling [Hz]."""
-        return float(self.machine.scene.sensors[self.sensor].sample_rate)
-
-    @property
-    def steady(self) -> bool:
-        """Whether the main drive has one speed."""
-        return len(self.machine.laws) == 1 and not self.machine.torque_driven
-
-    @property
-    def features(self) -> Array:
-        """Of the samples."""
-        return self.features_of(self.samples)
-
-    def features_of(self, samples: Array) -> Array:
-        """Of other samples of the same experiment."""
-        return features(samples, self.rate, 1 if self.steady else STRETCHES)
-
-    def repeated(self, overrides: dict[str, float], seed: int) -> Array:
-        """Samples (N,) of the same experiment on a machine with other values and other noise.
-
-        Raises
-        ------
-        InputError, RunError
-            If there is no such machine, or its run fails.
-        """
-        given = overrides | {f'sensors.{self.sensor}.noise.seed': seed}
-        content = self.machine.scene.model_dump()
-        machine = build(self.machine.name, check_scene(self.machine.name, content, given))
-        wanted = len(self.samples)
-        end = self.start + (wanted + 1) / self.rate
-        channel, run = machine.channel(self.sensor), machine.start()
-        blocks = []
-        while run.time < end:
-            run.advance(end, final=True, most=_BATCH)
-            channel.take(run.drain()[0])
-            blocks += channel.blocks(final=run.time >= end)
-        first = self.start - 0.5 / self.rate
-        parts = []
-        for block in blocks:
-            early = max(0, math.ceil((first - block.time) * self.rate))
-            parts.append(block.samples[early:])
-        return np.concatenate(parts)[:wanted]
 
 
 @dataclass(frozen=True)
@@ -177,7 +111,7 @@ class Design:
         inside = ((self.places >= low) & (self.places <= high)).all(axis=1)
         return Design(self.places[inside], self.features[inside])
 
-    def with_(self, other: Design) -> Design:
+    def joined(self, other: Design) -> Design:
         """Both."""
         return Design(
             np.concatenate([self.places, other.places]),
@@ -258,7 +192,7 @@ class Identification:
         near, fits = everything, _fitted(everything)
         for count in rounds[1:]:
             low, high = _closer(fits, observed, low, high)
-            everything = everything.with_(self.explore(low, high, count))
+            everything = everything.joined(self.explore(low, high, count))
             near = everything.within(low, high)
             fits = _fitted(near)
         may_be = np.column_stack([fit.left_out(observed) + fit.residuals for fit in fits])
@@ -332,13 +266,20 @@ def _computed(tasks: Sequence[_Task], workers: int) -> Iterator[tuple[int, Array
     if workers == 1:
         yield from ((k, _compute(task)) for k, task in enumerate(tasks))
         return
-    with ProcessPoolExecutor(workers, get_context('spawn')) as pool:
+    # Ctrl-C is for this process, which ends the others; one thread of linear algebra in each
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    deaf = (signal.SIGINT, signal.SIG_IGN)
+    pool = ProcessPoolExecutor(workers, get_context('spawn'), signal.signal, deaf)
+    try:
         futures = {pool.submit(_compute, task): k for k, task in enumerate(tasks)}
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BrokenProcessPool as error:
+        raise RunError(
+            'a worker process died, perhaps for lack of memory; --workers 1 takes the least'
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _compute(task: _Task) -> Array | str:
