@@ -1,0 +1,242 @@
+"""What recorded runs tell."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim.cli.options import (
+    Command,
+    length_options,
+    overrides_of,
+    print_json,
+    quantity,
+    scene_options,
+)
+from mechanism_sim.errors import InputError
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    sub = command('info', _info, 'say what a bag holds')
+    sub.add_argument('bag', metavar='BAG')
+    sub = command('analyze', _analyze, 'say what happened in a recorded run')
+    sub.add_argument('bag', metavar='BAG')
+    sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+    _detail_options(sub)
+    sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
+    scene_options(sub, 'a scene, or a bag (.mcap) of a run')
+    length_options(sub)
+    sub.add_argument('-o', '--output', metavar='FILE', help='.wav; SCENE.wav if not')
+    sub.add_argument('--distance', default='1 m', metavar='R', help='of the listener')
+    sub.add_argument(
+        '--direction', default='0 deg', metavar='ANGLE', help='to the listener, from the x axis'
+    )
+    sub.add_argument('--pulse', metavar='T', help="how long impacts last, as '0.1 ms'")
+    sub.add_argument('--slow', type=float, default=1.0, metavar='N', help='play N times slower')
+    sub = command('identify', _identify, "fit a bearing's parameters to an accelerometer's signal")
+    sub.add_argument('bags', nargs='+', metavar='BAG', help='recorded or measured')
+    sub.add_argument(
+        '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
+        help='machine and chain, one for each bag or for all; those in the bag if not',
+    )  # fmt: skip
+    sub.add_argument(
+        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
+        help='override a value of the scenes',
+    )  # fmt: skip
+    sub.add_argument(
+        '--fit', default='restitution,friction,radial', metavar='NAME,...',
+        help='what is to be found: these, noise, or dotted paths',
+    )  # fmt: skip
+    sub.add_argument(
+        '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
+        help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'",
+    )  # fmt: skip
+    sub.add_argument('--joint', metavar='J', help='the loose joint, where there are several')
+    sub.add_argument('--sensor', metavar='S', help='the sensor, where there are several')
+    sub.add_argument('--skip', type=float, default=0.0, metavar='S', help='seconds to leave out')
+    sub.add_argument('--seed', type=int, default=0, metavar='N', help='of the search')
+    sub.add_argument(
+        '--rounds', metavar='N,...', help='simulations of each round; 128,48,48,48 if not given'
+    )
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='processes; one for each core if not'
+    )
+    sub = command(
+        'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
+    )
+    sub.add_argument('folder', metavar='DIR', help='of bags, see sweep --bags')
+    sub.add_argument('-o', '--output', metavar='DIR|FILE', help='for figures: folder, .pdf, .svg')
+    sub.add_argument(
+        '--skip', type=int, metavar='K', help='whole turns to leave out; the first half if not'
+    )
+
+
+def _info(options: argparse.Namespace) -> int:
+    from mechanism_sim.recording import info, render_info  # noqa: PLC0415
+
+    found = info(options.bag)
+    if options.json:
+        print_json(found.to_json())
+    else:
+        print(render_info(found))
+    return 0
+
+
+def _analyze(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis import analyze, render  # noqa: PLC0415
+    from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
+    from mechanism_sim.analysis.render_details import render_details  # noqa: PLC0415
+    from mechanism_sim.report import figures  # noqa: PLC0415
+
+    plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
+    wanted = Wanted(
+        options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
+        options.wear, options.deviation, _band(options.band), options.skip,
+        quantity('--pin-radius', options.pin_radius, 'm')[0] if options.pin_radius else None,
+    )  # fmt: skip
+    details: Details | None = None
+    if wanted or plots or options.against:
+        details = _details(options, wanted)
+    if details and plots:
+        from mechanism_sim.report.condition import draw  # noqa: PLC0415
+
+        with figures.style():
+            figures.save_all(draw(details), plots)
+    if options.json:
+        more = {'details': details.to_json()} if details else {}
+        print_json(analyze(options.bag, namespace=options.namespace).to_json() | more)
+    elif details and wanted:
+        print(render_details(details))
+    else:
+        print(render(analyze(options.bag, namespace=options.namespace)))
+    return 0
+
+
+def _sound(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.report import progress, sound  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
+
+    listener = Listener(
+        quantity('--distance', options.distance, 'm')[0],
+        quantity('--direction', options.direction, 'rad')[0],
+    )
+    pulse = None if options.pulse is None else quantity('--pulse', options.pulse, 's')[0]
+    file = sound.check_file(options.output or f'{Path(options.scene).stem}.wav')
+    if Path(options.scene).suffix == '.mcap':
+        if overrides_of(options) or options.duration or options.revolutions:
+            raise InputError('a bag is heard as it was recorded: leave out --set and lengths')
+        record = read_record(options.scene)
+        machine, run = record.machine, record.piece
+    else:
+        machine = load_scene(options.scene, overrides_of(options))
+        end = span(machine, options.revolutions, options.duration)
+        with progress.bar('sound', end, quiet=options.json) as show:
+            run = simulate(machine, duration=end, progress=show)
+    train = strikes(machine.mechanism, run.motion, run.impacts)
+    written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
+    if options.json:
+        print_json(written.to_json())
+    else:
+        print(sound.render(written))
+    return 0
+
+
+def _identify(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
+    from mechanism_sim.report import identification as report  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.study.identification import ROUNDS, Identification  # noqa: PLC0415
+    from mechanism_sim.study.parameters import parameters, ranges  # noqa: PLC0415
+
+    counts = options.rounds.split(',') if options.rounds else ROUNDS
+    if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
+        raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48")
+    rounds = [int(n) for n in counts]
+    workers = os.cpu_count() or 1 if options.workers is None else options.workers
+    if workers < 1 or options.seed < 0:
+        raise InputError('--workers must be at least 1, --seed at least 0')
+    signals = measurements(
+        options.bags, options.scenes, options.overrides, options.sensor, options.skip
+    )
+    first = signals[0]
+    wanted = parameters(
+        first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
+    )
+    with progress.count('identify', sum(rounds), quiet=options.json) as show:
+        found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
+    if options.json:
+        print_json(report.to_json(found))
+    else:
+        print(report.render(found))
+    return 0
+
+
+def _experiment(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.experiment import bags_of, read_experiment  # noqa: PLC0415
+    from mechanism_sim.report import experiment as report  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+
+    if options.skip is not None and options.skip < 0:
+        raise InputError('--skip must be at least 0')
+    place = figures.check_picture('--output', options.output, True) if options.output else None
+    bags = bags_of(Path(options.folder))
+    with progress.count('experiment', len(bags), quiet=options.json) as show:
+        found = read_experiment(bags, options.skip, show)
+    if place:
+        from mechanism_sim.report.experiment_figures import draw  # noqa: PLC0415
+
+        with figures.style():
+            figures.save_all(draw(found), place)
+    if options.json:
+        print_json(report.to_json(found))
+    else:
+        print(report.render(found))
+    return 0
+
+
+def _details(options: argparse.Namespace, wanted: Any) -> Any:
+    """What is asked of a bag, or everything that can be drawn."""
+    from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
+    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+
+    if options.skip < 0:
+        raise InputError('--skip must be at least 0')
+    if options.against and not wanted.deviations:
+        raise InputError('--against goes with --deviation: it compares two deviations')
+    record = read_record(options.bag, options.namespace)
+    against = read_record(options.against, options.namespace) if options.against else None
+    return find_details(record, wanted if wanted else everything(record, wanted), against)
+
+
+def _band(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    low, colon, high = text.partition(':')
+    if not colon:
+        raise InputError(f"--band '{text}': write for example '500 Hz:2 kHz'")
+    return quantity('--band', low, 'Hz')[0], quantity('--band', high, 'Hz')[0]
+
+
+def _detail_options(sub: argparse.ArgumentParser) -> None:
+    more = sub.add_argument_group('instead of the summary; each may be given several times')
+    for name, metavar, text in (
+        ('spectrum', 'SENSOR', 'power spectral density'),
+        ('orders', 'SENSOR', 'amplitudes over multiples of the speed of the drive'),
+        ('envelope', 'SENSOR', 'spectrum of the squared envelope'),
+        ('average', 'NAME', 'over a turn of the drive; a sensor, or as acceleration.LINK'),
+        ('impacts-on', 'JOINT', 'by direction on pin and bushing, and turn by turn'),
+        ('wear', 'JOINT', 'impulses and sliding by direction on pin and bushing'),
+        ('deviation', 'NAME', 'from the machine without clearance'),
+    ):
+        more.add_argument(f'--{name}', action='append', default=[], metavar=metavar, help=text)
+    how = sub.add_argument_group('how')
+    how.add_argument('--against', metavar='BAG', help='divide deviations by those of this bag')
+    how.add_argument('--band', metavar='A:B', help="of envelopes, as '500 Hz:2 kHz'")
+    how.add_argument('--skip', type=int, default=0, metavar='N', help='whole turns to leave out')
+    how.add_argument('--pin-radius', metavar='R', help="of wear, as '6 mm'; the scene's if not")
+    how.add_argument('--plots', metavar='DIR|FILE', help='folder, .pdf, .png or .svg')

@@ -1,0 +1,153 @@
+"""Cycles, pictures, cams and gears for the workshop."""
+
+from __future__ import annotations
+
+import argparse
+
+from mechanism_sim.cli.options import Command, overrides_of, print_json, quantity, scene_options
+from mechanism_sim.errors import InputError
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    sub = command('cycle', _cycle, 'tables, extremes and plots over a turn of the drive')
+    scene_options(sub)
+    sub.add_argument('--samples', type=int, default=360, metavar='N', help='intervals in a cycle')
+    sub.add_argument('--from', metavar='ANGLE', dest='start', help="begin at, as '30 deg'")
+    sub.add_argument('--periods', type=int, default=1, metavar='N', help='turns of the drive')
+    sub.add_argument('--duration', type=float, metavar='S', help='instead, in seconds')
+    sub.add_argument(
+        '--points', nargs='+', default=[], metavar='LINK.POINT', help='whose paths are wanted'
+    )
+    sub.add_argument('--local', action='store_true', help='forces along and across each link')
+    sub.add_argument('--static', action='store_true', help='forces without those of inertia')
+    sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
+    sub.add_argument('--plots', metavar='DIR|FILE', help='folder, .pdf, .png or .svg')
+    sub = command('draw', _draw, 'a picture of a mechanism')
+    scene_options(sub)
+    sub.add_argument('-o', '--output', metavar='FILE', help='.svg, .png or .pdf; SCENE.svg if not')
+    sub.add_argument('--at', metavar='ANGLE|TIME', help="as '30 deg' or '20 ms'; the start if not")
+    sub.add_argument('--positions', type=int, default=1, metavar='K', help='this one and ghosts')
+    sub.add_argument(
+        '--path', action='append', default=[], metavar='LINK.POINT', help='draw the path of'
+    )
+    sub.add_argument('--duration', type=float, metavar='S', help='of a drive without a period')
+    sub.add_argument(
+        '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
+    )
+    sub = command(
+        'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
+    )
+    scene_options(sub)
+    sub.add_argument('joint', metavar='JOINT', help='with a cam or teeth')
+    sub.add_argument('-o', '--output', metavar='FILE', help='.svg or .dxf for the outlines')
+    sub.add_argument('--gear', metavar='NAME', help='the outline of this gear only')
+    sub.add_argument('--friction', type=float, default=0.05, metavar='MU', help='between teeth')
+    sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
+    sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
+    sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs in series')
+    sub.add_argument(
+        '--tolerance', type=float, default=0.0, metavar='X', help='largest relative error'
+    )
+    sub.add_argument('--teeth', default='18:120', metavar='A:B', help='fewest and most of a gear')
+    sub.add_argument(
+        '--centre-distance', metavar='C', help="of every stage, as '60 mm'; with --modules"
+    )
+    sub.add_argument('--modules', metavar='M,...', help="to choose from, as '2 mm,2.5 mm'")
+
+
+def _cycle(options: argparse.Namespace) -> int:
+    from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
+    from mechanism_sim.report import cycle as report  # noqa: PLC0415
+    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
+    if options.output:
+        tables.check_output(options.output)
+    start = options.start and quantity('--from', options.start, 'rad')[0]
+    machine = load_scene(options.scene, overrides_of(options))
+    found = cycle(
+        machine, options.samples, start, options.periods, options.duration, options.points,
+        options.local, options.static,
+    )  # fmt: skip
+    if options.output:
+        tables.write(options.output, found.table())
+    if plots:
+        from mechanism_sim.report.plots import draw  # noqa: PLC0415
+
+        with figures.style():
+            figures.save_all(draw(found), plots)
+    if options.json:
+        print_json(report.to_json(found))
+    else:
+        print(report.render(found))
+    return 0
+
+
+def _draw(options: argparse.Namespace) -> int:
+    from mechanism_sim.cycles.cycle import instant  # noqa: PLC0415
+    from mechanism_sim.report import drawing, figures  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    machine = load_scene(options.scene, overrides_of(options))
+    file = figures.check_picture('--output', options.output or f'{machine.name}.svg')
+    if options.positions < 1:
+        raise InputError('--positions must be at least 1')
+    value, unit = quantity('--at', options.at, 'rad', 's') if options.at else (None, '')
+    found, t = instant(
+        machine,
+        value if unit == 'rad' else None,
+        value if unit == 's' else None,
+        options.duration,
+        options.path,
+        still=options.positions == 1 and not options.path,
+    )
+    with figures.style():
+        picture = drawing.draw(found, t, options.positions, options.labels)
+        figures.save(picture, file, cropped=True)
+    if options.json:
+        print_json({'scene': machine.name, 'file': str(file), 't': t})
+    else:
+        print(file)
+    return 0
+
+
+def _profile(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import profile  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    file = profile.check_file(options.output) if options.output else None
+    machine = load_scene(options.scene, overrides_of(options))
+    sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
+    if file:
+        profile.write(outline, file)
+    if options.json:
+        where = {'file': str(file)} if file else {}
+        print_json({'scene': machine.name, 'joint': options.joint, **sheet.to_json(), **where})
+    else:
+        print(sheet.render())
+    return 0
+
+
+def _teeth(options: argparse.Namespace) -> int:
+    from mechanism_sim.gears.teeth import choose, ratio_of  # noqa: PLC0415
+    from mechanism_sim.report import teeth  # noqa: PLC0415
+
+    fewest, colon, most = options.teeth.partition(':')
+    if not (colon and fewest.isdecimal() and most.isdecimal()):
+        raise InputError(f"--teeth '{options.teeth}': write for example 18:120")
+    distance, modules = options.centre_distance, options.modules
+    found = choose(
+        ratio_of(options.ratio),
+        stages=options.stages,
+        tolerance=options.tolerance,
+        teeth=(int(fewest), int(most)),
+        centre_distance=quantity('--centre-distance', distance, 'm')[0] if distance else None,
+        modules=[quantity('--modules', m, 'm')[0] for m in modules.split(',')] if modules else (),
+    )
+    if options.json:
+        print_json(teeth.to_json(found))
+    else:
+        print(teeth.render(found))
+    return 0

@@ -1,0 +1,73 @@
+"""What a scene is: its listing, its report, its equations."""
+
+from __future__ import annotations
+
+import argparse
+
+from mechanism_sim.cli.options import Command, overrides_of, print_json, scene_options
+from mechanism_sim.errors import InputError
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    command('scenes', _scenes, 'list the scenes of the package')
+    sub = command('check', _check, 'say what a scene comes down to, without running it')
+    scene_options(sub)
+    sub = command('equations', _equations, "write down a scene's own equations")
+    scene_options(sub)
+    sub.add_argument('--rates', action='store_true', help='closures and gaps differentiated too')
+    form = sub.add_mutually_exclusive_group()
+    form.add_argument('--latex', action='store_true', help='a fragment of LaTeX')
+    form.add_argument('--markdown', action='store_true', help='Markdown')
+    sub.add_argument('-o', '--output', metavar='FILE', help='.tex, .md or .txt to write')
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    from mechanism_sim.scene import load_scene, scene_names  # noqa: PLC0415
+
+    machines = [load_scene(name) for name in scene_names()]
+    rows = [{'name': m.name, 'title': m.scene.title, 'level': m.level.value} for m in machines]
+    if options.json:
+        print_json(rows)
+    else:
+        width = max(len(row['name']) for row in rows)
+        for row in rows:
+            print(f'{row["name"]:{width}}  {row["title"]} ({row["level"]})')
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.scene.check import check, render  # noqa: PLC0415
+
+    report = check(load_scene(options.scene, overrides_of(options)))
+    if options.json:
+        print_json(report.to_json())
+    else:
+        print(render(report))
+    return 0
+
+
+def _equations(options: argparse.Namespace) -> int:
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    try:
+        from mechanism_sim.report import typeset  # noqa: PLC0415
+        from mechanism_sim.report.derivation import derive  # noqa: PLC0415
+    except ModuleNotFoundError as missing:
+        if missing.name != 'sympy':
+            raise
+        raise InputError(
+            "equations needs the package 'sympy': pip install 'mechanism_sim[equations]'"
+        ) from missing
+    machine = load_scene(options.scene, overrides_of(options))
+    setter = typeset.Typesetter(derive(machine, options.rates))
+    if options.output:
+        typeset.write(setter, options.output)
+    if options.json:
+        print_json(setter.to_json())
+    elif options.latex or options.markdown:
+        print(setter.latex() if options.latex else setter.markdown(), end='')
+    elif not options.output:
+        print(setter.plain())
+    return 0

@@ -1,0 +1,77 @@
+"""What commands share: how they are added, common options, quantities, output."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+
+from mechanism_sim.errors import InputError
+
+Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
+"""Adds a command: its name, what runs it and returns the exit code, what its help says."""
+
+NODE_NAMES = (
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
+    'recorder',
+)  # fmt: skip
+"""Nodes that `node` runs."""
+
+
+def scene_options(
+    sub: argparse.ArgumentParser, text: str = 'a scene of the package, or a YAML file'
+) -> None:
+    """Add what commands take that begin with a scene."""
+    sub.add_argument('scene', metavar='SCENE', help=text)
+    sub.add_argument(
+        '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
+        help="override a value, for example 'drive.speed=300 rpm'",
+    )  # fmt: skip
+    sub.add_argument('--rtol', metavar='R', help='relative tolerance')
+    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m]')
+
+
+def length_options(sub: argparse.ArgumentParser) -> None:
+    """Add what says how long a run is."""
+    sub.add_argument('--duration', type=float, metavar='S', help='length in seconds')
+    sub.add_argument('--revolutions', type=float, metavar='N', help='length in crank revolutions')
+
+
+def overrides_of(options: argparse.Namespace) -> list[str]:
+    """The overrides that a command line asks for, tolerances among them."""
+    tolerances = [
+        f'solver.{name}={value}'
+        for name, value in (('rtol', options.rtol), ('atol', options.atol))
+        if value is not None
+    ]
+    return [*options.overrides, *tolerances]
+
+
+def print_json(data: object) -> None:
+    """Print what `--json` asks for."""
+    print(json.dumps(data, indent=2, allow_nan=False))
+
+
+def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
+    """A quantity given to an option, and which of these SI units it is a quantity of."""
+    from mechanism_sim.units import EXAMPLES, to_si  # noqa: PLC0415
+
+    example = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
+    for unit in units:
+        try:
+            value = to_si(text, unit)
+        except ValueError:
+            continue
+        if value and text.strip()[-1] in '0123456789.':
+            break  # a bare number: in degrees, radians, seconds?
+        return value, unit
+    raise InputError(
+        f"{option} '{text}' is not a quantity with a unit: write for example {example}"
+    )
+
+
+def tell(error: Exception, code: int) -> int:
+    """Say on standard error what went wrong, and give back the exit code."""
+    print(f'mechanism-sim: {error}', file=sys.stderr)
+    return code

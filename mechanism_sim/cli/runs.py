@@ -1,0 +1,139 @@
+"""Runs of a scene, in this process or as nodes."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mechanism_sim.cli.options import (
+    NODE_NAMES,
+    Command,
+    length_options,
+    overrides_of,
+    print_json,
+    scene_options,
+)
+from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mechanism_sim.report.tables import Writer
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    sub = command('solve', _solve, 'run a scene in this process, without middleware')
+    scene_options(sub)
+    length_options(sub)
+    sub.add_argument('--sample-rate', type=float, metavar='HZ', help='sample the solution at')
+    sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
+    sub.add_argument(
+        '--no-events', action='store_true', help='JSON with the counts of events, not their lists'
+    )
+    sub.add_argument('--save', metavar='FILE', help='write what it takes to go on from the end')
+    sub.add_argument(
+        '--resume', metavar='FILE',
+        help='go on from what --save wrote; lengths still count from the very beginning',
+    )  # fmt: skip
+    sub = command('run', _run, 'run a scene as nodes that publish and record')
+    scene_options(sub)
+    length_options(sub)
+    sub.add_argument('--record', metavar='FILE', help='MCAP file to write')
+    sub.add_argument('--overwrite', action='store_true', help='replace an existing bag')
+    sub.add_argument('--realtime-factor', type=float, default=0.0, metavar='F', help='0: no limit')
+    sub.add_argument('--processes', action='store_true', help='each node in its own process')
+    sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
+    sub.add_argument('name', nargs='?', metavar='NAME', help=', '.join(NODE_NAMES))
+
+
+def _solve(options: argparse.Namespace) -> int:
+    from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
+    from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
+    from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
+    from mechanism_sim.report import progress, summary  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, span, stream  # noqa: PLC0415
+
+    if options.no_events and not options.json:
+        raise InputError('--no-events goes with --json: without it no events are listed')
+    machine = load_scene(options.scene, overrides_of(options))
+    end = span(machine, options.revolutions, options.duration)
+    snapshot = Snapshot.load(options.resume) if options.resume else None
+    digest = MotionDigest()
+    impacts: list[Impact] = []
+    modes: list[ModeChange] = []
+    with _samples(options) as table, progress.bar('solve', end, quiet=options.json) as show:
+        run = stream(machine, duration=end, progress=show, resume=snapshot)
+        for piece in run:
+            if table:
+                table.add(piece)
+            if options.json:
+                digest.add(piece.motion, piece.impacts)
+                if not options.no_events:
+                    impacts += piece.impacts
+                    modes += piece.modes
+    if options.save:
+        try:
+            run.snapshot.save(options.save)
+        except OSError as error:
+            raise InputError(f"'{options.save}' cannot be written: {error.strerror}") from error
+    if options.json:
+        events = (None, None) if options.no_events else (impacts, modes)
+        print_json(summary.to_json(run, digest.hexdigest(), *events))
+    else:
+        print(summary.render(run))
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from mechanism_sim.nodes.run import Plan, run  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, span  # noqa: PLC0415
+
+    overrides = overrides_of(options)
+    machine = load_scene(options.scene, overrides)
+    end = span(machine, options.revolutions, options.duration)
+    if options.realtime_factor < 0.0:
+        raise InputError('--realtime-factor must be 0 (no limit) or positive')
+    if options.record and Path(options.record).exists() and not options.overwrite:
+        raise InputError(
+            f"the bag '{options.record}' exists already; choose another name or give --overwrite"
+        )
+    plan = Plan(
+        machine, options.scene, overrides, end, options.record, options.overwrite,
+        options.realtime_factor,
+    )  # fmt: skip
+    with progress.bar('run', end, quiet=options.json) as show:
+        outcome = run(plan, options.processes, show)
+    if options.json:
+        print_json(outcome.to_json())
+    elif outcome.code == 0:
+        print(progress.render(outcome))
+    return outcome.code
+
+
+def _node(options: argparse.Namespace) -> int:
+    from importlib import import_module  # noqa: PLC0415
+
+    if options.name is None:
+        options.parser.print_help()
+        return 0
+    if options.name not in NODE_NAMES:
+        from mechanism_sim.scene.files import nearest  # noqa: PLC0415
+
+        raise InputError(
+            f"there is no node '{options.name}'{nearest(options.name, NODE_NAMES)}; known are: "
+            f'{", ".join(NODE_NAMES)}'
+        )
+    import_module(f'mechanism_sim.nodes.{options.name}').main(options.rest)
+    return 0
+
+
+def _samples(options: argparse.Namespace) -> AbstractContextManager[Writer | None]:
+    """Where `--output` goes; nothing if it is not asked for."""
+    if not options.output:
+        return nullcontext()
+    from mechanism_sim.report import tables  # noqa: PLC0415
+
+    tables.check_output(options.output)
+    return tables.Writer(options.output, tables.check_rate(options.sample_rate))

@@ -1,0 +1,219 @@
+"""Studies of many runs, and measurements of speed."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim.cli.options import Command, overrides_of, print_json, scene_options, tell
+from mechanism_sim.errors import InputError
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
+    scene_options(sub)
+    sub.add_argument('--longest', type=int, default=8, metavar='P', help='period to look for')
+    sub.add_argument('--transient', type=int, default=60, metavar='N', help='revolutions to wait')
+    sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
+    scene_options(sub)
+    sub.add_argument('--revolutions', type=int, default=200, metavar='N', help='to run')
+    sub.add_argument('--skip', type=int, default=20, metavar='K', help='revolutions to leave out')
+    sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
+    scene_options(sub)
+    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run')
+    sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
+    scene_options(sub)
+    sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
+    scene_options(sub)
+    sub.add_argument('--angles', type=int, default=24, metavar='N', help='around the turn')
+    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run each')
+    sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
+    sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
+    sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='processes; one for each core if not'
+    )
+    sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
+    sub.add_argument('--bags', metavar='DIR', help='also record every run there')
+    sub.add_argument('--windows', metavar='DIR', help='where windows go; TABLE.windows if not')
+    sub.add_argument('--restart', action='store_true', help='forget what is computed already')
+    sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
+    sub.add_argument('--over', metavar='PATH', help='draw them over this one')
+    sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
+    sub.add_argument(
+        'names', nargs='*', metavar='NAME',
+        help='problems; scaling; hard, or names of hard cases; nothing lists what there is',
+    )  # fmt: skip
+    sub.add_argument('--output', metavar='DIR', help='write picture, JSON and table there')
+    sub.add_argument('--repeats', type=int, default=7, metavar='N', help='of every run')
+    sub.add_argument('--methods', metavar='NAME,...', help='only these')
+    sub.add_argument('--tolerances', metavar='R,...', help='instead of the usual ones, for rtol')
+    sub.add_argument('--markdown', metavar='FILE', help='write the hard cases for people')
+
+
+def _periodic(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.periodic import find_periodic  # noqa: PLC0415
+
+    if options.longest < 1 or options.transient < 1:
+        raise InputError('--longest and --transient must be at least 1')
+    machine = load_scene(options.scene, overrides_of(options))
+    response = find_periodic(machine, options.longest, options.transient)
+    if options.json:
+        print_json(study.periodic_json(response))
+    elif response is None:
+        print(
+            f'no response that repeats within {options.longest} revolutions after '
+            f"{options.transient}; 'mechanism-sim statistics' says what it is like in the mean"
+        )
+    else:
+        print(study.periodic(response))
+    return 0
+
+
+def _statistics(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.statistics import statistics  # noqa: PLC0415
+
+    machine = load_scene(options.scene, overrides_of(options))
+    end = options.revolutions * machine.period
+    with progress.bar('statistics', end, quiet=options.json) as show:
+        found = statistics(machine, options.revolutions, options.skip, show)
+    if options.json:
+        print_json(study.statistics_json(found))
+    else:
+        print(study.statistics(found))
+    return 0
+
+
+def _contact_loss(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.losses import losses  # noqa: PLC0415
+
+    found = losses(load_scene(options.scene, overrides_of(options)), options.revolutions)
+    if options.json:
+        print_json(study.losses_json(found))
+    else:
+        print(study.losses(found))
+    return 0
+
+
+def _lift_off(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
+
+    found = lift_offs(load_scene(options.scene, overrides_of(options)))
+    if options.json:
+        print_json(study.lift_offs_json(found))
+    else:
+        print(study.lift_offs(found))
+    return 0
+
+
+def _starts(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.study.starts import starts  # noqa: PLC0415
+
+    machine = load_scene(options.scene, overrides_of(options))
+    with progress.bar('starts', float(max(options.angles, 1)), quiet=options.json) as show:
+        found = starts(machine, options.angles, options.revolutions, show)
+    if options.json:
+        print_json(study.starts_json(found))
+    else:
+        print(study.starts(found))
+    return 0
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    import signal  # noqa: PLC0415
+
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report import sweep as report  # noqa: PLC0415
+    from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
+    from mechanism_sim.sweep.run import Interrupted, sweep  # noqa: PLC0415
+
+    plan = read_plan(options.file)
+    table = Path(options.output or f'{plan.name}.parquet')
+    chart = report.chart_of(plan, options.plot, options.over)
+    # SIGINT too: a shell that starts us in the background has it ignored
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    try:
+        with progress.count('sweep', plan.size, quiet=options.json) as show:
+            summary, rows = sweep(
+                plan, table, options.workers, options.dask, options.bags, options.windows,
+                options.restart, show,
+            )  # fmt: skip
+    except Interrupted as interrupted:
+        return tell(interrupted, 130)
+    if chart:
+        report.draw(chart, plan, rows)
+    if options.json:
+        print_json(summary.to_json())
+    else:
+        print(report.render(summary, plan, rows))
+    return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from mechanism_sim.bench import choose  # noqa: PLC0415
+    from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
+    from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
+    from mechanism_sim.report import bench  # noqa: PLC0415
+
+    if not options.names:
+        listed = choose.listing()
+        if options.json:
+            print_json(listed)
+        else:
+            print(bench.listing(listed))
+        return 0
+    problems, cases, costs = choose.choose(options.names)
+    if cases:
+        return _bench_hard(options, cases)
+    methods = choose.methods(problems, options.methods)
+    tolerances = choose.tolerances(options.tolerances)
+    if options.repeats < 1:
+        raise InputError('--repeats must be at least 1')
+    here, content = machine(), bench.Pages(options.output)
+    for problem in problems:
+        found = measure(problem, options.repeats, methods, tolerances, _say)
+        content.add(found, here)
+        if not options.json:
+            print(content.text[-1], flush=True)
+    if costs:
+        content.add_scaling(scaling(_say), here)
+        if not options.json:
+            print(content.text[-1], flush=True)
+    if options.json:
+        print_json(content.to_json(here))
+    return 1 if any(row.failure for m in content.found for row in m.rows) else 0
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
+    from mechanism_sim.bench.hard import run  # noqa: PLC0415
+    from mechanism_sim.report import hard  # noqa: PLC0415
+
+    outcomes = []
+    for outcome in run(tuple(cases)):
+        outcomes.append(outcome)
+        if not options.json:
+            print(hard.render(outcome), flush=True)
+    if options.markdown:
+        Path(options.markdown).write_text(hard.markdown(outcomes), encoding='utf-8')
+    if options.json:
+        print_json(hard.to_json(outcomes))
+    return 0 if all(outcome.ok for outcome in outcomes) else 1
