@@ -223,7 +223,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument('--skip', type=float, default=0.0, metavar='S', help='seconds to leave out')
     sub.add_argument('--seed', type=int, default=0, metavar='N', help='of the search')
     sub.add_argument(
-        '--rounds', metavar='N,...', help='simulations of each round; 128,48,48 if not given'
+        '--rounds', metavar='N,...', help='simulations of each round; 128,48,48,48 if not given'
     )
     sub.add_argument(
         '--workers', type=int, metavar='N', help='processes; one for each core if not'
@@ -787,7 +787,7 @@ def _identify(options: argparse.Namespace) -> int:
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
-        raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48")
+        raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48,48")
     rounds = [int(n) for n in counts]
     workers = os.cpu_count() or 1 if options.workers is None else options.workers
     if workers < 1 or options.seed < 0:
