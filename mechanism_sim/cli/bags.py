@@ -155,7 +155,7 @@ def _identify(options: argparse.Namespace) -> int:
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
-        raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48")
+        raise InputError(f"--rounds '{options.rounds}': write numbers from 16 on, as 128,48,48,48")
     rounds = [int(n) for n in counts]
     workers = os.cpu_count() or 1 if options.workers is None else options.workers
     if workers < 1 or options.seed < 0:

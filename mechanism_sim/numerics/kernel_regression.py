@@ -69,13 +69,17 @@ class KernelRegression:
         predicted = k @ self._alpha - (k @ self._inverse) * self._left
         return np.asarray(self._origin + self._scale * predicted)
 
-    def interval(self, x: Array, level: float = 0.95) -> tuple[float, float]:
+    def interval(
+        self, x: Array, level: float = 0.95, among: NDArray[np.intp] | None = None
+    ) -> tuple[float, float]:
         """Of y at x (p,): it holds the true value in a share `level` of all cases (jackknife+).
 
         Proven for cases drawn as the samples were: at least ``2 level - 1``, whatever they are
-        like; as good as `level` unless the regression hangs on single samples.
+        like; as good as `level` unless the regression hangs on single samples. `among` are indices
+        of the samples whose errors count: those like x, where errors differ from place to place.
         """
-        predicted, size = self.left_out(x), np.abs(self.residuals)
+        chosen = slice(None) if among is None else among
+        predicted, size = self.left_out(x)[chosen], np.abs(self.residuals[chosen])
         n = len(size)
         rank = min(math.ceil(level * (n + 1)), n) - 1
         low = np.sort(predicted - size)[n - 1 - rank]

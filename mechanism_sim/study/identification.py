@@ -12,7 +12,8 @@ signal is compared by `features`, never sample by sample:
    shows on simulations left out of it.
 3. Around the estimate the box is drawn closer, so that it keeps all that is likely, and filled
    with new simulations (truncated prior: B. K. Miller et al., Truncated marginal neural ratio
-   estimation, NeurIPS 2021), and so on.
+   estimation, NeurIPS 2021), and so on. If the signal is then like no simulation in the box, the
+   box has lost the truth, and what was known before holds.
 
 The error contains chaos, noise, and jumps between responses that exist side by side, because the
 simulations do. It does not contain what no simulation has: `Identified.likeness` says whether the
@@ -43,13 +44,15 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """Called with the numbers of simulations finished and failed."""
 
-ROUNDS = (128, 48, 48)
+ROUNDS = (128, 48, 48, 48)
 """Simulations of each round; those of earlier rounds that lie in the box serve again."""
 LEVEL = 0.95
 """Of confidence, for all parameters together."""
 _KEPT = 0.99  # of the probability, when the box is drawn closer
-_MARGIN = 1.25  # by which it is wider than that
+_MARGIN = 1.6  # by which it is wider than that
+_NEAREST = 40  # simulations, at least, whose errors say so
 _MOST_FAILED = 0.25
+_LOST = 0.05  # likeness below which a box seems not to hold the truth any more
 
 
 @dataclass(frozen=True)
@@ -188,13 +191,24 @@ class Identification:
         """
         observed = np.concatenate([m.features for m in self.measurements])
         low, high = self.low, self.high
-        everything = design or self.explore(low, high, rounds[0])
-        near, fits = everything, _fitted(everything)
+        near = everything = design or self.explore(low, high, rounds[0])
+        fits = _fitted(near)
+        found = self._outcome(near, fits, observed)
         for count in rounds[1:]:
-            low, high = _closer(fits, observed, low, high)
+            low, high = _closer(near, fits, observed, low, high)
             everything = everything.joined(self.explore(low, high, count))
             near = everything.within(low, high)
             fits = _fitted(near)
+            closer = self._outcome(near, fits, observed)
+            if closer.likeness < _LOST <= found.likeness:
+                break
+            found = closer
+        return replace(found, simulations=self.simulations, failed=self.failed)
+
+    def _outcome(
+        self, near: Design, fits: Sequence[KernelRegression], observed: Array
+    ) -> Identified:
+        """What these simulations say."""
         may_be = np.column_stack([fit.left_out(observed) + fit.residuals for fit in fits])
         level = 1.0 - (1.0 - LEVEL) / len(fits)
         estimates = []
@@ -219,11 +233,26 @@ def _fitted(design: Design) -> list[KernelRegression]:
     return [KernelRegression(design.features, column) for column in design.places.T]
 
 
-def _closer(
-    fits: Sequence[KernelRegression], observed: Array, low: Array, high: Array
+def _told(
+    design: Design, fits: Sequence[KernelRegression], observed: Array
 ) -> tuple[Array, Array]:
-    """The box that holds what is likely, within the one before."""
-    limits = np.array([fit.interval(observed, _KEPT) for fit in fits]).T
+    """Places that the regressions tell of the simulations (n, k), each left out, and here (k,)."""
+    told = design.places - np.array([fit.residuals for fit in fits]).T
+    return told, np.array([np.median(fit.left_out(observed)) for fit in fits])
+
+
+def _closer(
+    design: Design, fits: Sequence[KernelRegression], observed: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """The box that holds what is likely, within the one before.
+
+    How much the features tell is another thing in another corner of the box, so the errors of
+    those simulations count that seem to be nearest.
+    """
+    told, here = _told(design, fits, observed)
+    apart = (((told - here) / told.std(axis=0)) ** 2).sum(axis=1)
+    nearest = np.argsort(apart)[: max(_NEAREST, len(told) // 3)]
+    limits = np.array([fit.interval(observed, _KEPT, nearest) for fit in fits]).T
     middle, half = limits.mean(axis=0), 0.5 * _MARGIN * np.ptp(limits, axis=0)
     # where the regression points out of the box, its edge is as near as one can come
     middle = np.clip(middle, low, high)
@@ -238,8 +267,7 @@ def _likeness(
     Features are a parabola of what is predicted from them, plus what scatters. Each simulation is
     treated as the measurement is: by regressions without it.
     """
-    told = near.places - np.array([fit.residuals for fit in fits]).T
-    here = np.array([np.median(fit.left_out(observed)) for fit in fits])
+    told, here = _told(near, fits, observed)
     middle, scale = told.mean(axis=0), told.std(axis=0)
 
     def terms(places: Array) -> Array:
