@@ -20,7 +20,7 @@ from mechanism_sim.sensing.sound import (
     Listener,
     Strike,
     contact_time,
-    half_sine,
+    half_sine_response,
     level,
     pressure,
     sphere_modes,
@@ -57,7 +57,7 @@ def test_a_sphere_radiates_as_the_wave_equation_says(radius, away):
 def test_a_pulse_is_a_convolution_with_half_a_sine():
     (poles,), (residues,) = sphere_modes(np.array([0.02]), np.array([0.5]))
     duration, t = 1e-4, np.array([-1e-5, 0.0, 2e-5, 9.9e-5, 1e-4, 1.3e-4, 4e-4])
-    found = half_sine(poles, residues, duration, t)
+    found = half_sine_response(poles, residues, duration, t)
     for time, value in zip(t, found, strict=True):
         wanted, _ = quad(
             lambda x, time=time: (

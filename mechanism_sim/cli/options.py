@@ -54,7 +54,13 @@ def print_json(data: object) -> None:
 
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
-    """A quantity given to an option, and which of these SI units it is a quantity of."""
+    """A quantity given to an option, and which of these SI units it is a quantity of.
+
+    Raises
+    ------
+    InputError
+        If it is of none of them, or a bare number.
+    """
     from mechanism_sim.units import EXAMPLES, to_si  # noqa: PLC0415
 
     example = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)

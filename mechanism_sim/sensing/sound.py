@@ -98,7 +98,7 @@ def sphere_modes(radius: Array, distance: Array, air: Air = AIR) -> tuple[Array,
     return poles, residues
 
 
-def half_sine(poles: Array, residues: Array, duration: float, t: Array) -> Array:
+def half_sine_response(poles: Array, residues: Array, duration: float, t: Array) -> Array:
     """Response of ``sum_k residues_k / (s - poles_k)`` to half a sine of unit area.
 
     Parameters
@@ -268,7 +268,9 @@ def pressure(
             n = np.arange(
                 int(begins * rate) + 1, min(int((begins + lasts) * rate) + 2, len(samples))
             )
-            samples[n] += strength[k] * half_sine(poles, residues, lasting, n / rate - begins)
+            samples[n] += strength[k] * half_sine_response(
+                poles, residues, lasting, n / rate - begins
+            )
     return samples
 
 

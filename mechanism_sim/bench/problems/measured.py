@@ -88,7 +88,13 @@ def simulated(factor: float) -> Run:
 
 
 def integrated(rtol: float) -> Run:
-    """`solve_ivp` from piece to piece, by tolerance."""
+    """`solve_ivp` from piece to piece, by tolerance.
+
+    Raises
+    ------
+    RunError
+        If it gives up.
+    """
     A, B, C, _ = RUN.state
     curve, times, every = RUN.motion.curve, RUN.times, np.arange(len(RUN.motion))
 
@@ -117,7 +123,7 @@ FACTORS = (1.0, 4.0, 16.0, 64.0, 256.0)
 OVER = 'times the sampling rate'
 MEASURED = Problem(
     'measured',
-    'Accelerometer of the thesis on the coupler, 20 revolutions with 753 impacts',
+    'Accelerometer of the thesis on the coupler, 20 revolutions',
     'revolution',
     RUN.revolutions,
     'm/s^2',
