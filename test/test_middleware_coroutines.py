@@ -32,7 +32,7 @@ def network():
 
 
 @pytest.fixture
-def node(network):
+def node(network):  # noqa: ARG001
     node = Node('node')
     yield node
     node.destroy_node()
@@ -88,7 +88,7 @@ def test_requests_that_wait_at_once_are_all_answered_while_the_rest_goes_on(netw
 def test_in_the_default_group_a_callback_that_waits_holds_up_the_others(node):
     gate, heard, done = Future(), [], []
 
-    async def wait(message):
+    async def wait(_):
         heard.append('begin')
         await gate
         heard.append('end')
@@ -120,7 +120,7 @@ def test_a_coroutine_may_ask_a_service_and_gets_its_errors(node):
     client = node.create_client(Trigger, 'inner', callback_group=group)
     nobody = node.create_client(Trigger, 'nobody', callback_group=group)
 
-    async def outer(request, response):
+    async def outer(_, response):
         first = await client.call_async(Trigger.Request())
         second = await client.call_async(Trigger.Request())
         response.message = first.message + second.message
@@ -130,7 +130,7 @@ def test_a_coroutine_may_ask_a_service_and_gets_its_errors(node):
             response.message += f' {error}'
         return response
 
-    def inner(request, response):
+    def inner(_, response):
         response.message = 'x'
         return response
 
@@ -159,7 +159,7 @@ def test_what_a_coroutine_raises_comes_out_of_the_executor(node):
 def test_who_asked_a_node_that_goes_away_is_told(node):
     server = Node('fleeting')
 
-    async def never(request, response):
+    async def never(request, _):
         asked.append(request)
         await Future()
 
