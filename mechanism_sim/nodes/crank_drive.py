@@ -175,9 +175,9 @@ class CrankDrive(SimulationNode):
         final = self._quitting or (horizon >= end and not self._hold)
         if self._quitting:
             horizon = self.announced
-        elif horizon <= self.announced:
-            return
-        elif self.playing and horizon < min(end, self._commands.horizon, self._worthwhile()):
+        elif horizon <= self.announced or (
+            self.playing and horizon < min(end, self._commands.horizon, self._worthwhile())
+        ):
             return
         self._final = final
         while True:

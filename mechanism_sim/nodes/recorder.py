@@ -98,7 +98,7 @@ class Recorder(SimulationNode):
             self._record(topic, kind, qos)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self._add_topics()
-        self.create_timer(0.5, lambda: self.writer.flush())
+        self.create_timer(0.5, self._flush)
         self.join()
 
     def begin_run(self, number: int) -> None:
@@ -113,6 +113,9 @@ class Recorder(SimulationNode):
         self._books.clear()
         self._complete.clear()
         self._due.clear()
+
+    def _flush(self) -> None:
+        self.writer.flush()
 
     def _add_topics(self) -> None:
         for topic, (kind, qos) in self._topics.items():
@@ -146,7 +149,7 @@ class Recorder(SimulationNode):
                 self.begin_run(number)
             self.writer.write(topic, data, self._now)
             if self.writer.counts[topic] == self._due.get(topic):
-                self._look()
+                self._review()
             if self._loss_deadline is not None:
                 self._finish()
 
@@ -159,7 +162,7 @@ class Recorder(SimulationNode):
         self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
         self._books.setdefault(message.node, message)
-        self._look()
+        self._review()
         if self.partners_finished() and self._loss_deadline is None:
             self._loss_deadline = time.monotonic() + LOSS_TIMEOUT
             self.create_timer(1.0, self._finish)
@@ -173,7 +176,7 @@ class Recorder(SimulationNode):
         return {t: n - counts[t] for t, n in announced if t in counts and counts[t] < n
                 and t != self.resolve_topic_name('progress')}  # fmt: skip
 
-    def _look(self) -> None:
+    def _review(self) -> None:
         """See whose messages are all in the bag, and report if that is news."""
         self._due.clear()
         for node, report in list(self._books.items()):
@@ -199,7 +202,9 @@ class Recorder(SimulationNode):
         """End once everything announced is in the bag."""
         if self.done:
             return
-        missing = {t: n for report in self._books.values() for t, n in self._missing(report).items()}
+        missing = {
+            t: n for report in self._books.values() for t, n in self._missing(report).items()
+        }
         if not missing:
             self.report(self.partners_time(), finished=True)
             self.done = True
