@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Arguments for us, and those for ROS: from ``--ros-args`` on, up to ``--`` if there is one."""
+    """Arguments for us and for ROS: from ``--ros-args`` on, up to ``--`` if there is one."""
     own, ros, to = [], [], None
     for arg in args:
         to = ros if arg == '--ros-args' else to

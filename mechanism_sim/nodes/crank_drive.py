@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.errors import RunError
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
 from mechanism_sim.messages.events import drive_law
 from mechanism_sim.middleware import Future, Parameter
@@ -27,8 +26,8 @@ class CrankDrive(SimulationNode):
     It is the simulator of the standard `simulation_interfaces`, see `Control`, and takes commands,
     see `Commands`. Parameters of the node, besides those of every node: ``lead`` [s], how far the
     law is announced ahead of the slowest partner; ``realtime_factor``, simulated seconds per
-    second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at the end of the
-    run instead of ending; ``step_size`` [s]; ``publish_clock``.
+    second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at the end of
+    the run instead of ending; ``step_size`` [s]; ``publish_clock``.
 
     Attributes
     ----------
