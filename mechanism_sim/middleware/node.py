@@ -5,6 +5,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from mechanism_sim.messages import message_class
 from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.callback_groups import (
+    CallbackGroup,
+    MutuallyExclusiveCallbackGroup,
+)
 from mechanism_sim.middleware.clock import Clock, Time
 from mechanism_sim.middleware.context import default_context
 from mechanism_sim.middleware.inbox import Ready
@@ -22,6 +26,7 @@ from mechanism_sim.middleware.qos import (
 )
 from mechanism_sim.middleware.services import Client, Service
 from mechanism_sim.middleware.subscription import Subscription
+from mechanism_sim.middleware.tasks import Tasks
 from mechanism_sim.middleware.timer import Timer
 
 if TYPE_CHECKING:
@@ -50,7 +55,9 @@ class Node(NodeGraph):
         self.executor: SingleThreadedExecutor | None = None
         self.timers: list[Timer] = []
         self._id = self.context.next_id()
-        self._entities: list[Publisher | Subscription | Service | Client] = []
+        self.default_callback_group: CallbackGroup = MutuallyExclusiveCallbackGroup()
+        self.tasks = Tasks(self.context)
+        self._entities: list[Publisher | Subscription | Service | Client | Tasks] = [self.tasks]
         self._ready: Ready | None = None
         self._clock = Clock()
         self._clock_subscription: Subscription | None = None
@@ -85,11 +92,13 @@ class Node(NodeGraph):
         callback: Callable[..., Any],
         qos_profile: QoSProfile | int,
         *,
+        callback_group: CallbackGroup | None = None,
         raw: bool = False,
     ) -> Subscription:
         """Subscription to a topic; see Subscription for what the callback gets."""
-        profile = as_profile(qos_profile)
-        return self._add(Subscription(self, msg_type, self.resolve(topic), callback, profile, raw))
+        profile, group = as_profile(qos_profile), callback_group or self.default_callback_group
+        name = self.resolve(topic)
+        return self._add(Subscription(self, msg_type, name, callback, profile, raw, group))
 
     def create_service(
         self,
@@ -98,9 +107,12 @@ class Node(NodeGraph):
         callback: Callable[[Any, Any], Any],
         *,
         qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
     ) -> Service:
         """Service; the callback gets request and response, and gives back the response."""
-        return self._add(Service(self, srv_type, self.resolve(srv_name), callback, qos_profile))
+        group = callback_group or self.default_callback_group
+        name = self.resolve(srv_name)
+        return self._add(Service(self, srv_type, name, callback, qos_profile, group))
 
     def create_client(
         self,
@@ -108,15 +120,23 @@ class Node(NodeGraph):
         srv_name: str,
         *,
         qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
     ) -> Client:
         """Client of a service."""
-        return self._add(Client(self, srv_type, self.resolve(srv_name), qos_profile))
+        group = callback_group or self.default_callback_group
+        return self._add(Client(self, srv_type, self.resolve(srv_name), qos_profile, group))
 
     def create_timer(
-        self, timer_period_sec: float, callback: Callable[[], Any], *, autostart: bool = True
+        self,
+        timer_period_sec: float,
+        callback: Callable[[], Any],
+        callback_group: CallbackGroup | None = None,
+        *,
+        autostart: bool = True,
     ) -> Timer:
         """Timer on the clock of the node."""
-        timer = Timer(timer_period_sec, callback, self._clock)
+        group = callback_group or self.default_callback_group
+        timer = Timer(timer_period_sec, self.tasks.plain(callback, group), self._clock, group)
         if not autostart:
             timer.cancel()
         self.timers.append(timer)

@@ -20,6 +20,7 @@ from rclpy import (
     spin_until_future_complete,
     try_shutdown,
 )
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.duration import Duration
@@ -59,12 +60,14 @@ __all__ = [
     'HistoryPolicy',
     'InvalidParameterValueException',
     'LoggingSeverity',
+    'MutuallyExclusiveCallbackGroup',
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
     'ParameterNotDeclaredException',
     'Publisher',
     'QoSProfile',
+    'ReentrantCallbackGroup',
     'ReliabilityPolicy',
     'Service',
     'SingleThreadedExecutor',

@@ -1,5 +1,9 @@
 """What this room offers, on Zenoh."""
 
+from mechanism_sim.middleware.callback_groups import (
+    MutuallyExclusiveCallbackGroup,
+    ReentrantCallbackGroup,
+)
 from mechanism_sim.middleware.clock import Clock, Duration, Time
 from mechanism_sim.middleware.context import init, leave, ok, shutdown, try_shutdown
 from mechanism_sim.middleware.errors import (
@@ -40,12 +44,14 @@ __all__ = [
     'HistoryPolicy',
     'InvalidParameterValueException',
     'LoggingSeverity',
+    'MutuallyExclusiveCallbackGroup',
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
     'ParameterNotDeclaredException',
     'Publisher',
     'QoSProfile',
+    'ReentrantCallbackGroup',
     'ReliabilityPolicy',
     'Service',
     'SingleThreadedExecutor',
