@@ -20,6 +20,9 @@ from rclpy import (
     spin_until_future_complete,
     try_shutdown,
 )
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.action.client import ClientGoalHandle
+from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.client import Client
 from rclpy.clock import Clock
@@ -51,12 +54,17 @@ from rclpy.timer import Timer
 from mechanism_sim.middleware.errors import MiddlewareError
 
 __all__ = [
+    'ActionClient',
+    'ActionServer',
+    'CancelResponse',
     'Client',
+    'ClientGoalHandle',
     'Clock',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
+    'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
     'LoggingSeverity',
@@ -69,6 +77,7 @@ __all__ = [
     'QoSProfile',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
+    'ServerGoalHandle',
     'Service',
     'SingleThreadedExecutor',
     'Subscription',
