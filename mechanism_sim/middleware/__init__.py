@@ -13,12 +13,17 @@ from mechanism_sim.middleware.errors import MiddlewareError
 
 if TYPE_CHECKING:
     from mechanism_sim.middleware.zenoh_backend import (
+        ActionClient,
+        ActionServer,
+        CancelResponse,
         Client,
+        ClientGoalHandle,
         Clock,
         DurabilityPolicy,
         Duration,
         ExternalShutdownException,
         Future,
+        GoalResponse,
         HistoryPolicy,
         InvalidParameterValueException,
         LoggingSeverity,
@@ -31,6 +36,7 @@ if TYPE_CHECKING:
         QoSProfile,
         ReentrantCallbackGroup,
         ReliabilityPolicy,
+        ServerGoalHandle,
         Service,
         SingleThreadedExecutor,
         Subscription,
@@ -48,12 +54,17 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    'ActionClient',
+    'ActionServer',
+    'CancelResponse',
     'Client',
+    'ClientGoalHandle',
     'Clock',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
+    'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
     'LoggingSeverity',
@@ -67,6 +78,7 @@ __all__ = [
     'QoSProfile',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
+    'ServerGoalHandle',
     'Service',
     'SingleThreadedExecutor',
     'Subscription',

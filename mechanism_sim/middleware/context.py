@@ -2,6 +2,7 @@
 
 import atexit
 import signal
+from collections.abc import Iterable
 from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any, Protocol
@@ -71,8 +72,13 @@ def try_shutdown() -> None:
         shutdown()
 
 
-def leave(patience: float = FLUSH_PATIENCE) -> None:
-    """`shutdown` within `patience` [s], if there is something to shut down; not part of rclpy."""
+def leave(nodes: Iterable[Any] = (), patience: float = FLUSH_PATIENCE) -> None:
+    """Take nodes down and `shutdown`, if there is something to shut down; not part of rclpy.
+
+    Raises MiddlewareError if others have not what was published after `patience` [s].
+    """
+    for node in nodes:
+        node.destroy_node()
     if _context is not None:
         shutdown(patience)
 

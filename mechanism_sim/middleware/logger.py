@@ -29,6 +29,12 @@ class Logger:
         self._level = LoggingSeverity.INFO
         self._said: dict[str, float] = {}
 
+    def get_child(self, name: str) -> 'Logger':
+        """Logger of a part of the node, with the level of the whole."""
+        child = Logger(f'{self.name}.{name}', self._publish)
+        child.set_level(self._level)
+        return child
+
     def set_level(self, level: LoggingSeverity) -> None:
         """Say nothing below this level."""
         self._level = LoggingSeverity(level)

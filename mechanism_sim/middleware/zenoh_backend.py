@@ -1,5 +1,12 @@
 """What this room offers, on Zenoh."""
 
+from mechanism_sim.middleware.action_client import ActionClient, ClientGoalHandle
+from mechanism_sim.middleware.actions import (
+    ActionServer,
+    CancelResponse,
+    GoalResponse,
+    ServerGoalHandle,
+)
 from mechanism_sim.middleware.callback_groups import (
     MutuallyExclusiveCallbackGroup,
     ReentrantCallbackGroup,
@@ -35,12 +42,17 @@ from mechanism_sim.middleware.subscription import Subscription
 from mechanism_sim.middleware.timer import Timer
 
 __all__ = [
+    'ActionClient',
+    'ActionServer',
+    'CancelResponse',
     'Client',
+    'ClientGoalHandle',
     'Clock',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
+    'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
     'LoggingSeverity',
@@ -53,6 +65,7 @@ __all__ = [
     'QoSProfile',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
+    'ServerGoalHandle',
     'Service',
     'SingleThreadedExecutor',
     'Subscription',

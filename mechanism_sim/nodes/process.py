@@ -86,10 +86,8 @@ def run_nodes(
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        for node in nodes:
-            node.destroy_node()
         try:
-            leave(PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
+            leave(nodes, PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
         except MiddlewareError as error:
             code = code or tell(error, 1)
     return code

@@ -165,7 +165,13 @@ class SimulationNode(Node):
         """A partner reports how far it has come."""
 
     def _look(self) -> None:
-        present = [p.node_name for p in self.get_publishers_info_by_topic('progress')]
+        # The last subscription of a node and its last publisher: who sees both sees all before.
+        hearing = {s.node_name for s in self.get_subscriptions_info_by_topic('progress')}
+        present = [
+            p.node_name
+            for p in self.get_publishers_info_by_topic('progress')
+            if p.node_name in hearing
+        ]
         if not self.ready and present.count(self.get_name()) > 1:
             raise RunError(
                 f"another '{self.get_name()}' is running in this domain: end it, or give this run "
