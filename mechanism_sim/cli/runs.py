@@ -42,6 +42,7 @@ def add(command: Command) -> None:
     sub.add_argument('--record', metavar='FILE', help='MCAP file to write')
     sub.add_argument('--overwrite', action='store_true', help='replace an existing bag')
     sub.add_argument('--realtime-factor', type=float, default=0.0, metavar='F', help='0: no limit')
+    sub.add_argument('--display', action='store_true', help='markers for RViz and Foxglove, too')
     sub.add_argument('--processes', action='store_true', help='each node in its own process')
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
     sub.add_argument('name', nargs='?', metavar='NAME', help=', '.join(NODE_NAMES))
@@ -101,7 +102,7 @@ def _run(options: argparse.Namespace) -> int:
         )
     plan = Plan(
         machine, options.scene, overrides, end, options.record, options.overwrite,
-        options.realtime_factor,
+        options.realtime_factor, options.display,
     )  # fmt: skip
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)

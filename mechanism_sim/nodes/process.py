@@ -126,6 +126,12 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--realtime-factor', type=float, help='crank_drive: simulated seconds per second'
     )
+    parser.add_argument('--force-scale', type=float, help='display: length of arrows [m/N]')
+    parser.add_argument(
+        '--clearance-magnification',
+        type=float,
+        help='display: of clearances shown',
+    )
     parser.add_argument('--file', help='recorder: the bag to write')
     parser.add_argument('--overwrite', action='store_true', help='recorder: replace the bag')
 

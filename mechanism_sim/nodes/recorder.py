@@ -9,35 +9,17 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.messages import (
-    AccelerometerBlock,
-    Clock,
-    DriveLaw,
-    Impact,
-    Imu,
-    JointReactions,
-    JointState,
-    LinkageState,
-    ModeChange,
-    Motion,
-    OscillatorState,
-    Progress,
-    String,
-    TFMessage,
-    serialize,
-    type_name,
-)
+from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.middleware import Parameter, QoSProfile
-from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
-from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.nodes.process import main_of
-from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import BagWriter, Qos
 
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
-_IN_ARRAY = 'tf2_msgs/msg/TFMessage'
+_IN_ARRAY = 'tf2_msgs/msg/TFMessage', 'visualization_msgs/msg/MarkerArray'
 LOSS_TIMEOUT = 10.0  # [s] to wait for messages that were announced and have not come
 
 
@@ -63,31 +45,7 @@ class Recorder(SimulationNode):
         self._now = 0
         self._expected: Counter[str] = Counter()
         self._loss_deadline: float | None = None
-        topics: list[tuple[str, Any, QoSProfile]] = [
-            ('scene', String, LATCHED),
-            ('drive', DriveLaw, RESULTS),
-            ('motion', Motion, RESULTS),
-            ('impacts', Impact, RESULTS),
-            ('mode_changes', ModeChange, RESULTS),
-            ('joint_states', JointState, RESULTS),
-            ('linkage_state', LinkageState, RESULTS),
-            ('joint_reactions', JointReactions, RESULTS),
-            ('/tf', TFMessage, RESULTS),
-            ('/clock', Clock, CLOCK),
-        ]
-        topics += [
-            (f'accelerometer/{name}', AccelerometerBlock, RESULTS)
-            for name in self.machine.scene.sensors
-        ]
-        topics += [
-            (f'imu/{name}', Imu, RESULTS)
-            for name, sensor in self.machine.scene.sensors.items()
-            if sensor.imu
-        ]
-        topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
-        if self.machine.scene.oscillators:
-            topics.append((OSCILLATOR_STATE, OscillatorState, RESULTS))
-        for topic, kind, qos in topics:
+        for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
             self._record(topic, kind, qos)
         self._add_topic(self.resolve_topic_name('progress'), Progress, RESULTS)
         self.create_timer(0.5, self.writer.flush)
@@ -110,7 +68,7 @@ class Recorder(SimulationNode):
 
     def _writing(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""
-        offset = 8 if kind == _IN_ARRAY else 4
+        offset = 8 if kind in _IN_ARRAY else 4
 
         def write(data: bytes) -> None:
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:

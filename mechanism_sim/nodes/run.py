@@ -13,6 +13,7 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.display import Display
 from mechanism_sim.nodes.gear_train import GearTrain
 from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
@@ -32,6 +33,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'geneva': Geneva,
     'oscillator': Oscillator,
     'accelerometer': Accelerometer,
+    'display': Display,
     'recorder': Recorder,
 }
 
@@ -52,6 +54,7 @@ class Plan:
     overrides : ``PATH=VALUE`` each
     duration : [s]
     record : bag to write, if any
+    display : whether viewers are to be served
     """
 
     machine: Machine
@@ -61,6 +64,7 @@ class Plan:
     record: str | None = None
     overwrite: bool = False
     realtime_factor: float = 0.0
+    display: bool = False
 
     @property
     def nodes(self) -> list[str]:
@@ -70,6 +74,7 @@ class Plan:
         names = ['crank_drive', integrator, *parts]
         names += ['oscillator'] if self.machine.scene.oscillators else []
         names += ['accelerometer'] if self.machine.scene.sensors else []
+        names += ['display'] if self.display else []
         return [*names, 'recorder'] if self.record else names
 
     def options(self, node: str) -> dict[str, str | float | bool]:
