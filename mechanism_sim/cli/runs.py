@@ -42,6 +42,7 @@ def add(command: Command) -> None:
     sub.add_argument('--record', metavar='FILE', help='MCAP file to write')
     sub.add_argument('--overwrite', action='store_true', help='replace an existing bag')
     sub.add_argument('--realtime-factor', type=float, default=0.0, metavar='F', help='0: no limit')
+    sub.add_argument('--display', action='store_true', help='markers for RViz and Foxglove, too')
     sub.add_argument('--processes', action='store_true', help='each node in its own process')
     sub.add_argument('--paused', action='store_true', help='begin paused, to be played or stepped')
     sub.add_argument('--hold', action='store_true', help='pause at the end instead of ending')

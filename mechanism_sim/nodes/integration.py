@@ -121,8 +121,6 @@ class Integration:
     def _advance(self, message: Any) -> None:
         law = events.law_of(message, self._machine.mechanism.displacements)
         if self._run is None:
-            if self._node.run:
-                self.begin()  # not before: now all partners know of the new run
             self._run = self._machine.start(law)
             for path, value in self._restitutions.changed.items():
                 self._change(path, value)

@@ -129,6 +129,12 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--paused', action='store_true', help='crank_drive: begin paused')
     parser.add_argument('--hold', action='store_true', help='crank_drive: pause at the end')
+    parser.add_argument('--force-scale', type=float, help='display: length of arrows [m/N]')
+    parser.add_argument(
+        '--clearance-magnification',
+        type=float,
+        help='display: of clearances shown',
+    )
     parser.add_argument('--file', help='recorder: the bag to write')
     parser.add_argument('--overwrite', action='store_true', help='recorder: replace the bag')
 

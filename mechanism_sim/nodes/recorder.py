@@ -9,36 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.messages import (
-    AccelerometerBlock,
-    Clock,
-    DriveLaw,
-    Impact,
-    Imu,
-    JointReactions,
-    JointState,
-    LinkageState,
-    ModeChange,
-    Motion,
-    OscillatorState,
-    Progress,
-    SceneChange,
-    String,
-    TFMessage,
-    serialize,
-    type_name,
-)
+from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.middleware import Parameter, QoSProfile
-from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
-from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.nodes.process import main_of
-from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
+from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import BagWriter, Qos
 
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
-_IN_ARRAY = 'tf2_msgs/msg/TFMessage'
+_IN_ARRAY = 'tf2_msgs/msg/TFMessage', 'visualization_msgs/msg/MarkerArray'
 LOSS_TIMEOUT = 10.0  # [s] to wait for messages that were announced and have not come
 
 
@@ -69,6 +50,7 @@ class Recorder(SimulationNode):
         self._due: dict[str, int] = {}  # counts by topic at which to look again
         self._loss_deadline: float | None = None
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
+        self._latched: dict[str, bytes] = {}  # descriptions, which every bag gets
         topics: list[tuple[str, Any, QoSProfile]] = [
             ('scene', String, LATCHED),
             ('drive', DriveLaw, RESULTS),
@@ -94,7 +76,7 @@ class Recorder(SimulationNode):
         topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
         if self.machine.scene.oscillators:
             topics.append((OSCILLATOR_STATE, OscillatorState, RESULTS))
-        for topic, kind, qos in topics:
+        for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
             self._record(topic, kind, qos)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self._add_topics()
@@ -110,6 +92,8 @@ class Recorder(SimulationNode):
         self.writer = BagWriter(path, overwrite=self.value('overwrite'))
         self._add_topics()
         self._now = 0
+        for topic, data in self._latched.items():
+            self.writer.write(topic, data, 0)
         self._books.clear()
         self._complete.clear()
         self._due.clear()
@@ -138,8 +122,9 @@ class Recorder(SimulationNode):
 
     def _writing(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""
-        offset = 8 if kind == _IN_ARRAY else 4
+        offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
+        latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
@@ -147,6 +132,8 @@ class Recorder(SimulationNode):
                 self._now = seconds * 1_000_000_000 + nanoseconds
             if topic in tells and (number := _run_of(data)) > self.run:
                 self.begin_run(number)
+            if latched:
+                self._latched[topic] = data
             self.writer.write(topic, data, self._now)
             if self.writer.counts[topic] == self._due.get(topic):
                 self._review()

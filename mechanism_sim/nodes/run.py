@@ -13,6 +13,7 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.display import Display
 from mechanism_sim.nodes.gear_train import GearTrain
 from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
@@ -32,6 +33,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'geneva': Geneva,
     'oscillator': Oscillator,
     'accelerometer': Accelerometer,
+    'display': Display,
     'recorder': Recorder,
 }
 
@@ -55,6 +57,7 @@ class Plan:
     paused : begin so, to be played or stepped by the services of the drive
     hold : pause at the end instead of ending
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
+    display : whether viewers are to be served
     """
 
     machine: Machine
@@ -67,6 +70,7 @@ class Plan:
     paused: bool = False
     hold: bool = False
     ros_args: Sequence[str] = ()
+    display: bool = False
 
     @property
     def nodes(self) -> list[str]:
@@ -76,6 +80,7 @@ class Plan:
         names = ['crank_drive', integrator, *parts]
         names += ['oscillator'] if self.machine.scene.oscillators else []
         names += ['accelerometer'] if self.machine.scene.sensors else []
+        names += ['display'] if self.display else []
         return [*names, 'recorder'] if self.record else names
 
     def options(self, node: str) -> dict[str, str | float | bool]:
