@@ -115,8 +115,8 @@ class Integration:
             names = (self._physics.coordinates, self._physics.clearances)
             none = self._machine.start().drain()[0]
             self._node.send(self._motion, pack(none, *names, 0.0, message.run))
-        self._node.report(self._known, finished=message.final)
-        self._node.done = message.final
+        self._node.report(self._known, finished=message.final, again=message.again)
+        self._node.done = message.final and not message.again
 
     def _advance(self, message: Any) -> None:
         law = events.law_of(message, self._machine.mechanism.displacements)

@@ -10,7 +10,7 @@ from typing import Any
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import Progress, serialize, type_name
-from mechanism_sim.middleware import Parameter, QoSProfile
+from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
@@ -49,33 +49,10 @@ class Recorder(SimulationNode):
         self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
         self._due: dict[str, int] = {}  # counts by topic at which to look again
         self._loss_deadline: float | None = None
+        self._loss_timer: Timer | None = None
+        self._ended = False
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._latched: dict[str, bytes] = {}  # descriptions, which every bag gets
-        topics: list[tuple[str, Any, QoSProfile]] = [
-            ('scene', String, LATCHED),
-            ('drive', DriveLaw, RESULTS),
-            ('motion', Motion, RESULTS),
-            ('impacts', Impact, RESULTS),
-            ('mode_changes', ModeChange, RESULTS),
-            ('scene_changes', SceneChange, RESULTS),
-            ('joint_states', JointState, RESULTS),
-            ('linkage_state', LinkageState, RESULTS),
-            ('joint_reactions', JointReactions, RESULTS),
-            ('/tf', TFMessage, RESULTS),
-            ('/clock', Clock, CLOCK),
-        ]
-        topics += [
-            (f'accelerometer/{name}', AccelerometerBlock, RESULTS)
-            for name in self.machine.scene.sensors
-        ]
-        topics += [
-            (f'imu/{name}', Imu, RESULTS)
-            for name, sensor in self.machine.scene.sensors.items()
-            if sensor.imu
-        ]
-        topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
-        if self.machine.scene.oscillators:
-            topics.append((OSCILLATOR_STATE, OscillatorState, RESULTS))
         for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
             self._record(topic, kind, qos)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
@@ -97,6 +74,10 @@ class Recorder(SimulationNode):
         self._books.clear()
         self._complete.clear()
         self._due.clear()
+        self._ended, self._loss_deadline = False, None
+        if self._loss_timer:
+            self.destroy_timer(self._loss_timer)
+            self._loss_timer = None
 
     def _flush(self) -> None:
         self.writer.flush()
@@ -152,7 +133,7 @@ class Recorder(SimulationNode):
         self._review()
         if self.partners_finished() and self._loss_deadline is None:
             self._loss_deadline = time.monotonic() + LOSS_TIMEOUT
-            self.create_timer(1.0, self._finish)
+            self._loss_timer = self.create_timer(1.0, self._finish)
         if self._loss_deadline is not None:
             self._finish()
 
@@ -187,14 +168,15 @@ class Recorder(SimulationNode):
 
     def _finish(self) -> None:
         """End once everything announced is in the bag."""
-        if self.done:
+        if self._ended:
             return
         missing = {
             t: n for report in self._books.values() for t, n in self._missing(report).items()
         }
         if not missing:
-            self.report(self.partners_time(), finished=True)
-            self.done = True
+            again = self.another_follows()
+            self.report(self.partners_time(), finished=True, again=again)
+            self._ended, self.done = True, not again
         elif self._loss_deadline is not None and time.monotonic() > self._loss_deadline:
             topic, count = next(iter(missing.items()))
             raise RunError(f'recorder: {count} messages of {topic} were announced and never came')
