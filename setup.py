@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 NAME = 'mechanism_sim'
 NODES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
-    'recorder',
+    'display', 'recorder',
 )  # fmt: skip
 
 setup(

@@ -11,10 +11,10 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.cli import main
 from mechanism_sim.cycles.cycle import instant
+from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Revolute
 from mechanism_sim.report import drawing, figures
-from mechanism_sim.report.skeleton import Skeleton
 
 ORIGIN = (0.0, 0.0)
 

@@ -14,7 +14,7 @@ Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.Arg
 
 NODE_NAMES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
-    'recorder',
+    'display', 'recorder',
 )  # fmt: skip
 """Nodes that `node` runs."""
 

@@ -26,7 +26,13 @@ def describe(machine: Machine) -> str:
 
 
 def drive_law(
-    law: Law, law_id: int, until: float, final: bool, announced: float, run: int = 0
+    law: Law,
+    law_id: int,
+    until: float,
+    final: bool,
+    announced: float,
+    run: int = 0,
+    again: bool = False,
 ) -> Any:
     """DriveLaw message: a law that holds up to `until` [s], told at the time `announced` [s]."""
     kind = message_class('mechanism_sim/msg/DriveLaw')
@@ -38,6 +44,7 @@ def drive_law(
         valid_from=law.valid_from,
         valid_until=until,
         final=final,
+        again=again,
         reference_time=law.reference_time if isinstance(law, MotionLaw) else 0.0,
         turns=law.turns if isinstance(law, MotionLaw) else 0,
         coefficients=float64_array(list(law.coefficients)),

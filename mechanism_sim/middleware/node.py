@@ -208,6 +208,12 @@ class Node(NodeGraph):
         """Have a say: the callback gives back a SetParametersResult, with a reason to refuse."""
         self._parameters.add_on_set_callback(callback)
 
+    def add_post_set_parameters_callback(
+        self, callback: Callable[[list[Parameter]], None]
+    ) -> None:
+        """Be told of the parameters that have been set."""
+        self._parameters.add_post_set_callback(callback)
+
     def get_clock(self) -> Clock:
         """Clock of the node, simulated if its parameter ``use_sim_time`` says so."""
         return self._clock

@@ -21,8 +21,8 @@ class Commands:
     """Takes commands by topic and by parameter; a command holds from where the law is known to.
 
     A drive with torque, force or motor takes ``effort`` [N m] or [N]: the constant part of its
-    law, of a motor the torque at rest. A drive with a speed takes ``velocity`` [rad/s] if its scene
-    has ``drive.commands``, and reaches it by a ramp. Each is a topic, ``command/effort`` or
+    law, of a motor the torque at rest. A drive with a speed takes ``velocity`` [rad/s] if its
+    scene has ``drive.commands``, and reaches it by a ramp. Each is a topic, ``command/effort`` or
     ``command/velocity`` (std_msgs/Float64), and a parameter.
 
     With a parameter ``command_period`` [s] > 0 there is one command for each period, and time does

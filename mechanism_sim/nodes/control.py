@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.messages import MessageError, action_class, message_class, service_class
-from mechanism_sim.middleware import ActionServer, CancelResponse
+from mechanism_sim.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.crank_drive import CrankDrive
@@ -32,6 +32,8 @@ class Control:
         self._result = message_class(f'{PACKAGE}/msg/Result')
         self._state = message_class(f'{PACKAGE}/msg/SimulationState')
         self._origin, self._steps = 0.0, 0
+        # Who waits for partners must not keep their reports from being heard.
+        group = ReentrantCallbackGroup()
         for short, name, answer in (
             ('GetSimulatorFeatures', 'get_simulator_features', self._tell_features),
             ('GetSimulationState', 'get_simulation_state', self._tell_state),
@@ -39,12 +41,14 @@ class Control:
             ('StepSimulation', 'step_simulation', self._step),
             ('ResetSimulation', 'reset_simulation', self._reset),
         ):
-            drive.create_service(service_class(f'{PACKAGE}/srv/{short}'), name, answer)
+            kind = service_class(f'{PACKAGE}/srv/{short}')
+            drive.create_service(kind, name, answer, callback_group=group)
         self._action = ActionServer(
             drive,
             action_class(f'{PACKAGE}/action/SimulateSteps'),
             'simulate_steps',
             self._simulate_steps,
+            callback_group=group,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.errors import RunError
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
 from mechanism_sim.messages.events import drive_law
 from mechanism_sim.middleware import Future, Parameter
@@ -27,8 +26,8 @@ class CrankDrive(SimulationNode):
     It is the simulator of the standard `simulation_interfaces`, see `Control`, and takes commands,
     see `Commands`. Parameters of the node, besides those of every node: ``lead`` [s], how far the
     law is announced ahead of the slowest partner; ``realtime_factor``, simulated seconds per
-    second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at the end of the
-    run instead of ending; ``step_size`` [s]; ``publish_clock``.
+    second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at the end of
+    the run instead of ending; ``step_size`` [s]; ``publish_clock``.
 
     Attributes
     ----------
@@ -55,6 +54,7 @@ class CrankDrive(SimulationNode):
         self._quitting = False
         self._goal = 0.0  # [s] to which a paused simulation may go
         self._waiting: list[tuple[float, Future]] = []
+        self._ending: Future | None = None  # done when partners have finished before another run
         self._laws = list(self.machine.laws)
         self._law = 0
         self._pace = Pace()
@@ -99,26 +99,31 @@ class CrankDrive(SimulationNode):
         """Let a paused simulation go on to `goal` [s], and wait until all partners are there."""
         self._goal = max(self._goal, goal)
         self.extend()
-        if self.time < goal:
-            there: Future = Future()
-            self._waiting.append((goal, there))
-            await there
+        await self._all_at(goal)
+
+    async def _all_at(self, goal: float) -> None:
+        """Wait until all partners are in this run, and there."""
+        there: Future = Future()
+        self._waiting.append((goal, there))
+        self._look_who_waits()
+        await there
 
     async def start_over(self) -> None:
         """Begin a new run at time 0, once what was announced of this one is done."""
         playing = self.playing
         self.pause()
-        await self.arrive(self.announced)
+        self._announce(self.announced, final=True, again=True)
+        self._ending = Future()
+        self.report(self.announced, finished=True, again=True)
+        self._look_who_waits()
+        await self._ending
         self.begin_run(self.run + 1)
         self.announced = self._goal = 0.0
         self._laws, self._law = list(self.machine.laws), 0
         self._commands.begin()
         self._announce(0.0, final=False)
         self.report(0.0)
-        began: Future = Future()
-        self._waiting.append((0.0, began))
-        self._look_who_waits()
-        await began
+        await self._all_at(0.0)
         if playing:
             self.play()
 
@@ -142,6 +147,8 @@ class CrankDrive(SimulationNode):
         self.done = self._final and self.partners_finished()
 
     def _look_who_waits(self) -> None:
+        if self._ending and not self._ending.done() and self.partners_finished():
+            self._ending.set_result(None)
         if not self.partners_began():
             return
         there = [w for w in self._waiting if w[0] <= self.time]
@@ -175,9 +182,9 @@ class CrankDrive(SimulationNode):
         final = self._quitting or (horizon >= end and not self._hold)
         if self._quitting:
             horizon = self.announced
-        elif horizon <= self.announced:
-            return
-        elif self.playing and horizon < min(end, self._commands.horizon, self._worthwhile()):
+        elif horizon <= self.announced or (
+            self.playing and horizon < min(end, self._commands.horizon, self._worthwhile())
+        ):
             return
         self._final = final
         while True:
@@ -199,9 +206,10 @@ class CrankDrive(SimulationNode):
         lead, factor = self.value('lead'), self.value('realtime_factor')
         return float(self.announced + 0.1 * min(lead, 0.05 * factor if factor > 0.0 else lead))
 
-    def _announce(self, until: float, final: bool) -> None:
+    def _announce(self, until: float, final: bool, again: bool = False) -> None:
         """The present law holds until then."""
-        message = drive_law(self.law, self._law + 1, until, final, self.announced, self.run)
+        number = self._law + 1
+        message = drive_law(self.law, number, until, final, self.announced, self.run, again)
         self.send(self._drive, message)
 
     # --- books --------------------------------------------------------------------------------

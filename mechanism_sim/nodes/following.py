@@ -30,7 +30,7 @@ class Following:
         reset: Callable[[], None] = lambda: None,
     ) -> None:
         self._node, self._take, self._end, self._reset = node, take, end, reset
-        self._time = 0.0
+        self._time, self._ended = 0.0, False
         node.create_subscription(Motion, 'motion', node.once_ready(self._on_motion), RESULTS)
         self._topic = node.resolve_topic_name('motion')
 
@@ -40,7 +40,7 @@ class Following:
     def _on_motion(self, message: Any) -> None:
         if message.run != self._node.run:
             self._node.begin_run(message.run)
-            self._time = 0.0
+            self._time, self._ended = 0.0, False
             self._reset()
         if message.segments:
             motion = motion_of(message)
@@ -55,11 +55,13 @@ class Following:
     def look(self) -> None:
         """End if all motion is here: the last report of who publishes it says how much it is."""
         node = self._node
-        sources = [p for p in node.progress_of.values() if self._topic in p.topics]
-        if node.done or not sources or not all(
+        known = [p for p in node.progress_of.values() if p.run == node.run]
+        sources = [p for p in known if self._topic in p.topics]
+        if self._ended or not sources or not all(
             p.finished and self._time >= p.time for p in sources
         ):  # fmt: skip
             return
         self._end()
-        node.report(self._time, finished=True)
-        node.done = True
+        self._ended, again = True, node.another_follows()
+        node.report(self._time, finished=True, again=again)
+        node.done = not again

@@ -115,14 +115,12 @@ class Integration:
             names = (self._physics.coordinates, self._physics.clearances)
             none = self._machine.start().drain()[0]
             self._node.send(self._motion, pack(none, *names, 0.0, message.run))
-        self._node.report(self._known, finished=message.final)
-        self._node.done = message.final
+        self._node.report(self._known, finished=message.final, again=message.again)
+        self._node.done = message.final and not message.again
 
     def _advance(self, message: Any) -> None:
         law = events.law_of(message, self._machine.mechanism.displacements)
         if self._run is None:
-            if self._node.run:
-                self.begin()  # not before: now all partners know of the new run
             self._run = self._machine.start(law)
             for path, value in self._restitutions.changed.items():
                 self._change(path, value)

@@ -23,9 +23,7 @@ class Part(SimulationNode):
         super().__init__(name, parameters)
         states = States(self, name)
         role = Following if 'linkage' in self.partners else Integration
-        self._role: Following | Integration = role(
-            self, states.publish, reset=states.start_over
-        )
+        self._role: Following | Integration = role(self, states.publish, reset=states.start_over)
         self.join()
 
     def on_ready(self) -> None:

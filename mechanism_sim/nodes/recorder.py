@@ -9,36 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.messages import (
-    AccelerometerBlock,
-    Clock,
-    DriveLaw,
-    Impact,
-    Imu,
-    JointReactions,
-    JointState,
-    LinkageState,
-    ModeChange,
-    Motion,
-    OscillatorState,
-    Progress,
-    SceneChange,
-    String,
-    TFMessage,
-    serialize,
-    type_name,
-)
-from mechanism_sim.middleware import Parameter, QoSProfile
-from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
-from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.messages import Progress, serialize, type_name
+from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.process import main_of
-from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
+from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import BagWriter, Qos
 
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
-_IN_ARRAY = 'tf2_msgs/msg/TFMessage'
+_IN_ARRAY = 'tf2_msgs/msg/TFMessage', 'visualization_msgs/msg/MarkerArray'
 LOSS_TIMEOUT = 10.0  # [s] to wait for messages that were announced and have not come
 
 
@@ -68,37 +49,15 @@ class Recorder(SimulationNode):
         self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
         self._due: dict[str, int] = {}  # counts by topic at which to look again
         self._loss_deadline: float | None = None
+        self._loss_timer: Timer | None = None
+        self._ended = False
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
-        topics: list[tuple[str, Any, QoSProfile]] = [
-            ('scene', String, LATCHED),
-            ('drive', DriveLaw, RESULTS),
-            ('motion', Motion, RESULTS),
-            ('impacts', Impact, RESULTS),
-            ('mode_changes', ModeChange, RESULTS),
-            ('scene_changes', SceneChange, RESULTS),
-            ('joint_states', JointState, RESULTS),
-            ('linkage_state', LinkageState, RESULTS),
-            ('joint_reactions', JointReactions, RESULTS),
-            ('/tf', TFMessage, RESULTS),
-            ('/clock', Clock, CLOCK),
-        ]
-        topics += [
-            (f'accelerometer/{name}', AccelerometerBlock, RESULTS)
-            for name in self.machine.scene.sensors
-        ]
-        topics += [
-            (f'imu/{name}', Imu, RESULTS)
-            for name, sensor in self.machine.scene.sensors.items()
-            if sensor.imu
-        ]
-        topics += [(k.topic, k.message, RESULTS) for k in kinds_of(self.machine).values()]
-        if self.machine.scene.oscillators:
-            topics.append((OSCILLATOR_STATE, OscillatorState, RESULTS))
-        for topic, kind, qos in topics:
+        self._latched: dict[str, bytes] = {}  # descriptions, which every bag gets
+        for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
             self._record(topic, kind, qos)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self._add_topics()
-        self.create_timer(0.5, lambda: self.writer.flush())
+        self.create_timer(0.5, self._flush)
         self.join()
 
     def begin_run(self, number: int) -> None:
@@ -110,9 +69,18 @@ class Recorder(SimulationNode):
         self.writer = BagWriter(path, overwrite=self.value('overwrite'))
         self._add_topics()
         self._now = 0
+        for topic, data in self._latched.items():
+            self.writer.write(topic, data, 0)
         self._books.clear()
         self._complete.clear()
         self._due.clear()
+        self._ended, self._loss_deadline = False, None
+        if self._loss_timer:
+            self.destroy_timer(self._loss_timer)
+            self._loss_timer = None
+
+    def _flush(self) -> None:
+        self.writer.flush()
 
     def _add_topics(self) -> None:
         for topic, (kind, qos) in self._topics.items():
@@ -135,8 +103,9 @@ class Recorder(SimulationNode):
 
     def _writing(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""
-        offset = 8 if kind == _IN_ARRAY else 4
+        offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
+        latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
@@ -144,9 +113,11 @@ class Recorder(SimulationNode):
                 self._now = seconds * 1_000_000_000 + nanoseconds
             if topic in tells and (number := _run_of(data)) > self.run:
                 self.begin_run(number)
+            if latched:
+                self._latched[topic] = data
             self.writer.write(topic, data, self._now)
             if self.writer.counts[topic] == self._due.get(topic):
-                self._look()
+                self._review()
             if self._loss_deadline is not None:
                 self._finish()
 
@@ -159,10 +130,10 @@ class Recorder(SimulationNode):
         self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
         self._books.setdefault(message.node, message)
-        self._look()
+        self._review()
         if self.partners_finished() and self._loss_deadline is None:
             self._loss_deadline = time.monotonic() + LOSS_TIMEOUT
-            self.create_timer(1.0, self._finish)
+            self._loss_timer = self.create_timer(1.0, self._finish)
         if self._loss_deadline is not None:
             self._finish()
 
@@ -173,7 +144,7 @@ class Recorder(SimulationNode):
         return {t: n - counts[t] for t, n in announced if t in counts and counts[t] < n
                 and t != self.resolve_topic_name('progress')}  # fmt: skip
 
-    def _look(self) -> None:
+    def _review(self) -> None:
         """See whose messages are all in the bag, and report if that is news."""
         self._due.clear()
         for node, report in list(self._books.items()):
@@ -197,12 +168,15 @@ class Recorder(SimulationNode):
 
     def _finish(self) -> None:
         """End once everything announced is in the bag."""
-        if self.done:
+        if self._ended:
             return
-        missing = {t: n for report in self._books.values() for t, n in self._missing(report).items()}
+        missing = {
+            t: n for report in self._books.values() for t, n in self._missing(report).items()
+        }
         if not missing:
-            self.report(self.partners_time(), finished=True)
-            self.done = True
+            again = self.another_follows()
+            self.report(self.partners_time(), finished=True, again=again)
+            self._ended, self.done = True, not again
         elif self._loss_deadline is not None and time.monotonic() > self._loss_deadline:
             topic, count = next(iter(missing.items()))
             raise RunError(f'recorder: {count} messages of {topic} were announced and never came')

@@ -13,6 +13,7 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.display import Display
 from mechanism_sim.nodes.gear_train import GearTrain
 from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
@@ -32,6 +33,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'geneva': Geneva,
     'oscillator': Oscillator,
     'accelerometer': Accelerometer,
+    'display': Display,
     'recorder': Recorder,
 }
 
@@ -52,6 +54,10 @@ class Plan:
     overrides : ``PATH=VALUE`` each
     duration : [s]
     record : bag to write, if any
+    paused : begin so, to be played or stepped by the services of the drive
+    hold : pause at the end instead of ending
+    ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
+    display : whether viewers are to be served
     """
 
     machine: Machine
@@ -61,6 +67,10 @@ class Plan:
     record: str | None = None
     overwrite: bool = False
     realtime_factor: float = 0.0
+    paused: bool = False
+    hold: bool = False
+    ros_args: Sequence[str] = ()
+    display: bool = False
 
     @property
     def nodes(self) -> list[str]:
@@ -70,6 +80,7 @@ class Plan:
         names = ['crank_drive', integrator, *parts]
         names += ['oscillator'] if self.machine.scene.oscillators else []
         names += ['accelerometer'] if self.machine.scene.sensors else []
+        names += ['display'] if self.display else []
         return [*names, 'recorder'] if self.record else names
 
     def options(self, node: str) -> dict[str, str | float | bool]:
@@ -84,6 +95,7 @@ class Plan:
             options['overrides'] = '\n'.join(self.overrides)
         if node == 'crank_drive':
             options['realtime_factor'] = self.realtime_factor
+            options['paused'], options['hold'] = self.paused, self.hold
         if node == 'recorder' and self.record:
             options['file'] = self.record
             options['overwrite'] = self.overwrite
@@ -126,7 +138,8 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
         code = _in_processes(plan, watch)
     else:
         code = run_nodes(
-            lambda: [watch(), *(NODES[name](plan.parameters(name)) for name in plan.nodes)]
+            lambda: [watch(), *(NODES[name](plan.parameters(name)) for name in plan.nodes)],
+            ros_args=plan.ros_args,
         )
     monitor = monitors[0] if monitors else None
     sent: dict[str, int] = {}
@@ -195,7 +208,7 @@ def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
             command.append(option)
         elif value is not False:
             command += [option, str(value)]
-    return subprocess.Popen(command)  # noqa: S603 - our own executable
+    return subprocess.Popen([*command, *plan.ros_args])  # noqa: S603 - our own executable
 
 
 def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
@@ -208,7 +221,7 @@ def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
         children.append(_Children(plan))
         return monitors
 
-    code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle())
+    code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle(), plan.ros_args)
     if children:
         if code:
             children[0].interrupt()

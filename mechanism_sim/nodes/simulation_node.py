@@ -234,6 +234,10 @@ class SimulationNode(Node):
         reports = [self._report_of(partner) for partner in self.partners]
         return all(r is not None and r.finished for r in reports)
 
+    def another_follows(self) -> bool:
+        """Whether another run follows the one that partners have finished."""
+        return any(report.again for report in self.progress_of.values())
+
     def _report_of(self, partner: str) -> Any:
         """The last report of a partner in this run."""
         known = self.progress_of.get(partner)
@@ -254,7 +258,7 @@ class SimulationNode(Node):
         if self._soon is not None:
             self.report(self._soon)
 
-    def report(self, t: float, finished: bool = False) -> None:
+    def report(self, t: float, finished: bool = False, again: bool = False) -> None:
         """Publish how far this node has come, and what it has published, this included."""
         self._soon = None
         self.counts[self._progress.topic_name] += 1
@@ -263,6 +267,7 @@ class SimulationNode(Node):
             run=self.run,
             time=float(t),
             finished=finished,
+            again=again,
             topics=list(self.counts),
             counts=uint64_array(list(self.counts.values())),
         )

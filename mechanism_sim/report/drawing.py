@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.linkages.forces import Spring
+from mechanism_sim.export.skeleton import Shape, bounds, skeleton_of, zigzag
 from mechanism_sim.planar.mechanism import GROUND
-from mechanism_sim.report.skeleton import Shape, Skeleton
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,17 +38,14 @@ def draw(
     """
     from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
 
-    mechanism = cycle.machine.mechanism
     sweep = _coordinates(cycle, cycle.t)
-    elements = cycle.machine.plan.elements(mechanism)
-    springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
-    skeleton = Skeleton(mechanism, sweep, cycle.points.values(), springs)
+    skeleton = skeleton_of(cycle.machine, sweep, cycle.points.values())
     here = cycle.at(np.array([t]))
     now = skeleton.placed(_coordinates(cycle, np.array([t])))
     since = np.arange(1, positions) / positions * cycle.duration
     others = cycle.t[0] + (t - cycle.t[0] + since) % cycle.duration
     ghosts = skeleton.placed(_coordinates(cycle, others)) if positions > 1 else []
-    low, high = _bounds(skeleton, [*skeleton.placed(sweep), *now])
+    low, high = bounds(skeleton, [*skeleton.placed(sweep), *now])
     figure = Figure()
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     inch = float(max((high - low) / _SIDES))  # [m] in the drawing
@@ -89,16 +85,6 @@ def draw(
 
 def _coordinates(cycle: Cycle, t: Array) -> Array:
     return cycle.solution.samples(t).observed.position
-
-
-def _bounds(skeleton: Skeleton, outlines: Sequence[Array]) -> tuple[Array, Array]:
-    """The lower left and upper right corner (2,) [m], with room for symbols and labels."""
-    everything = np.concatenate([x.swapaxes(0, 1).reshape(2, -1) for x in outlines], axis=1)
-    low, high = everything.min(axis=1), everything.max(axis=1)
-    room = 5.0 * skeleton.symbol
-    centre = 0.5 * (low + high)
-    half = np.maximum(0.5 * (high - low) + room, [0.0, 18.0 * skeleton.symbol])
-    return centre - half, centre + half
 
 
 class _Brush:
@@ -210,12 +196,7 @@ class _Brush:
 
     def _spring(self, shape: Shape, outline: Array) -> None:
         """A zigzag between straight ends."""
-        start, end = outline
-        way = end - start
-        across = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), 1e-300)
-        share = np.array([0.0, *np.linspace(0.15, 0.85, 15), 1.0])
-        aside = np.array([0.0, 0.0, *(0.9 * self._s * (-1.0) ** np.arange(13)), 0.0, 0.0])
-        line = start[:, None] + way[:, None] * share + across[:, None] * aside
+        line = zigzag(outline, 0.9 * self._s)
         self._axes.plot(*line, color=_INK, lw=0.9, zorder=1.95)
 
     def _slot(self, shape: Shape, outline: Array) -> None:

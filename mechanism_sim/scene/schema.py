@@ -177,6 +177,7 @@ class Outputs(Part):
     linkage_state: Rate = 100.0
     joint_reactions: Rate = 100.0
     transforms: Rate = 50.0
+    markers: Rate = 50.0  #: of forces, in the display
     part_states: Rate = 100.0  #: of each cam, pair of gears, Geneva wheel and oscillator
 
 

@@ -16,8 +16,10 @@ from scipy.spatial import ConvexHull
 
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.cycles.points import Place, Poses
+from mechanism_sim.export.cam_shapes import cam_outlines, follower_outline
 from mechanism_sim.gears.involute import rack_teeth
 from mechanism_sim.gears.mesh import GearMesh, Teeth
+from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import (
@@ -28,7 +30,7 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
-from mechanism_sim.report.cam_shapes import cam_outlines, follower_outline
+from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
 Kind = Literal['rail', 'support', 'spring', 'wheel', 'cam', 'link', 'slot', 'slider', 'pin']
@@ -284,6 +286,38 @@ class Skeleton:
                 distinct.append(corner)
         outline = _around(distinct or [cog], self.symbol)
         return Shape('link', tuple((link, corner) for corner in outline), link)
+
+
+def skeleton_of(machine: Machine, q: Array, marks: Iterable[Place] = ()) -> Skeleton:
+    """The skeleton of a machine with its springs; the parameters are those of `Skeleton`."""
+    elements = machine.plan.elements(machine.mechanism)
+    springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
+    return Skeleton(machine.mechanism, q, marks, springs)
+
+
+def bounds(skeleton: Skeleton, outlines: Sequence[Array]) -> tuple[Array, Array]:
+    """The lower left and upper right corner (2,) [m], with room for symbols and labels.
+
+    Parameters
+    ----------
+    outlines : (k, 2, N) [m] each, as `Skeleton.placed` gives them
+    """
+    everything = np.concatenate([x.swapaxes(0, 1).reshape(2, -1) for x in outlines], axis=1)
+    low, high = everything.min(axis=1), everything.max(axis=1)
+    room = 5.0 * skeleton.symbol
+    centre = 0.5 * (low + high)
+    half = np.maximum(0.5 * (high - low) + room, [0.0, 18.0 * skeleton.symbol])
+    return centre - half, centre + half
+
+
+def zigzag(ends: Array, width: float) -> Array:
+    """A spring between two points (2, 2), a row each, straight at its ends: (2, 17) [m]."""
+    start, end = ends
+    way = end - start
+    across = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), 1e-300)
+    share = np.array([0.0, *np.linspace(0.15, 0.85, 15), 1.0])
+    aside = np.array([0.0, 0.0, *(width * (-1.0) ** np.arange(13)), 0.0, 0.0])
+    return np.asarray(start[:, None] + way[:, None] * share + across[:, None] * aside)
 
 
 def _plus(a: Vector2, b: Vector2) -> Vector2:

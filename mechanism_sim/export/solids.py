@@ -1,0 +1,133 @@
+"""Bars, pins, blocks and discs: what a machine's links look like in viewers of other programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.gears.mesh import GearMesh
+from mechanism_sim.linkages.indexing import Geneva
+from mechanism_sim.planar.mechanism import GROUND, Joint, Prismatic, Revolute, Vector2, rotate
+from mechanism_sim.scene.machine import Machine
+
+Array = NDArray[np.float64]
+
+#: points of a link nearer than this are one, as a share of the machine's size
+SAME = 1e-6
+
+#: of a bar, as a share of the machine's size
+WIDTH = 1.0 / 30.0
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A box or a cylinder on a link, its axis square to the plane.
+
+    Parameters
+    ----------
+    link : that carries it, or the ground
+    kind : what it is
+    size : lengths along x, y, z of a box; radius and length of a cylinder [m]
+    at : its middle in the link's frame [m]; z is only for the eye, links lie side by side
+    turn : of a box about z [rad]
+    """
+
+    link: str
+    kind: Literal['box', 'cylinder']
+    size: tuple[float, ...]
+    at: tuple[float, float, float]
+    turn: float = 0.0
+
+
+def solids(machine: Machine) -> list[Solid]:
+    """What is there to see, of the ground and of all links.
+
+    Links are bars between their joints, in layers; revolute joints pins, sliders blocks on their
+    rails, gears, cams and Geneva wheels discs: a gear of its pitch radius, a cam of its base
+    circle, a Geneva wheel as far as its slots reach.
+    """
+    mechanism = machine.plan.ideal
+    thick = WIDTH * mechanism.size
+    layers = {GROUND: 0.0} | {
+        body.name: (k + 1) * 0.5 * thick for k, body in enumerate(mechanism.bodies)
+    }
+    found: list[Solid] = []
+    for link, layer in layers.items():
+        if link != GROUND:
+            found += _bars(link, _corners(mechanism.joints, link), layer, thick)
+    for joint in mechanism.joints:
+        low, high = sorted((layers[joint.first], layers[joint.second]))
+        if isinstance(joint, Revolute):
+            height, middle = high - low + thick, 0.5 * (low + high)
+            size = (0.4 * thick, height)
+            found.append(Solid(joint.first, 'cylinder', size, (*joint.on_first, middle)))
+        elif isinstance(joint, Prismatic):
+            found += _guide(joint, layers, thick, mechanism.size)
+        else:
+            found += _discs(joint, layers, thick)
+    return list(dict.fromkeys(found))  # a gear in two meshes is one disc
+
+
+def _corners(joints: tuple[Joint, ...], link: str) -> Array:
+    """The joints of a link (k, 2) [m], in the order in which they lie around their middle."""
+    at = [j.on_first for j in joints if j.first == link]
+    at += [j.on_second for j in joints if j.second == link]
+    x = np.array(at or [(0.0, 0.0)])
+    around = x - x.mean(axis=0)
+    return np.asarray(x[np.argsort(np.arctan2(around[:, 1], around[:, 0]), kind='stable')])
+
+
+def _bars(link: str, corners: Array, layer: float, thick: float) -> Iterator[Solid]:
+    """From each corner to the next."""
+    ends = [*corners, *(corners[:1] if len(corners) > 2 else [])]
+    for a, b in pairwise(ends):
+        length = math.dist(a, b)
+        if length > SAME * thick / WIDTH:
+            x, y = (float(c) for c in 0.5 * (a + b))
+            turn = math.atan2(b[1] - a[1], b[0] - a[0])
+            yield Solid(link, 'box', (length, thick, 0.4 * thick), (x, y, layer), turn)
+
+
+def _guide(
+    joint: Prismatic, layers: dict[str, float], thick: float, size: float
+) -> Iterator[Solid]:
+    """A block on `second`, a rail on `first`; how far it goes depends on the motion."""
+    block = (2.4 * thick, 1.6 * thick, 0.8 * thick)
+    at = (*joint.on_second, layers[joint.second])
+    yield Solid(joint.second, 'box', block, at, joint.axis - joint.angle)
+    rail = (2.0 * size, 0.3 * thick, 0.3 * thick)
+    yield Solid(joint.first, 'box', rail, (*joint.on_first, layers[joint.first]), joint.axis)
+
+
+def _discs(joint: Joint, layers: dict[str, float], thick: float) -> Iterator[Solid]:
+    """Of gears, a cam or a Geneva wheel."""
+
+    def disc(link: str, at: Vector2, radius: float) -> Solid:
+        return Solid(link, 'cylinder', (radius, 0.5 * thick), (*at, layers[link]))
+
+    if isinstance(joint, Geneva):
+        yield disc(joint.second, joint.on_second, joint.entry)
+    elif isinstance(joint, CamPair):
+        yield disc(joint.first, joint.on_first, joint.cam.base_radius)
+        roller = getattr(joint.cam.follower, 'roller', 0.0)
+        if roller > 0.0:
+            yield disc(joint.second, joint.on_second, roller)
+    elif isinstance(joint, GearMesh):
+        sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
+        for teeth, (link, at) in zip(joint.wheels, sides, strict=True):
+            if not teeth.rack:
+                yield disc(link, at, teeth.gear.pitch_radius)
+                continue
+            assert joint.guide is not None  # noqa: S101 - on which a rack slides
+            long = 2.0 * math.pi * joint.reach
+            back = rotate((0.5 * thick, 0.0), joint.towards - joint.guide.angle)
+            place = (at[0] + back[0], at[1] + back[1], layers[link])
+            turn = joint.guide.axis - joint.guide.angle
+            yield Solid(link, 'box', (long, thick, 0.5 * thick), place, turn)

@@ -1,0 +1,171 @@
+"""URDF, so that viewers of ROS show a machine by its own topic `joint_states`.
+
+URDF knows trees only, and joints whose coordinates are relative; the coordinates of a mechanism
+are absolute angles of links, and displacements. So between a link and the one that it carries
+there is a frame that does not turn: its joint mimics the carrying link's angle, backwards. The
+carried link's own joint then takes the absolute angle. Loops close because the coordinates of all
+links come from their solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from xml.etree import ElementTree
+
+from mechanism_sim.export.markup import Element, comment, text, written
+from mechanism_sim.export.solids import Solid, solids
+from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Vector2, rotate
+from mechanism_sim.scene.machine import Machine
+
+WORLD = 'world'
+
+#: of the ground, and of links in turn: a palette that the colour-blind can tell apart (Okabe, Ito)
+COLOURS = ('0.6 0.6 0.6', '0.9 0.6 0', '0.35 0.7 0.9', '0 0.6 0.5', '0.8 0.4 0', '0 0.45 0.7')
+
+
+def to_urdf(machine: Machine, prefix: str = '') -> str:
+    """The text of a URDF file of a machine, for `robot_state_publisher`.
+
+    Links are named as the frames on `/tf`, in the world `world`; movable joints as the coordinates
+    in `joint_states`. Frames between them have names with a dot. Links without mass have no
+    inertia; that of the others about the axes in the plane is that of a flat disc, since a planar
+    machine has none.
+
+    Parameters
+    ----------
+    prefix : of the names of frames but the world, for several machines in one world
+
+    Raises
+    ------
+    InputError
+        If the mechanism cannot be assembled.
+    """
+    mechanism = machine.mechanism
+    robot = Element('robot', name=machine.name)
+    comment(robot, machine.scene.title)
+    drawn = solids(machine)
+    _link(robot, WORLD, None, drawn, COLOURS[0])
+    tree = _Tree(robot, mechanism, prefix)
+    for k, body in enumerate(mechanism.bodies):
+        colour = COLOURS[1 + k % (len(COLOURS) - 1)]
+        _link(robot, prefix + body.name, body, drawn, colour)
+        if body.name in mechanism.floating:
+            tree.float_free(body)
+        else:
+            tree.carry(body.name)
+    return written(robot)
+
+
+class _Tree:
+    """Writes the joints that carry links."""
+
+    def __init__(self, robot: Element, mechanism: Mechanism, prefix: str) -> None:
+        self._robot, self._mechanism, self._prefix = robot, mechanism, prefix
+        self._far = mechanism.reach * (len(mechanism.bodies) + 1)
+
+    def carry(self, link: str) -> None:
+        """The joint that carries a link, and frames before and behind it."""
+        m = self._mechanism
+        j, parent = m.tree_joints[link], m.parent(link)
+        ahead = j.first == link  # the link is named first: the joint is seen from its other side
+        here, there = (j.on_first, j.on_second) if ahead else (j.on_second, j.on_first)
+        if isinstance(j, Prismatic):
+            turn, axis = (-j.angle, j.axis) if ahead else (j.angle, j.axis - j.angle)
+            way = rotate((-1.0 if ahead else 1.0, 0.0), axis)
+            child = self._before(link, here)
+            self._joint(link, 'prismatic', parent, child, there, turn, way)
+            return
+        frame, offset = m.frame(parent)
+        if frame == GROUND:
+            self._turning(link, parent, there, here, -offset)
+            return
+        upright = self._frame(f'{link}.carrier')
+        carrier = self._joint(upright, 'continuous', parent, f'{link}.carrier', there)
+        ElementTree.SubElement(
+            carrier, 'mimic', joint=frame, multiplier='-1', offset=text(-offset)
+        )
+        self._turning(link, f'{link}.carrier', (0.0, 0.0), here)
+
+    def float_free(self, body: Body) -> None:
+        """Two displacements of the centre of gravity, and the angle."""
+        x, y = (self._frame(f'{body.name}.{axis}') for axis in 'xy')
+        self._joint(x, 'prismatic', GROUND, f'{body.name}.x', way=(1.0, 0.0))
+        self._joint(y, 'prismatic', f'{body.name}.x', f'{body.name}.y', way=(0.0, 1.0))
+        self._turning(body.name, f'{body.name}.y', (0.0, 0.0), body.cog)
+
+    def _turning(
+        self, link: str, parent: str, there: Vector2, here: Vector2, turn: float = 0.0
+    ) -> None:
+        self._joint(link, 'continuous', parent, self._before(link, here), there, turn)
+
+    def _before(self, link: str, here: Vector2) -> str:
+        """The frame that a joint at `here` of a link moves: the link's, or one beside it."""
+        if here == (0.0, 0.0):
+            return link
+        hub = f'{link}.joint'
+        self._frame(hub)
+        self._joint(f'{link}.fixed', 'fixed', hub, link, (-here[0], -here[1]), way=None)
+        return hub
+
+    def _frame(self, name: str) -> str:
+        ElementTree.SubElement(self._robot, 'link', name=self._prefix + name)
+        return name
+
+    def _joint(
+        self,
+        name: str,
+        kind: str,
+        parent: str,
+        child: str,
+        at: Vector2 = (0.0, 0.0),
+        turn: float = 0.0,
+        way: Vector2 | None = (0.0, 0.0),
+    ) -> Element:
+        """A joint; `way` is that of a prismatic one."""
+        joint = ElementTree.SubElement(self._robot, 'joint', name=name, type=kind)
+        parent = WORLD if parent == GROUND else self._prefix + parent
+        ElementTree.SubElement(joint, 'parent', link=parent)
+        ElementTree.SubElement(joint, 'child', link=self._prefix + child)
+        _origin(joint, (*at, 0.0), turn)
+        if kind == 'prismatic' and way is not None:
+            ElementTree.SubElement(joint, 'axis', xyz=text(*way, 0.0))
+            # asked for by the format; of the limits in the plane no motion knows
+            far = text(self._far)
+            ElementTree.SubElement(
+                joint, 'limit', lower=f'-{far}', upper=far, effort='0', velocity='0'
+            )
+        elif kind == 'continuous':
+            ElementTree.SubElement(joint, 'axis', xyz='0 0 1')
+        return joint
+
+
+def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid], colour: str) -> None:
+    """A link with its mass and what is seen of it; the ground without a body."""
+    link = ElementTree.SubElement(robot, 'link', name=name)
+    if body is not None and body.mass:
+        inertial = ElementTree.SubElement(link, 'inertial')
+        _origin(inertial, (*body.cog, 0.0), 0.0)
+        ElementTree.SubElement(inertial, 'mass', value=text(body.mass))
+        flat, polar = text(0.5 * body.inertia), text(body.inertia)
+        ElementTree.SubElement(
+            inertial, 'inertia', ixx=flat, iyy=flat, izz=polar, ixy='0', ixz='0', iyz='0'
+        )
+    for solid in _on(drawn, GROUND if body is None else body.name):
+        visual = ElementTree.SubElement(link, 'visual')
+        _origin(visual, solid.at, solid.turn)
+        geometry = ElementTree.SubElement(visual, 'geometry')
+        if solid.kind == 'box':
+            ElementTree.SubElement(geometry, 'box', size=text(*solid.size))
+        else:
+            radius, length = (text(x) for x in solid.size)
+            ElementTree.SubElement(geometry, 'cylinder', radius=radius, length=length)
+        material = ElementTree.SubElement(visual, 'material', name=f'colour of {name}')
+        ElementTree.SubElement(material, 'color', rgba=f'{colour} 1')
+
+
+def _on(drawn: list[Solid], link: str) -> Iterator[Solid]:
+    return (solid for solid in drawn if solid.link == link)
+
+
+def _origin(parent: Element, xyz: tuple[float, ...], yaw: float) -> None:
+    ElementTree.SubElement(parent, 'origin', xyz=text(*xyz), rpy=f'0 0 {text(yaw)}')

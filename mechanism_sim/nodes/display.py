@@ -1,0 +1,110 @@
+"""What viewers such as RViz and Foxglove show of a machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.export.urdf import to_urdf
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.messages import Impact, MarkerArray, String
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes import markers
+from mechanism_sim.nodes.following import Following
+from mechanism_sim.nodes.force_markers import Picture, preview
+from mechanism_sim.nodes.process import main_of
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
+from mechanism_sim.nodes.schedule import Schedule
+from mechanism_sim.nodes.simulation_node import SimulationNode
+
+SCALES = 'force_scale', 'clearance_magnification'
+
+
+class Display(SimulationNode):
+    """Publishes ``robot_description``, ``markers`` and ``force_markers``.
+
+    Parameters of the node, besides those of every node: ``force_scale`` [m/N], length of arrows
+    per force, 0: the largest of the first cycle fits half the machine;
+    ``clearance_magnification``, 0: so that clearances are well visible.
+
+    Raises
+    ------
+    InputError
+        If one of these is negative.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
+        super().__init__('display', parameters)
+        for name in SCALES:
+            self.declare_parameter(name, 0.0)
+            if not self.value(name) >= 0.0:
+                raise InputError(f'display: {name} must not be negative; 0 chooses it')
+        self._prefix = self.value('frame_prefix')
+        self._preview = preview(self.machine, self.duration)
+        self._picture = Picture(self._preview, self._prefix, *map(self.value, SCALES))
+        self._description = self.create_publisher(String, 'robot_description', LATCHED)
+        self._shapes = self.create_publisher(MarkerArray, 'markers', LATCHED)
+        self._forces = self.create_publisher(MarkerArray, 'force_markers', RESULTS)
+        self._start_over()
+        impacts = self.create_subscription(
+            Impact, 'impacts', self.once_ready(self._struck), RESULTS
+        )
+        self._topic = impacts.topic_name
+        self._following = _Following(self, self._take, reset=self._start_over)
+        self.join()
+
+    def _start_over(self) -> None:
+        self._schedule = Schedule(self.machine.scene.outputs.markers)
+        self._impacts = 0
+
+    def on_ready(self) -> None:
+        """All partners are there: describe the machine."""
+        self.send(self._description, String(data=to_urdf(self.machine, self._prefix)))
+        self.send(self._shapes, markers.shapes(self._preview.skeleton, self._prefix))
+
+    def on_progress(self, message: Any) -> None:
+        """The last report of who publishes the motion says how much there is to show."""
+        self._following.look()
+
+    def all_struck(self) -> bool:
+        """Whether all impacts that were announced have come."""
+        announced = (
+            dict(zip(p.topics, p.counts, strict=True)).get(self._topic, 0)
+            for p in self.progress_of.values()
+        )
+        return self._impacts >= sum(map(int, announced))
+
+    def _struck(self, message: Any) -> None:
+        self._impacts += 1
+        self.send(self._forces, self._picture.struck(message))
+        self._following.look()
+
+    def _take(self, motion: Motion) -> None:
+        t = self._schedule.due(motion.curve.end)
+        if not t.size or self._picture.empty:
+            return
+        k, dt = motion.curve.find(t)
+        seen = self.machine.physics.observe(motion, k, dt)
+        for message in self._picture.at(t, seen, motion.modes[k].T):
+            self.send(self._forces, message)
+
+
+class _Following(Following):
+    """Ends when all impacts have come, too: they have a topic of their own."""
+
+    _node: Display
+
+    def look(self) -> None:
+        """End if all motion and all impacts are here."""
+        if self._node.all_struck():
+            super().look()
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run this node by itself."""
+    main_of(Display, args)
+
+
+if __name__ == '__main__':
+    main()

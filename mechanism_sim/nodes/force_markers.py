@@ -1,0 +1,264 @@
+"""Markers of what changes from instant to instant: forces, contacts, clearances, springs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
+from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of, zigzag
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
+from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
+from mechanism_sim.nodes.publications import WORLD
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
+from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.joint_view import JointView
+
+Array = NDArray[np.float64]
+
+FORCE: Colour = (0.80, 0.10, 0.10, 1.0)
+TOUCHING: Colour = (0.90, 0.45, 0.05, 1.0)
+FLYING: Colour = (0.20, 0.55, 0.85, 1.0)
+GLASS: Colour = (0.93, 0.93, 0.88, 0.9)
+STRUCK: Colour = (1.00, 0.80, 0.10, 0.9)
+
+SHORTEST = 1e-3
+"""Arrows shorter than this part of the machine's size are left out."""
+
+_LENS = 0.12  # radius of a lens, of the machine's size
+_PLAY = 1.0 / 3.0  # of that radius, the clearance as it is shown
+_FLASH = 100_000_000  # [ns] how long an impact is shown
+_HEIGHT = 1.5  # of forces and lenses above the plane of motion, in units of symbols
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A machine in its first cycle, by which sizes are chosen.
+
+    Attributes
+    ----------
+    low, high : corners (2,) [m] of all that moves, and room around it
+    largest : joint reaction [N]; 0 where forces are not known
+    """
+
+    machine: Machine
+    found: Cycle
+    skeleton: Skeleton
+    low: Array
+    high: Array
+    largest: float
+
+    @property
+    def centre(self) -> Array:
+        """Middle of the view (2,) [m]."""
+        return 0.5 * (self.low + self.high)
+
+
+def preview(machine: Machine, duration: float | None = None) -> Preview:
+    """Run a machine over a cycle, or without one as long as its scene lasts.
+
+    Parameters
+    ----------
+    duration : [s] of a run that may be shorter than the scene
+
+    Raises
+    ------
+    InputError
+        If nothing says how long to run.
+    RunError
+        If the run fails.
+    """
+    wanted = [d for d in (machine.scene.duration, duration) if d]
+    found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
+    observed = found.solution.samples(found.t).observed
+    skeleton = skeleton_of(machine, observed.position)
+    low, high = bounds(skeleton, skeleton.placed(observed.position))
+    forces = np.hypot(*observed.reaction.swapaxes(0, 1)) if machine.physics.has_forces else [0.0]
+    return Preview(machine, found, skeleton, low, high, float(np.max(forces, initial=0.0)))
+
+
+@dataclass(frozen=True)
+class _Lens:
+    """The clearance of a revolute joint, magnified, beside it."""
+
+    joint: Joint
+    away: Array  #: (2,) [m] from the bushing's centre to the lens
+    radius: float  #: [m] of the bushing as it is shown
+    magnification: float
+    radial: float  #: [m] clearance
+    arm: float  #: [m] from the bushing's centre to the contact
+    gap: int | None  #: its number among the machine's; none with an oil film
+
+
+class Picture:
+    """What `force_markers` shows of a machine.
+
+    Parameters
+    ----------
+    prefix : of the frames of links
+    force_scale : length of arrows per force [m/N]; 0: the largest fits half the machine
+    magnification : of clearances; 0: they are a third of the bushing's radius
+    """
+
+    def __init__(
+        self, seen: Preview, prefix: str = '', force_scale: float = 0.0, magnification: float = 0.0
+    ) -> None:
+        machine = self._machine = seen.machine
+        self._prefix, self._symbol = prefix, seen.skeleton.symbol
+        self._size = machine.mechanism.size
+        self._forces = machine.physics.has_forces and machine.scene.outputs.forces
+        default = 0.5 * self._size / seen.largest if seen.largest else 0.0
+        self.force_scale = force_scale or default
+        self._lenses = [
+            self._lens(seen, joint, magnification)
+            for joint in machine.mechanism.joints
+            if isinstance(joint, Revolute) and joint.name in machine.clearances
+        ]
+        self._springs = [s.outline for s in seen.skeleton.shapes if s.kind == 'spring']
+        gaps = machine.system.gaps if machine.dynamic else []
+        self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
+        self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
+
+    def _lens(self, seen: Preview, joint: Joint, magnification: float) -> _Lens:
+        play, physics = self._machine.clearances[joint.name], self._machine.physics
+        magnified = magnification or _PLAY * _LENS * self._size / play.radial
+        radius = max(_LENS * self._size, magnified * play.radial / _PLAY * 0.5)
+        q = seen.found.solution.samples(seen.found.t).observed.position
+        place = self._machine.mechanism.locate_all(joint.second, q, joint.on_second)
+        out = place.mean(axis=1) - seen.centre
+        far = float(np.hypot(*out))
+        out = out / far if far > 1e-6 * self._size else np.array([0.0, 1.0])
+        known = joint.name in physics.clearances
+        gap = physics.clearances.index(joint.name) if known else None
+        arm = play.pin_radius + play.radial
+        return _Lens(joint, 2.0 * radius * out, radius, magnified, play.radial, arm, gap)
+
+    def at(self, t: Array, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
+        """MarkerArrays at times t (N,) [s] of an observed machine, the modes of its gaps (m, N).
+
+        They are the same object every time, to be published before the next.
+        """
+        writers = [*self._arrows(o, modes), *self._loose(o, modes), *self._coils(o)]
+        markers = [made for made, _ in writers]
+        for i, time in enumerate(t.tolist()):
+            now = stamp(time)
+            for made, write in writers:
+                made.header.stamp = now
+                write(i)
+            yield MarkerArray(markers=markers)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to show."""
+        return not (self._forces or self._lenses or self._springs)
+
+    def struck(self, impact: Any) -> Any:
+        """A flash at the joint of an Impact message; its volume stands for the impulse."""
+        joint = self._joint_of[impact.joint]
+        self._hardest = max(self._hardest, impact.normal_impulse)
+        share = impact.normal_impulse / self._hardest if self._hardest else 1.0
+        size = 4.0 * self._symbol * max(share, 1e-3) ** (1.0 / 3.0)
+        frame, number = frame_of(joint.second, self._prefix), int(impact.index % 2**31)
+        flash = marker('impacts', number, frame, Marker.SPHERE, STRUCK, (size, size, size))
+        flash.header.stamp = impact.header.stamp
+        flash.frame_locked = True
+        flash.pose.position.x, flash.pose.position.y = joint.on_second
+        flash.pose.position.z = _HEIGHT * self._symbol
+        flash.lifetime = message_class('builtin_interfaces/msg/Duration')(nanosec=_FLASH)
+        return MarkerArray(markers=[flash])
+
+    def _view(self, joint: Joint, o: Observation, modes: NDArray[np.uint8]) -> JointView:
+        return JointView(self._machine.mechanism, joint, self._machine.physics, o, modes)
+
+    def _arrows(self, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
+        """The force of the first-named on the second-named link, from where it acts.
+
+        That is the joint's point on the latter; of a higher pair, which presses at a point, the
+        foot of that point on the force's line of action.
+        """
+        s = self._symbol
+        for k, joint in enumerate(self._machine.mechanism.joints if self._forces else ()):
+            view = self._view(joint, o, modes)
+            force, foot = view.force, view.place(joint.second, joint.on_second)
+            square = (force**2).sum(axis=0)
+            if isinstance(joint, HigherPair):
+                lever = np.divide(view.moment, square, out=np.zeros_like(square), where=square > 0)
+                foot = foot + lever * np.array([force[1], -force[0]])
+            tip = foot + self.force_scale * force
+            shown = np.sqrt(square) * self.force_scale > SHORTEST * self._size
+            arrow = marker(
+                'reactions', k, WORLD, Marker.ARROW, FORCE, (0.5 * s, 1.2 * s, 1.8 * s),
+                [(0.0, 0.0), (0.0, 0.0)], _HEIGHT * s,
+            )  # fmt: skip
+
+            def write(
+                i: int, arrow: Any = arrow, ends: Any = (foot, tip), shown: Any = shown
+            ) -> None:
+                arrow.action = Marker.ADD if shown[i] else Marker.DELETE
+                for point, end in zip(arrow.points, ends, strict=True):
+                    point.x, point.y = end[:, i].tolist()
+
+            yield arrow, write
+
+    def _loose(self, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
+        """Of each loose revolute joint the lens: bushing and pin; and where they touch."""
+        s = self._symbol
+        for k, lens in enumerate(self._lenses):
+            joint, gap = lens.joint, lens.gap
+            view = self._view(joint, o, modes)
+            bushing = view.place(joint.second, joint.on_second)
+            out = view.place(joint.first, joint.on_first) - bushing
+            middle = bushing + lens.away[:, None]
+            pin = middle + lens.magnification * out
+            carried = np.ones(pin.shape[1], bool)
+            closed = carried if gap is None else modes[gap] > Mode.FREE_FLIGHT
+            small = lens.radius - lens.magnification * lens.radial
+            heights = _HEIGHT * s, (_HEIGHT + 0.2) * s
+            yield self._moving(
+                disc('lenses', 2 * k, WORLD, GLASS, lens.radius, (0.0, 0.0), heights[0], 0.1 * s),
+                middle,
+            )
+            made = disc('lenses', 2 * k + 1, WORLD, STEEL, small, (0.0, 0.0), heights[1], 0.1 * s)
+            yield self._moving(made, pin, [FLYING if not c else TOUCHING for c in closed.tolist()])
+            if gap is None:
+                continue
+            far = np.hypot(*out)
+            touch = bushing + lens.arm * np.divide(out, far, out=np.zeros_like(out), where=far > 0)
+            dot = marker('contacts', k, WORLD, Marker.SPHERE, TOUCHING, (s, s, s))
+            dot.pose.position.z = heights[1]
+            yield self._moving(dot, touch, shown=closed)
+
+    @staticmethod
+    def _moving(
+        made: Any, place: Array, colours: list[Colour] | None = None, shown: Any = None
+    ) -> tuple[Any, Any]:
+        """A marker and what puts it at instant i to its place (2, N) [m]."""
+
+        def write(i: int) -> None:
+            position = made.pose.position
+            position.x, position.y = place[:, i].tolist()
+            if colours is not None:
+                made.color.r, made.color.g, made.color.b, made.color.a = colours[i]
+            if shown is not None:
+                made.action = Marker.ADD if shown[i] else Marker.DELETE
+
+        return made, write
+
+    def _coils(self, o: Observation) -> Iterator[Any]:
+        """Springs as zigzags."""
+        locate, s = self._machine.mechanism.locate_all, self._symbol
+        for k, places in enumerate(self._springs):
+            ends = np.array([locate(link, o.position, at) for link, at in places])
+            coil = marker('springs', k, WORLD, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
+
+            def write(i: int, coil: Any = coil, ends: Any = ends) -> None:
+                line = zigzag(ends[:, :, i], 0.9 * s).T
+                coil.points = [Point(x=x, y=y) for x, y in line.tolist()]
+
+            yield coil, write

@@ -1,0 +1,65 @@
+"""The topics of a run: which there are, of what type, how reliable."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from mechanism_sim.messages import (
+    AccelerometerBlock,
+    Clock,
+    DriveLaw,
+    Impact,
+    Imu,
+    JointReactions,
+    JointState,
+    LinkageState,
+    MarkerArray,
+    ModeChange,
+    Motion,
+    OscillatorState,
+    String,
+    TFMessage,
+)
+from mechanism_sim.middleware import QoSProfile
+from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
+from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
+from mechanism_sim.scene import Machine
+
+
+class Topic(NamedTuple):
+    """A topic by its relative name, the class of its messages, and its quality of service."""
+
+    name: str
+    kind: Any
+    qos: QoSProfile
+
+
+def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
+    """The topics of a run of a machine, but for ``progress``; `display`: with that node."""
+    scene = machine.scene
+    topics = [
+        Topic('scene', String, LATCHED),
+        Topic('drive', DriveLaw, RESULTS),
+        Topic('motion', Motion, RESULTS),
+        Topic('impacts', Impact, RESULTS),
+        Topic('mode_changes', ModeChange, RESULTS),
+        Topic('joint_states', JointState, RESULTS),
+        Topic('linkage_state', LinkageState, RESULTS),
+        Topic('joint_reactions', JointReactions, RESULTS),
+        Topic('/tf', TFMessage, RESULTS),
+        Topic('/clock', Clock, CLOCK),
+    ]
+    topics += [Topic(f'accelerometer/{s}', AccelerometerBlock, RESULTS) for s in scene.sensors]
+    units = (name for name, sensor in scene.sensors.items() if sensor.imu)
+    topics += [Topic(f'imu/{name}', Imu, RESULTS) for name in units]
+    topics += [Topic(k.topic, k.message, RESULTS) for k in kinds_of(machine).values()]
+    if scene.oscillators:
+        topics.append(Topic(OSCILLATOR_STATE, OscillatorState, RESULTS))
+    if display:
+        topics += [
+            Topic('robot_description', String, LATCHED),
+            Topic('markers', MarkerArray, LATCHED),
+            Topic('force_markers', MarkerArray, RESULTS),
+        ]
+    return topics
