@@ -89,18 +89,18 @@ class Accelerometer(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('accelerometer', parameters)
-        self._publishers = {}
+        self._outlets = {}
         for name, scene in self.machine.scene.sensors.items():
             blocks = self.create_publisher(AccelerometerBlock, f'accelerometer/{name}', RESULTS)
             imu = self.create_publisher(Imu, f'imu/{name}', RESULTS) if scene.imu else None
-            self._publishers[name] = blocks, imu
+            self._outlets[name] = blocks, imu
         self._start_over()
         self._following = Following(self, self._take, self._rest, self._start_over)
         self.join()
 
     def _start_over(self) -> None:
         self._sensors: list[tuple[_Sensor | _Unit, Any]] = []
-        for name, (blocks, imu) in self._publishers.items():
+        for name, (blocks, imu) in self._outlets.items():
             frame = self.frame(self.machine.scene.sensors[name].link)
             self._sensors.append((_Sensor(self.machine, name, frame), blocks))
             if imu:
