@@ -35,15 +35,18 @@ from rclpy.publisher import Publisher
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
+    QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.timer import Timer
+from rclpy.utilities import remove_ros_args
 
 __all__ = [
     'ActionClient',
@@ -59,6 +62,7 @@ __all__ = [
     'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
+    'InvalidQosOverridesError',
     'LoggingSeverity',
     'MutuallyExclusiveCallbackGroup',
     'Node',
@@ -66,6 +70,8 @@ __all__ = [
     'ParameterAlreadyDeclaredException',
     'ParameterNotDeclaredException',
     'Publisher',
+    'QoSOverridingOptions',
+    'QoSPolicyKind',
     'QoSProfile',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
@@ -79,6 +85,7 @@ __all__ = [
     'leave',
     'ok',
     'qos_profile_sensor_data',
+    'remove_ros_args',
     'shutdown',
     'spin',
     'spin_once',

@@ -14,10 +14,10 @@ from mechanism_sim.middleware import (
     MiddlewareError,
     Parameter,
     SingleThreadedExecutor,
-    backend,
     init,
     leave,
     ok,
+    remove_ros_args,
 )
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ PATIENCE, PATIENCE_AFTER_INTERRUPT = 60.0, 1.0
 
 
 def run_nodes(
-    make: Callable[[], Sequence[SimulationNode]], running: Callable[[], bool] | None = None
+    make: Callable[[], Sequence[SimulationNode]],
+    running: Callable[[], bool] | None = None,
+    args: Sequence[str] | None = None,
 ) -> int:
     """Make nodes, run them until all are done, and take them down in good order.
 
@@ -39,6 +41,7 @@ def run_nodes(
     ----------
     make : makes the nodes, once the network is joined
     running : instead of the nodes says whether to go on; asked ten times a second
+    args : command line with arguments for ROS, that of the process if None
 
     Returns
     -------
@@ -62,7 +65,7 @@ def run_nodes(
     signal.signal(signal.SIGTERM, end)
     code = 0
     try:
-        init()
+        init(args=args)
         executor = SingleThreadedExecutor()
         executors.append(executor)
         nodes += make()
@@ -101,16 +104,18 @@ def tell(error: Exception, code: int) -> int:
 def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None = None) -> None:
     """The main function of a node's executable: options become parameters of the node.
 
-    Where ROS is installed its own arguments (``--ros-args -p scene:=NAME``) set parameters too.
+    The arguments of ROS (``--ros-args -p scene:=NAME -r __ns:=/machine``) have their effect too.
     """
     parser = argparse.ArgumentParser(
         description=(node.__doc__ or '').strip().splitlines()[0], allow_abbrev=False
     )
     add_node_options(parser)
-    options, rest = parser.parse_known_args(args)
-    if rest and backend() != 'rclpy':
-        parser.error(f'unrecognized arguments: {" ".join(rest)}')
-    sys.exit(run_nodes(lambda: [node(parameters_of(options))]))
+    given = sys.argv[1:] if args is None else list(args)
+    try:
+        options = parser.parse_args(remove_ros_args(given))
+    except RuntimeError as error:
+        parser.error(str(error))
+    sys.exit(run_nodes(lambda: [node(parameters_of(options))], args=given))
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
