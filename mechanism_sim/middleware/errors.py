@@ -13,6 +13,10 @@ class InvalidNameError(MiddlewareError, ValueError):
     """A name is not a ROS name."""
 
 
+class InvalidQosOverridesError(MiddlewareError):
+    """A quality of service given by parameters is none, or is refused."""
+
+
 class ParameterNotDeclaredException(MiddlewareError, KeyError):  # noqa: N818
     """A parameter is used that its node has not declared."""
 
