@@ -13,14 +13,11 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from mechanism_sim.export.markup import Element, comment, text, written
-from mechanism_sim.export.solids import Solid, solids
+from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 
 WORLD = 'world'
-
-#: of the ground, and of links in turn: a palette that the colour-blind can tell apart (Okabe, Ito)
-COLOURS = ('0.6 0.6 0.6', '0.9 0.6 0', '0.35 0.7 0.9', '0 0.6 0.5', '0.8 0.4 0', '0 0.45 0.7')
 
 
 def to_urdf(machine: Machine, prefix: str = '') -> str:
