@@ -40,6 +40,9 @@ LIGHT = 1e-4
 #: radius of gyration of what has no inertia, as a share of the machine's size
 COMPACT = 0.1
 
+#: time steps in a turn of the drive at its largest speed, or in a run; and the longest step [s]
+STEPS, LONGEST = 4000, 1e-3
+
 
 @dataclass(frozen=True)
 class Ideal:
@@ -209,6 +212,21 @@ class Coupling:
     carrier: str
     factors: tuple[float, ...]
     racks: tuple[Prismatic | None, ...]
+
+
+def way(joint: Prismatic, link: str) -> Vector2:
+    """Direction in which the joint's displacement moves a link of it, in the link's frame.
+
+    The other link rests.
+    """
+    if link == joint.first:
+        return rotate((-1.0, 0.0), joint.axis)
+    return rotate((1.0, 0.0), joint.axis - joint.angle)
+
+
+def time_step(machine: Machine) -> float:
+    """How long the steps of a fixed-step integrator should be [s]."""
+    return min(LONGEST, min(machine.period, machine.scene.duration or 1.0) / STEPS)
 
 
 def steady(machine: Machine, coordinate: str) -> bool:

@@ -10,16 +10,13 @@ from __future__ import annotations
 from functools import cached_property
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import Coupling, Ideal, steady
+from mechanism_sim.export.ideal import Coupling, Ideal, steady, time_step, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce, Spring, TorsionSpring
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, Prismatic, Revolute, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
-
-#: time steps in a turn of the drive at its largest speed, or in a run; and the longest step [s]
-STEPS, LONGEST = 4000, 1e-3
 
 #: flywheel of a drive of given speed, in inertias of the machine; and the share of an error of its
 #: speed that its servo takes off in a step
@@ -69,9 +66,7 @@ class _Writer:
         self._rates: list[float] = []
         self._controls: list[float] = []
         self._joints: dict[str, Element] = {}
-        machine = ideal.machine
-        lasting = min(machine.period, machine.scene.duration or 1.0)
-        self._step = min(LONGEST, lasting / STEPS)
+        self._step = time_step(ideal.machine)
         self.root = Element('mujoco', model=ideal.machine.name)
         comment(self.root, ideal.machine.scene.title)
         for sentence in left_out(ideal.machine):
@@ -148,8 +143,7 @@ class _Writer:
         axis = (0.0, 0.0, 1.0)
         if isinstance(j, Prismatic):
             kind, (place, rate) = 'slide', self._ideal.guided(j)
-            way = rotate((-1.0, 0.0), j.axis) if ahead else rotate((1.0, 0.0), j.axis - j.angle)
-            axis = (*way, 0.0)
+            axis = (*way(j, link), 0.0)
         else:
             kind, (place, rate) = 'hinge', self._ideal.turned(link, parent)
         self._joints[j.name] = SubElement(
@@ -163,9 +157,9 @@ class _Writer:
         turn = self._ideal.poses[link][2]
         place, rates = self._ideal.point(link, cog)
         for k, name in enumerate('xy'):
-            way = rotate(((1.0, 0.0), (0.0, 1.0))[k], -turn)
+            axis = rotate(((1.0, 0.0), (0.0, 1.0))[k], -turn)
             SubElement(body, 'joint', name=f'{link}.{name}', type='slide',
-                       axis=text(*way, 0.0), ref=text(place[k]))  # fmt: skip
+                       axis=text(*axis, 0.0), ref=text(place[k]))  # fmt: skip
         self._joints[link] = SubElement(
             body, 'joint', name=link, type='hinge', axis='0 0 1', pos=text(*cog, 0.0),
             ref=text(turn),
