@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from mechanism_sim.middleware import names
-from mechanism_sim.middleware.errors import MiddlewareError
+from mechanism_sim.middleware.errors import InvalidArgumentsError
 from mechanism_sim.middleware.logger import LoggingSeverity
 from mechanism_sim.middleware.parameter_files import parse_value, read_parameters
 
@@ -106,10 +106,10 @@ def parse_arguments(args: Iterable[str]) -> Arguments:
             found.logs[kind] = flag.startswith('--enable-')
             continue
         if flag not in _READERS:
-            raise MiddlewareError(f'{BEGIN}: {flag!r} is none of {", ".join(_READERS)}')
+            raise InvalidArgumentsError(f'{BEGIN}: {flag!r} is none of {", ".join(_READERS)}')
         value = next(rest, None)
         if value is None:
-            raise MiddlewareError(f'{BEGIN}: after {flag} a value is missing')
+            raise InvalidArgumentsError(f'{BEGIN}: after {flag} a value is missing')
         _READERS[flag](found, value)
     return found
 
@@ -126,19 +126,19 @@ def _sorted(args: Iterable[str]) -> Iterator[tuple[str, bool]]:
 def _read_remap(found: Arguments, text: str) -> None:
     rule = _REMAP.fullmatch(text)
     if rule is None:
-        raise MiddlewareError(f'{BEGIN} -r {text}: a rule for names reads old:=new')
+        raise InvalidArgumentsError(f'{BEGIN} -r {text}: a rule for names reads old:=new')
     found.remaps.append(Remap(*rule.groups()))
 
 
 def _read_parameter(found: Arguments, text: str) -> None:
     rule = _PARAMETER.fullmatch(text)
     if rule is None:
-        raise MiddlewareError(f'{BEGIN} -p {text}: a parameter is set by name:=value')
+        raise InvalidArgumentsError(f'{BEGIN} -p {text}: a parameter is set by name:=value')
     node, name, value = rule.groups()
     try:
         parsed = parse_value(value)
     except ValueError as error:
-        raise MiddlewareError(f'{BEGIN} -p {text}: {error}') from error
+        raise InvalidArgumentsError(f'{BEGIN} -p {text}: {error}') from error
     found.parameters.setdefault(node or ALL_NODES, {})[name] = parsed
 
 
@@ -147,14 +147,14 @@ def _read_file(found: Arguments, path: str) -> None:
         for node, values in read_parameters(path):
             found.parameters.setdefault(node, {}).update(values)
     except (OSError, ValueError) as error:
-        raise MiddlewareError(f'{BEGIN} --params-file {path}: {error}') from error
+        raise InvalidArgumentsError(f'{BEGIN} --params-file {path}: {error}') from error
 
 
 def _read_level(found: Arguments, text: str) -> None:
     logger, _, level = text.rpartition(':=')
     if level.upper() not in LoggingSeverity.__members__:
         known = ', '.join(LoggingSeverity.__members__).lower()
-        raise MiddlewareError(f'{BEGIN} --log-level {text}: {level!r} is none of {known}')
+        raise InvalidArgumentsError(f'{BEGIN} --log-level {text}: {level!r} is none of {known}')
     found.levels[logger] = LoggingSeverity[level.upper()]
 
 

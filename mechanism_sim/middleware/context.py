@@ -2,9 +2,8 @@
 
 import atexit
 import signal
-from collections.abc import Iterable
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any, Protocol
