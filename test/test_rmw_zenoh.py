@@ -10,17 +10,17 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from importlib.util import find_spec
 
 import pytest
 import zenoh
 from middleware_network import PATIENCE, Process, free_port
 
+import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
+from mechanism_sim.messages import type_hash
 from mechanism_sim.messages.origin import VARIABLE
 from mechanism_sim.middleware import config
-from mechanism_sim.recording import read_bag
 
 
 def reason_to_skip() -> str:
@@ -54,10 +54,18 @@ class Graph:
             own = {'RMW_IMPLEMENTATION': 'rmw_zenoh_cpp', 'ZENOH_CONFIG_OVERRIDE': links}
         return kept | own | {'ROS_DOMAIN_ID': self.domain, 'PYTHONUNBUFFERED': '1'}
 
-    def start(self, script: str, backend: str) -> Process:
+    def start(self, script: str, backend: str, *arguments: object) -> Process:
         """A program on a back end."""
-        self.processes.append(Process(script, self.environment(backend)))
+        self.processes.append(Process(script, self.environment(backend), *arguments))
         return self.processes[-1]
+
+    def ros2(self, *arguments: str) -> str:
+        """What a command of ROS says."""
+        done = subprocess.run(
+            ['ros2', *arguments], env=self.environment('rclpy'), timeout=PATIENCE,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+        )  # fmt: skip
+        return done.stdout
 
 
 @pytest.fixture(scope='module')
@@ -70,6 +78,7 @@ def graph():
     for process in made.processes:
         process.kill()
     router.close()
+
 
 SERVER = """
 from mechanism_sim.messages import (
@@ -188,7 +197,9 @@ latched = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 seen['latched'], answers = [], []
-node.create_subscription(String, '/machine/notes', lambda m: seen['latched'].append(m.data), latched)
+def late(message):
+    seen['latched'].append(message.data)
+node.create_subscription(String, '/machine/notes', late, latched)
 node.create_subscription(Float64, '/machine/doubled', lambda m: answers.append(m.data), RESULTS)
 commands = node.create_publisher(Float64, '/machine/commands', RESULTS)
 spin_until(lambda: commands.get_subscription_count() == 1)
@@ -259,3 +270,90 @@ def test_one_serves_what_the_other_asks_for(graph, server, client):
     asking.finish()
     serving.interrupt(15)
     serving.finish()
+
+
+COMMAND = 'from mechanism_sim.cli import main; main()'
+
+LISTENER = """
+from mechanism_sim.messages import Impact, JointState, Progress
+from mechanism_sim.middleware import *
+from mechanism_sim.nodes.qos import RESULTS
+
+init()
+node = Node('listener')
+states, impacts, books = [], [], {}
+
+def report(message):
+    if message.node == 'linkage' and message.finished:
+        books.update(zip(message.topics, map(int, message.counts)))
+
+node.create_subscription(JointState, 'joint_states', states.append, RESULTS)
+node.create_subscription(Impact, 'impacts', lambda m: impacts.append(m.index), RESULTS)
+node.create_subscription(Progress, 'progress', report, RESULTS)
+print('listening', flush=True)
+while len(impacts) != books.get('/impacts') or len(states) != books.get('/joint_states'):
+    spin_once(node, timeout_sec=0.1)
+print('heard', len(impacts), len(states), impacts == list(range(len(impacts))), flush=True)
+node.destroy_node()
+shutdown()
+"""
+
+SCENE = 'four_bar_clearance'
+DURATION = '0.5'
+
+
+@pytest.fixture(scope='module')
+def solved() -> ms.Solution:
+    return ms.simulate(ms.load_scene(SCENE), duration=float(DURATION))
+
+
+@pytest.mark.parametrize('on_rclpy', [('crank_drive', 'recorder'), ('linkage',)])
+def test_a_run_with_nodes_on_either_back_end_is_the_same_to_the_bit(
+    graph, tmp_path, solved, on_rclpy
+):
+    listener = graph.start(LISTENER, 'rclpy')
+    listener.expect('listening')
+    bag = tmp_path / 'run.mcap'
+    names = ('crank_drive', 'linkage', 'recorder')
+    nodes = []
+    for name in names:
+        arguments = ['node', name, '--scene', SCENE, '--duration', DURATION]
+        arguments += ['--partners', ','.join(names), '--partner-timeout', '60']
+        arguments += ['--file', str(bag)] if name == 'recorder' else []
+        backend = 'rclpy' if name in on_rclpy else 'zenoh'
+        nodes.append(graph.start(COMMAND, backend, *arguments))
+    for node in nodes:
+        node.finish()
+    assert analyze(bag).digest == solved.digest()
+    heard = listener.expect('heard').split()
+    assert heard == [str(len(solved.impacts)), str(int(float(DURATION) * 100)), 'True']
+    listener.finish()
+
+
+@pytest.mark.skipif(shutil.which('ros2') is None, reason='the command ros2 is not installed')
+def test_the_commands_of_ros_know_and_control_a_run(graph):
+    run = graph.start(COMMAND, 'zenoh', 'run', SCENE, '--duration', DURATION, '--paused')
+    standard, look = 'simulation_interfaces', ('--no-daemon', '--spin-time', '2')
+
+    action = ('simulate_steps', f'{standard}/action/SimulateSteps', '{steps: 2}', '--feedback')
+    said = graph.ros2('action', 'send_goal', *action)
+    assert 'completed_steps: 1' in said
+    assert 'SUCCEEDED' in said
+
+    said = graph.ros2('topic', 'info', '--verbose', *look, '/joint_states')
+    assert 'Node name: linkage' in said
+    assert f'Topic type hash: {type_hash("sensor_msgs/msg/JointState")}' in said
+    assert 'History (Depth): KEEP_ALL' in said
+    said = graph.ros2('node', 'info', *look, '/linkage')
+    assert '/impacts: mechanism_sim/msg/Impact' in said
+    assert '/linkage/set_parameters: rcl_interfaces/srv/SetParameters' in said
+    assert 'four_bar' in graph.ros2(
+        'topic', 'echo', '--once', '--qos-durability', 'transient_local', '/scene',
+        'std_msgs/msg/String',
+    )  # fmt: skip
+    said = graph.ros2('param', 'set', *look, '/crank_drive', 'realtime_factor', '" -1.0"')
+    assert 'Setting parameter failed: ' in said
+
+    play = (f'{standard}/srv/SetSimulationState', '{state: {state: 1}}')
+    assert 'result=1' in graph.ros2('service', 'call', 'set_simulation_state', *play)
+    run.finish()
