@@ -229,6 +229,10 @@ class NominalRun:
         fixed = {*self._ideal.driven, *self._ideal.sliding}
         return np.array([i not in fixed for i in range(n)])
 
+    def change_restitution(self, joint: str, restitution: float) -> None:
+        """There are no impacts: KeyError."""
+        raise KeyError(joint)
+
     def snapshot(self) -> Snapshot:
         """What it takes to go on."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))

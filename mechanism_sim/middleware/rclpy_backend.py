@@ -40,16 +40,19 @@ from rclpy.publisher import Publisher
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
+    QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.service import Service
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.timer import Timer
+from rclpy.utilities import remove_ros_args
 
 from mechanism_sim.middleware.errors import MiddlewareError
 
@@ -67,6 +70,7 @@ __all__ = [
     'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
+    'InvalidQosOverridesError',
     'LoggingSeverity',
     'MutuallyExclusiveCallbackGroup',
     'Node',
@@ -74,6 +78,8 @@ __all__ = [
     'ParameterAlreadyDeclaredException',
     'ParameterNotDeclaredException',
     'Publisher',
+    'QoSOverridingOptions',
+    'QoSPolicyKind',
     'QoSProfile',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
@@ -87,6 +93,7 @@ __all__ = [
     'leave',
     'ok',
     'qos_profile_sensor_data',
+    'remove_ros_args',
     'shutdown',
     'spin',
     'spin_once',

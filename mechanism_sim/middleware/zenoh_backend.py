@@ -7,6 +7,7 @@ from mechanism_sim.middleware.actions import (
     GoalResponse,
     ServerGoalHandle,
 )
+from mechanism_sim.middleware.arguments import remove_ros_args
 from mechanism_sim.middleware.callback_groups import (
     MutuallyExclusiveCallbackGroup,
     ReentrantCallbackGroup,
@@ -16,6 +17,7 @@ from mechanism_sim.middleware.context import init, leave, ok, shutdown, try_shut
 from mechanism_sim.middleware.errors import (
     ExternalShutdownException,
     InvalidParameterValueException,
+    InvalidQosOverridesError,
     ParameterAlreadyDeclaredException,
     ParameterNotDeclaredException,
 )
@@ -37,6 +39,7 @@ from mechanism_sim.middleware.qos import (
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
+from mechanism_sim.middleware.qos_overrides import QoSOverridingOptions, QoSPolicyKind
 from mechanism_sim.middleware.services import Client, Service
 from mechanism_sim.middleware.subscription import Subscription
 from mechanism_sim.middleware.timer import Timer
@@ -55,6 +58,7 @@ __all__ = [
     'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
+    'InvalidQosOverridesError',
     'LoggingSeverity',
     'MutuallyExclusiveCallbackGroup',
     'Node',
@@ -62,6 +66,8 @@ __all__ = [
     'ParameterAlreadyDeclaredException',
     'ParameterNotDeclaredException',
     'Publisher',
+    'QoSOverridingOptions',
+    'QoSPolicyKind',
     'QoSProfile',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
@@ -75,6 +81,7 @@ __all__ = [
     'leave',
     'ok',
     'qos_profile_sensor_data',
+    'remove_ros_args',
     'shutdown',
     'spin',
     'spin_once',

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 
 def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:
     """Arguments for us and for ROS: from ``--ros-args`` on, up to ``--`` if there is one."""
-    own, ros, to = [], [], None
+    own: list[str] = []
+    ros: list[str] = []
+    to: list[str] | None = None
     for arg in args:
         to = ros if arg == '--ros-args' else to
         (own if to is None else to).append(arg)

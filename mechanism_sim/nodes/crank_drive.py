@@ -166,7 +166,7 @@ class CrankDrive(SimulationNode):
 
     def _horizon(self) -> float:
         """Time [s] up to which the law may be announced now."""
-        lead, factor = self.value('lead'), self.value('realtime_factor')
+        lead, factor = self._lead_and_factor()
         horizon = min(self.partners_time() + lead, self.duration, self._commands.horizon)
         if not self.playing:
             return min(horizon, self._goal)
@@ -203,8 +203,11 @@ class CrankDrive(SimulationNode):
 
     def _worthwhile(self) -> float:
         """Time [s] below which a message would tell too little."""
-        lead, factor = self.value('lead'), self.value('realtime_factor')
-        return float(self.announced + 0.1 * min(lead, 0.05 * factor if factor > 0.0 else lead))
+        lead, factor = self._lead_and_factor()
+        return self.announced + 0.1 * min(lead, 0.05 * factor if factor > 0.0 else lead)
+
+    def _lead_and_factor(self) -> tuple[float, float]:
+        return self.value('lead'), self.value('realtime_factor')
 
     def _announce(self, until: float, final: bool, again: bool = False) -> None:
         """The present law holds until then."""

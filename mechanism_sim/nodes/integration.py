@@ -80,13 +80,16 @@ class Integration:
     def diagnose(self) -> dict[str, object]:
         """The books of the solver."""
         audit, energy = self._audit, self._audit.energy
-        return {
+        books: dict[str, object] = {
             'steps': self._run.steps if self._run else 0,
             'events': self._run.events if self._run else 0,
             'impacts': self._impact_count,
             'largest penetration [m]': audit.max_penetration,
             'largest closure error [m]': audit.max_closure_error,
-        } | ({'missing in the energy books [J]': energy.residual} if energy else {})
+        }
+        if energy:
+            books['missing in the energy books [J]'] = energy.residual
+        return books
 
     def _start_over(self) -> None:
         outputs = self._machine.scene.outputs

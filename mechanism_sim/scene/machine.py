@@ -83,6 +83,9 @@ class Run(Protocol):
     def preview(self, until: float) -> Motion | None:
         """What is known beyond `time` of a motion up to `until` [s]."""
 
+    def change_restitution(self, joint: str, restitution: float) -> None:
+        """Let impacts of a joint have another coefficient from now on. KeyError: it has none."""
+
     def snapshot(self) -> Snapshot:
         """All that is needed to go on from here, bit by bit."""
 
