@@ -58,6 +58,7 @@ class Plan:
     hold : pause at the end instead of ending
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
     display : whether viewers are to be served
+    listeners : other nodes that have to hear everything
     """
 
     machine: Machine
@@ -71,6 +72,7 @@ class Plan:
     hold: bool = False
     ros_args: Sequence[str] = ()
     display: bool = False
+    listeners: Sequence[str] = ()
 
     @property
     def nodes(self) -> list[str]:
@@ -93,6 +95,8 @@ class Plan:
         }
         if self.overrides:
             options['overrides'] = '\n'.join(self.overrides)
+        if self.listeners:
+            options['listeners'] = ','.join(self.listeners)
         if node == 'crank_drive':
             options['realtime_factor'] = self.realtime_factor
             options['paused'], options['hold'] = self.paused, self.hold
