@@ -17,6 +17,7 @@ from mechanism_sim.middleware import (
     init,
     leave,
     ok,
+    remove_ros_args,
 )
 from mechanism_sim.nodes.arguments import split_ros_args
 
@@ -111,6 +112,10 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
     add_node_options(parser)
     own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
     options = parser.parse_args(own)
+    try:
+        remove_ros_args(ros_args)
+    except RuntimeError as error:
+        parser.error(str(error))
     sys.exit(run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args))
 
 
