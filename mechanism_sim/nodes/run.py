@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.middleware import Parameter, backend
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
@@ -123,6 +123,7 @@ class Outcome:
     impacts: int
     sent: dict[str, int]  #: messages by topic, as the nodes counted them
     bag: str | None
+    middleware: str  #: 'rclpy' or 'zenoh'
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
@@ -160,6 +161,7 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
         monitor.impacts if monitor else 0,
         sent,
         plan.record,
+        backend(),
     )
 
 
