@@ -106,7 +106,7 @@ class Recorder(SimulationNode):
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
         # All machines share /tf: what belongs to another has not the prefix of this one.
-        mark = self.value('frame_prefix').encode() if kind == _IN_ARRAY else b''
+        mark = self.value('frame_prefix').encode() if topic == '/tf' else b''
         latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
