@@ -7,10 +7,19 @@ import os
 import socket
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 TIMEOUT = 120.0
+BACKENDS = ('zenoh', 'rclpy')
+middleware = 'zenoh'
+"""Of the processes that are started; the fixture `backend` sets it."""
+
+
+def ros_found() -> bool:
+    """Whether rclpy is here, and this package built for it."""
+    return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
 def environment() -> dict[str, str]:
@@ -20,6 +29,7 @@ def environment() -> dict[str, str]:
         port = probe.getsockname()[1]
     return {
         **os.environ,
+        'MECHANISM_SIM_MIDDLEWARE': middleware,
         'MECHANISM_SIM_ROUTER': f'tcp/127.0.0.1:{port}',
         'ROS_DOMAIN_ID': str(port % 200),
     }

@@ -105,9 +105,13 @@ class Recorder(SimulationNode):
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
+        # All machines share /tf: what belongs to another has not the prefix of this one.
+        mark = self.value('frame_prefix').encode() if kind == _IN_ARRAY else b''
         latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
+            if mark not in data:
+                return
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
                 seconds, nanoseconds = _STAMP.unpack_from(data, offset)
                 self._now = seconds * 1_000_000_000 + nanoseconds
