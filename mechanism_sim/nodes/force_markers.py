@@ -34,7 +34,7 @@ SHORTEST = 1e-3
 _LENS = 0.12  # radius of a lens, of the machine's size
 _PLAY = 1.0 / 3.0  # of that radius, the clearance as it is shown
 _FLASH = 100_000_000  # [ns] how long an impact is shown
-_HEIGHT = 1.5  # of forces and lenses above the plane of motion, in units of symbols
+_HEIGHT = 5.0  # of forces and lenses above the plane of motion, in units of symbols
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ class Picture:
             carried = np.ones(pin.shape[1], bool)
             closed = carried if gap is None else modes[gap] > Mode.FREE_FLIGHT
             small = lens.radius - lens.magnification * lens.radial
-            heights = _HEIGHT * s, (_HEIGHT + 0.2) * s
+            heights = _HEIGHT * s, (_HEIGHT + 0.5) * s
             yield self._moving(
                 disc('lenses', 2 * k, WORLD, GLASS, lens.radius, (0.0, 0.0), heights[0], 0.1 * s),
                 middle,
