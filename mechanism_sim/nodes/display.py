@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.errors import InputError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages import Impact, MarkerArray, String
@@ -31,15 +30,13 @@ class Display(SimulationNode):
     Raises
     ------
     InputError
-        If one of these is negative.
+        If one of these is negative or not finite.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('display', parameters)
         for name in SCALES:
             self.declare_parameter(name, 0.0)
-            if not self.value(name) >= 0.0:
-                raise InputError(f'display: {name} must not be negative; 0 chooses it')
         self._prefix = ''
         self._preview = preview(self.machine, self.duration)
         self._picture = Picture(self._preview, self._prefix, *map(self.value, SCALES))

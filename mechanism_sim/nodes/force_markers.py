@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of, zigzag
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
@@ -104,11 +106,22 @@ class Picture:
     prefix : of the frames of links
     force_scale : length of arrows per force [m/N]; 0: the largest fits half the machine
     magnification : of clearances; 0: they are a third of the bushing's radius
+
+    Raises
+    ------
+    InputError
+        If one of these is negative or not finite.
     """
 
     def __init__(
         self, seen: Preview, prefix: str = '', force_scale: float = 0.0, magnification: float = 0.0
     ) -> None:
+        for name, value in (
+            ('force_scale', force_scale),
+            ('clearance_magnification', magnification),
+        ):
+            if not 0.0 <= value < math.inf:
+                raise InputError(f'display: {name} must be finite and not negative; 0 chooses it')
         machine = self._machine = seen.machine
         self._prefix, self._symbol = prefix, seen.skeleton.symbol
         self._size = machine.mechanism.size
