@@ -31,26 +31,30 @@ from mechanism_sim.report.rviz import to_rviz
 ARROW, SPHERE, CYLINDER, STRIP, TRIANGLES = 0, 2, 3, 4, 11  # of visualization_msgs/msg/Marker
 ADD, DELETE = 0, 2
 RATES = ('markers', 'joint_reactions', 'transforms')
+HOMES = {'four_bar_clearance': '', 'whole_machine': '/left/shop'}
 DURATIONS = {'four_bar_clearance': '0.3 s', 'whole_machine': '0.15 s'}
 
 
 @pytest.fixture(scope='module', params=list(DURATIONS))
 def shown(request, tmp_path_factory) -> SimpleNamespace:
-    """A bag of a run with a display, and by topic what a reader of other authors finds in it."""
-    scene = request.param
+    """A bag of a run with a display, and by topic what a reader of other authors finds in it.
+
+    Names of topics and frames are without the namespace and prefix, which one of the runs has.
+    """
+    scene, home = request.param, HOMES[request.param]
     bag = tmp_path_factory.mktemp('bags') / f'{scene}.mcap'
     same = [part for name in RATES for part in ('--set', f'outputs.{name}=100 Hz')]
     run_json(
         'run', scene, '--display', '--record', str(bag), *same,
-        '--set', f'duration={DURATIONS[scene]}',
+        '--set', f'duration={DURATIONS[scene]}', *(['--namespace', home] if home else []),
         env={**environment(), 'ROS_PYTHON_CHECK_FIELDS': '1'},
     )  # fmt: skip
     found = defaultdict(list)
     with bag.open('rb') as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        channels = {c.topic: c for c in reader.get_summary().channels.values()}
+        channels = {c.topic.removeprefix(home): c for c in reader.get_summary().channels.values()}
         for _, channel, _, message in reader.iter_decoded_messages():
-            found[channel.topic].append(message)
+            found[channel.topic.removeprefix(home)].append(message)
     flashes = [m for m in found['/force_markers'] if m.markers[0].ns == 'impacts']
     samples = {
         round(time_of(m), 9): {(x.ns, x.id): x for x in m.markers}
@@ -60,7 +64,7 @@ def shown(request, tmp_path_factory) -> SimpleNamespace:
     machine = ms.load_scene(scene, overrides={'duration': DURATIONS[scene]})
     return SimpleNamespace(
         machine=machine, topics=found, channels=channels, flashes=flashes, samples=samples,
-        frames=[frames_of(m) for m in found['/tf']],
+        frames=[frames_of(m, home) for m in found['/tf']], home=home, prefix=prefix_of(home),
         seen=preview(machine),
     )  # fmt: skip
 
@@ -69,19 +73,25 @@ def time_of(array):
     return seconds(array.markers[0].header.stamp)
 
 
-def frames_of(message):
+def prefix_of(home):
+    return home.lstrip('/') + '/' if home else ''
+
+
+def frames_of(message, home):
     """Origin (2,) [m] and angle [rad] of each link, by /tf."""
-    frames = {'world': (np.zeros(2), 0.0)}
+    prefix = prefix_of(home)
+    frames = {f'{prefix}world': (np.zeros(2), 0.0)}
     for x in message.transforms:
-        assert x.header.frame_id == 'world'
+        assert x.header.frame_id == f'{prefix}world'
         at, q = x.transform.translation, x.transform.rotation
         frames[x.child_frame_id] = (np.array([at.x, at.y]), 2.0 * np.arctan2(q.z, q.w))
     return frames
 
 
-def in_world(frames, link, points):
-    """Points (k, 2) of a link in the world by its frame."""
-    origin, a = frames['world' if link == 'ground' else link]
+def in_world(shown, frames, frame, points):
+    """Points (k, 2) of a frame, or of a link, in the world."""
+    named = 'world' if frame == 'ground' else frame
+    origin, a = frames[named if named in frames else f'{shown.prefix}{named}']
     turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
     return np.atleast_2d(points) @ turn.T + origin
 
@@ -143,7 +153,7 @@ def test_arrows_are_the_reactions_of_the_same_run(shown):
                 continue
             foot, tip = map(place, arrow.points)
             assert tip - foot == pytest.approx(scale * force, abs=1e-12)
-            (at,) = in_world(frames, joint.second, joint.on_second)
+            (at,) = in_world(shown, frames, joint.second, joint.on_second)
             if isinstance(joint, HigherPair):
                 (x, y), (fx, fy) = foot - at, force
                 assert x * fy - y * fx == pytest.approx(message.moment[k], rel=1e-9, abs=1e-12)
@@ -167,9 +177,9 @@ def test_the_lens_shows_the_pin_where_it_is(shown):
         magnification = 0.5 * (lens.scale.x - pin.scale.x) / play.radial
         assert lens.scale.x == pytest.approx(6.0 * magnification * play.radial)
         out = (place(pin.pose.position) - place(lens.pose.position)) / magnification
-        (at,) = in_world(frames, joint.second, joint.on_second)
+        (at,) = in_world(shown, frames, joint.second, joint.on_second)
         assert out == pytest.approx(
-            in_world(frames, joint.first, joint.on_first)[0] - at, abs=1e-14
+            in_world(shown, frames, joint.first, joint.on_first)[0] - at, abs=1e-14
         )
         k = list(state.joints).index(joint.name)
         assert np.hypot(*out) == pytest.approx(play.radial - state.gaps[k], abs=1e-12)
@@ -196,7 +206,8 @@ def test_every_impact_flashes_once_at_its_joint(shown):
         assert flash.lifetime.sec == 0 < flash.lifetime.nanosec
         name = re.sub('_(left|right)$', '', impact.joint)
         joint = joints[name]
-        assert flash.header.frame_id == ('world' if joint.second == 'ground' else joint.second)
+        link = 'world' if joint.second == 'ground' else joint.second
+        assert flash.header.frame_id == f'{shown.prefix}{link}'
         assert tuple(place(flash.pose.position)) == joint.on_second
         hardest = max(hardest, impact.normal_impulse)
         share = max(impact.normal_impulse / hardest, 1e-3)
@@ -212,12 +223,12 @@ def test_shapes_move_with_the_frames(shown):
     assert len(rings) == len(revolute)
     for frames in shown.frames[:: len(shown.frames) // 3]:
         pins = [
-            in_world(frames, m.header.frame_id, place(m.pose.position))[0]
+            in_world(shown, frames, m.header.frame_id, place(m.pose.position))[0]
             for (ns, _), m in fixed.items()
             if ns == 'pins'
         ]
         for ring in rings:
-            around = in_world(frames, ring.header.frame_id, [place(p) for p in ring.points])
+            around = in_world(shown, frames, ring.header.frame_id, [place(p) for p in ring.points])
             middle = around[:-1].mean(axis=0)
             assert min(np.hypot(*(pin - middle)) for pin in pins) < 1e-3 * ring.scale.x + 0.26e-3
     for k, joint in enumerate(j for j in mechanism.joints if hasattr(j, 'wheels')):
@@ -230,10 +241,11 @@ def test_shapes_move_with_the_frames(shown):
     for coil, frames in zip(coils, shown.frames, strict=False):
         (spring,) = (s.outline for s in shown.seen.skeleton.shapes if s.kind == 'spring')
         for end, point in zip(spring, (coil.points[0], coil.points[-1]), strict=True):
-            assert place(point) == pytest.approx(in_world(frames, *end)[0], abs=1e-12)
+            assert place(point) == pytest.approx(in_world(shown, frames, *end)[0], abs=1e-12)
 
 
 def test_the_description_has_the_frames_of_the_links(shown):
+    # the world of the description has no prefix, so that several may share it
     robot = ElementTree.fromstring(shown.topics['/robot_description'][0].data)
     assert set(shown.frames[0]) <= {link.get('name') for link in robot.iter('link')}
 
@@ -256,22 +268,24 @@ def panels_of(tree) -> list[str]:
 
 
 def test_every_path_of_a_foxglove_layout_leads_somewhere_in_the_bag(shown):
-    made = json.loads(to_foxglove(shown.seen))
+    made = json.loads(to_foxglove(shown.seen, shown.home, shown.prefix))
     panels = made['configById']
     tabs = [x for tab in panels['Tab!plots']['tabs'] for x in panels_of(tab['layout'])]
     assert sorted([*panels_of(made['layout']), *tabs]) == sorted(panels)
     scene = panels['3D!machine']
     topics = [*scene['topics'], scene['layers']['robot']['topic']]
     topics += [p['topicPath'] for p in panels.values() if 'topicPath' in p]
-    assert set(topics) <= set(shown.topics)
+    assert {name.removeprefix(shown.home) for name in topics} <= set(shown.topics)
+    assert all(name.startswith(shown.home) for name in topics)
     assert {name.removeprefix('frame:') for name in scene['transforms']} < set(shown.frames[0])
-    assert {scene['followTf'], scene['layers']['grid']['frameId']} == {'world'}
+    assert {scene['followTf'], scene['layers']['grid']['frameId']} == {f'{shown.prefix}world'}
     states = shown.topics['/linkage_state'][0]
     lines = [(p, line) for p in panels.values() for line in p.get('paths', ())]
     assert len(lines) > 20
     for panel, line in lines:
         assert re.search(r'\[(rad|m|N|J|N m|N s|rad/s|m/s|m/s\^2)\]', panel['title'])
         topic, key, name, field, index = PATH.fullmatch(line['value']).groups()
+        topic = topic.removeprefix(shown.home)
         messages = shown.topics[topic]
         if key:
             assert topic != '/impacts' or name in states.joints
@@ -296,12 +310,12 @@ def test_every_path_of_a_foxglove_layout_leads_somewhere_in_the_bag(shown):
 def test_the_views_hold_the_machine(shown):
     """All origins of frames lie within what both viewers show."""
     origins = np.array([at for frames in shown.frames for at, _ in frames.values()])
-    made = json.loads(to_foxglove(shown.seen))
+    made = json.loads(to_foxglove(shown.seen, shown.home, shown.prefix))
     camera = made['configById']['3D!machine']['cameraState']
     away = np.abs(origins - camera['targetOffset'][:2])
     assert (away < 0.5 * camera['distance']).all()
     assert away.max() > 0.15 * camera['distance']
-    view = yaml.safe_load(to_rviz(shown.seen))['Visualization Manager']
+    view = yaml.safe_load(to_rviz(shown.seen, shown.home, shown.prefix))['Visualization Manager']
     current = view['Views']['Current']
     away = np.abs(origins - [current['X'], current['Y']]) * current['Scale']  # pixels
     assert (away < [400.0, 325.0]).all()
@@ -309,7 +323,7 @@ def test_the_views_hold_the_machine(shown):
 
 
 def test_rviz_asks_for_topics_and_frames_of_the_bag(shown):
-    made = yaml.safe_load(to_rviz(shown.seen))
+    made = yaml.safe_load(to_rviz(shown.seen, shown.home, shown.prefix))
     manager = made['Visualization Manager']
     displays = {d['Class'].partition('/')[2]: d for d in manager['Displays']}
     assert set(displays) == {'TF', 'MarkerArray', 'RobotModel'}
@@ -317,11 +331,13 @@ def test_rviz_asks_for_topics_and_frames_of_the_bag(shown):
     asked = [d.get('Topic') or d['Description Topic'] for d in manager['Displays'][1:]]
     for topic in asked:
         (offered,) = yaml.safe_load(
-            shown.channels[topic['Value']].metadata['offered_qos_profiles']
+            shown.channels[topic['Value'].removeprefix(shown.home)].metadata[
+                'offered_qos_profiles'
+            ]
         )
         assert offered['reliability'] == topic['Reliability Policy'].lower()
         assert offered['durability'].replace('_', ' ') == topic['Durability Policy'].lower()
-    assert manager['Global Options']['Fixed Frame'] == 'world'
+    assert manager['Global Options']['Fixed Frame'] == f'{shown.prefix}world'
 
 
 def test_names_of_a_second_machine_have_its_namespace_and_prefix(tmp_path, capsys):

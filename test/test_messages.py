@@ -19,11 +19,15 @@ from mechanism_sim.messages import (
     ModeChange,
     Motion,
     Quaternion,
+    Result,
+    SimulateSteps,
+    StepSimulation,
     TFMessage,
     Trigger,
     checks,
     classes,
     define,
+    define_action,
     define_service,
     definition,
     deserialize,
@@ -76,6 +80,95 @@ PUBLIC_HASHES = {
         '845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff'
     ),
 }
+
+
+# Made by rosidl_generator_type_description of ROS 2 Jazzy: of simulation_interfaces 2.1.0, and as
+# installed with action_msgs and tf2_msgs.
+ROSIDL_HASHES = {
+    'simulation_interfaces/action/SimulateSteps': (
+        'f0837c898e1219cd73bf4c041feab41e8c533e8e1057e982744dba7b093467eb'
+    ),
+    'simulation_interfaces/action/SimulateSteps_SendGoal': (
+        '504407b9ff5617a737df8222cf581452b4f2e699e11e940d8d36590c5fb07d01'
+    ),
+    'simulation_interfaces/action/SimulateSteps_GetResult': (
+        'a1dae0516ab5c70d6d797e1bcd55c9448dfbb1966643f1ebd3e3f153d8169ae0'
+    ),
+    'simulation_interfaces/action/SimulateSteps_FeedbackMessage': (
+        'a30dee7ee7380769e616406ec5067b238aa2b27e1dbd7a5957fba1d908d7754d'
+    ),
+    'simulation_interfaces/srv/GetSimulatorFeatures': (
+        'abb9439c8cf196722a469fb6c68b44b484f198c2a1356ac38849a29c2a20a794'
+    ),
+    'simulation_interfaces/srv/GetSimulationState': (
+        '3362dcebee4b1afebbf9c4beee5c79c1455385aded62092a892d61fde8644f30'
+    ),
+    'simulation_interfaces/srv/SetSimulationState': (
+        'a868b916dce49974f637ba252141258c4b07b0c06858b88af560e3eb6bfbcb30'
+    ),
+    'simulation_interfaces/srv/StepSimulation': (
+        '913fe0653690ce6bf8f09f316e6a626747012e9fca31e26719910d417aa8565c'
+    ),
+    'simulation_interfaces/srv/ResetSimulation': (
+        '4ce285d7ff9b8ac70dcc95161f32bf54c05a6f4b13427990e41ab40c36c39646'
+    ),
+    'action_msgs/srv/CancelGoal': (
+        '573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a'
+    ),
+    'action_msgs/msg/GoalStatusArray': (
+        '6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e'
+    ),
+    'tf2_msgs/action/LookupTransform': (
+        '0b8adf6bc0b5958879e3265b41a457e03558fe523890a81252c70eba97a82c5d'
+    ),
+    'tf2_msgs/action/LookupTransform_SendGoal': (
+        '4646ff5706c86b04d0a1098d329951a9731a7517e16702905de6073cc72c8530'
+    ),
+    'tf2_msgs/action/LookupTransform_GetResult': (
+        '3cd1715751899e3167b5aec3e4ac194f7da9e8493a77285f9f6a4c914f5e8b24'
+    ),
+    'tf2_msgs/action/LookupTransform_FeedbackMessage': (
+        '10cb89922dcb103e95c185d43e8a5efa3d38db996f733151a2f3e2ac133f4839'
+    ),
+}
+
+LOOKUP_TRANSFORM = """string target_frame
+string source_frame
+builtin_interfaces/Time source_time
+builtin_interfaces/Duration timeout
+builtin_interfaces/Time target_time
+string fixed_frame
+bool advanced
+---
+geometry_msgs/TransformStamped transform
+tf2_msgs/TF2Error error
+---
+"""
+
+
+@pytest.mark.parametrize('name', ROSIDL_HASHES)
+def test_hashes_of_actions_are_those_of_rosidl(name):
+    define_action('tf2_msgs/action/LookupTransform', LOOKUP_TRANSFORM)
+    assert type_hash(name) == f'RIHS01_{ROSIDL_HASHES[name]}'
+
+
+def test_actions_have_the_classes_that_ros_gives_them():
+    assert type_name(SimulateSteps) == 'simulation_interfaces/action/SimulateSteps'
+    assert SimulateSteps.Goal(steps=3).steps == 3
+    impl = SimulateSteps.Impl
+    assert type_name(impl.SendGoalService) == 'simulation_interfaces/action/SimulateSteps_SendGoal'
+    feedback = SimulateSteps.Feedback(completed_steps=2, remaining_steps=1)
+    message = impl.FeedbackMessage(feedback=feedback)
+    message.goal_id.uuid = list(range(16))
+    assert deserialize(serialize(message), impl.FeedbackMessage) == message
+    assert len(serialize(message)) == 4 + 16 + 8 + 8
+    status = impl.GetResultService.Response(status=4, result=SimulateSteps.Result())
+    status.result.result.result = Result.RESULT_OK
+    assert deserialize(serialize(status), impl.GetResultService.Response) == status
+    assert StepSimulation.Request().steps == 1
+    assert 'MSG: simulation_interfaces/action/SimulateSteps_Feedback\n' in definition(
+        type_name(impl.FeedbackMessage)
+    )
 
 
 @pytest.mark.parametrize('name', PUBLIC_HASHES)

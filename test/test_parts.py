@@ -364,7 +364,7 @@ def test_a_motion_message_carries_all_that_forces_need(mixed):
     machine = ms.load_scene(str(mixed))
     motion = ms.simulate(machine, duration=0.02).motion
     names = machine.physics.coordinates, machine.physics.clearances
-    message = pack(motion, *names)
+    message = pack(motion, *names, motion.curve.end)
     again = motion_of(message)
     for name in ('modes', 'approach', 'torques'):
         assert np.array_equal(getattr(again, name), getattr(motion, name))

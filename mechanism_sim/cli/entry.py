@@ -11,18 +11,22 @@ from typing import Any
 from mechanism_sim.cli import bags, drawings, machines, runs, studies
 from mechanism_sim.cli.options import tell
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.nodes.arguments import split_ros_args
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run a command; exit code 0 done, 1 failed run, 2 bad input."""
     parser = _parser()
-    options, rest = parser.parse_known_args(args)
+    own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
+    options, rest = parser.parse_known_args(own)
+    if ros_args and options.command not in ('run', 'node'):
+        options.parser.error('--ros-args is for the commands run and node')
     if rest and options.command != 'node':
         options.parser.error(f'unrecognized arguments: {" ".join(rest)}')
     if options.command is None:
         parser.print_help()
         sys.exit(0)
-    options.rest = rest
+    options.rest, options.ros_args = rest, ros_args
     try:
         code = options.run(options)
         sys.stdout.flush()

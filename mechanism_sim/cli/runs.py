@@ -44,6 +44,9 @@ def add(command: Command) -> None:
     sub.add_argument('--realtime-factor', type=float, default=0.0, metavar='F', help='0: no limit')
     sub.add_argument('--display', action='store_true', help='markers for RViz and Foxglove, too')
     sub.add_argument('--processes', action='store_true', help='each node in its own process')
+    sub.add_argument('--paused', action='store_true', help='begin paused, to be played or stepped')
+    sub.add_argument('--hold', action='store_true', help='pause at the end instead of ending')
+    sub.add_argument('--namespace', metavar='NS', help='of all nodes and topics of the run')
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
     sub.add_argument('name', nargs='?', metavar='NAME', help=', '.join(NODE_NAMES))
 
@@ -102,7 +105,7 @@ def _run(options: argparse.Namespace) -> int:
         )
     plan = Plan(
         machine, options.scene, overrides, end, options.record, options.overwrite,
-        options.realtime_factor, options.display,
+        options.realtime_factor, options.paused, options.hold, _ros_args(options), options.display,
     )  # fmt: skip
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)
@@ -111,6 +114,18 @@ def _run(options: argparse.Namespace) -> int:
     elif outcome.code == 0:
         print(progress.render(outcome))
     return outcome.code
+
+
+def _ros_args(options: argparse.Namespace) -> list[str]:
+    """What the command line says in the way of ROS, the namespace among it."""
+    found = list(options.ros_args)
+    if options.namespace is not None:
+        found += [
+            *([] if found else ['--ros-args']),
+            '-r',
+            f'__ns:=/{options.namespace.strip("/")}',
+        ]
+    return found
 
 
 def _node(options: argparse.Namespace) -> int:
@@ -126,7 +141,7 @@ def _node(options: argparse.Namespace) -> int:
             f"there is no node '{options.name}'{nearest(options.name, NODE_NAMES)}; known are: "
             f'{", ".join(NODE_NAMES)}'
         )
-    import_module(f'mechanism_sim.nodes.{options.name}').main(options.rest)
+    import_module(f'mechanism_sim.nodes.{options.name}').main([*options.rest, *options.ros_args])
     return 0
 
 

@@ -25,6 +25,9 @@ SAME = 1e-6
 #: of a bar, as a share of the machine's size
 WIDTH = 1.0 / 30.0
 
+#: of the ground, and of links in turn: a palette that the colour-blind can tell apart (Okabe, Ito)
+COLOURS = ('0.6 0.6 0.6', '0.9 0.6 0', '0.35 0.7 0.9', '0 0.6 0.5', '0.8 0.4 0', '0 0.45 0.7')
+
 
 @dataclass(frozen=True)
 class Solid:

@@ -12,15 +12,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.etree import ElementTree
 
+from mechanism_sim.export.ideal import way
 from mechanism_sim.export.markup import Element, comment, text, written
-from mechanism_sim.export.solids import Solid, solids
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Vector2, rotate
+from mechanism_sim.export.solids import COLOURS, Solid, solids
+from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Vector2
 from mechanism_sim.scene.machine import Machine
 
 WORLD = 'world'
-
-#: of the ground, and of links in turn: a palette that the colour-blind can tell apart (Okabe, Ito)
-COLOURS = ('0.6 0.6 0.6', '0.9 0.6 0', '0.35 0.7 0.9', '0 0.6 0.5', '0.8 0.4 0', '0 0.45 0.7')
 
 
 def to_urdf(machine: Machine, prefix: str = '') -> str:
@@ -70,10 +68,8 @@ class _Tree:
         ahead = j.first == link  # the link is named first: the joint is seen from its other side
         here, there = (j.on_first, j.on_second) if ahead else (j.on_second, j.on_first)
         if isinstance(j, Prismatic):
-            turn, axis = (-j.angle, j.axis) if ahead else (j.angle, j.axis - j.angle)
-            way = rotate((-1.0 if ahead else 1.0, 0.0), axis)
-            child = self._before(link, here)
-            self._joint(link, 'prismatic', parent, child, there, turn, way)
+            turn, child = -j.angle if ahead else j.angle, self._before(link, here)
+            self._joint(link, 'prismatic', parent, child, there, turn, way(j, link))
             return
         frame, offset = m.frame(parent)
         if frame == GROUND:
@@ -89,8 +85,8 @@ class _Tree:
     def float_free(self, body: Body) -> None:
         """Two displacements of the centre of gravity, and the angle."""
         x, y = (self._frame(f'{body.name}.{axis}') for axis in 'xy')
-        self._joint(x, 'prismatic', GROUND, f'{body.name}.x', way=(1.0, 0.0))
-        self._joint(y, 'prismatic', f'{body.name}.x', f'{body.name}.y', way=(0.0, 1.0))
+        self._joint(x, 'prismatic', GROUND, f'{body.name}.x', along=(1.0, 0.0))
+        self._joint(y, 'prismatic', f'{body.name}.x', f'{body.name}.y', along=(0.0, 1.0))
         self._turning(body.name, f'{body.name}.y', (0.0, 0.0), body.cog)
 
     def _turning(
@@ -104,7 +100,7 @@ class _Tree:
             return link
         hub = f'{link}.joint'
         self._frame(hub)
-        self._joint(f'{link}.fixed', 'fixed', hub, link, (-here[0], -here[1]), way=None)
+        self._joint(f'{link}.fixed', 'fixed', hub, link, (-here[0], -here[1]))
         return hub
 
     def _frame(self, name: str) -> str:
@@ -119,16 +115,16 @@ class _Tree:
         child: str,
         at: Vector2 = (0.0, 0.0),
         turn: float = 0.0,
-        way: Vector2 | None = (0.0, 0.0),
+        along: Vector2 = (0.0, 0.0),
     ) -> Element:
-        """A joint; `way` is that of a prismatic one."""
+        """A joint; a prismatic one moves its child `along` a direction."""
         joint = ElementTree.SubElement(self._robot, 'joint', name=name, type=kind)
         parent = WORLD if parent == GROUND else self._prefix + parent
         ElementTree.SubElement(joint, 'parent', link=parent)
         ElementTree.SubElement(joint, 'child', link=self._prefix + child)
         _origin(joint, (*at, 0.0), turn)
-        if kind == 'prismatic' and way is not None:
-            ElementTree.SubElement(joint, 'axis', xyz=text(*way, 0.0))
+        if kind == 'prismatic':
+            ElementTree.SubElement(joint, 'axis', xyz=text(*along, 0.0))
             # asked for by the format; of the limits in the plane no motion knows
             far = text(self._far)
             ElementTree.SubElement(

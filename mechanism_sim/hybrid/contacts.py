@@ -97,6 +97,21 @@ class Contacts:
         """Present time [s]."""
         return self.base.at(float(self._ta.time))
 
+    def change_restitution(self, joint: str, restitution: float) -> None:
+        """Let impacts of a joint have another coefficient; its gaps carry its name.
+
+        Raises
+        ------
+        KeyError
+            If the joint has no gap.
+        """
+        exact = [i for i, name in enumerate(self._names) if name == joint]
+        walls = [i for i, name in enumerate(self._names) if name.rpartition('_')[0] == joint]
+        for i in exact or walls:
+            self._laws[i] = replace(self._laws[i], restitution=restitution)
+        if not exact and not walls:
+            raise KeyError(joint)
+
     def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
         """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
         self.modes = modes

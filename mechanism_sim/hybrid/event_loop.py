@@ -264,6 +264,22 @@ class EventLoop:
                 tau, limit, next_base = 0.0, self._base.local(until), self._next_base
         ta.time = tau
 
+    def preview(self, until: float) -> Motion | None:
+        """How the solution goes on up to `until` [s], of what `advance` to there held back.
+
+        It is the beginning of the next step, on the same polynomials: whatever law comes from
+        `until` on cannot change it. None if the solution has come so far. To be called after
+        `drain`.
+        """
+        if self._pending is None:
+            return None
+        h = min(self._base.local(until) - self._pending.tau, self._pending.h)
+        return self._tape.peek(self._pending.tau, h) if h > 0.0 else None
+
+    def change_restitution(self, joint: str, restitution: float) -> None:
+        """Let impacts of a joint with clearance have another coefficient, from now on."""
+        self._contacts.change_restitution(joint, restitution)
+
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
         """Length and guard of a step, taken anew where it overlooked an event.
 

@@ -156,6 +156,29 @@ class Tape:
         A rate's Taylor polynomial, integrated, gives its angle one order higher than the
         integrator's own.
         """
+        motion, count = self._motion(), len(self.lengths)
+        # The next step may be in its slot already: it becomes the first.
+        self.slots[0][:] = self.slots[count]
+        self._drained += count
+        self.taus.clear()
+        self.lengths.clear()
+        self._bases = self._bases[-1:]
+        self._marks = [(0, self._marks[-1][1], 0)]
+        return motion
+
+    def peek(self, tau: float, h: float) -> Motion:
+        """The beginning of the step in its slot as motion, up to `h` [s] after its start.
+
+        Nothing is entered. To be called after `drain`.
+        """
+        self.taus.append(tau)
+        self.lengths.append(h)
+        motion = self._motion()
+        self.taus.clear()
+        self.lengths.clear()
+        return motion
+
+    def _motion(self) -> Motion:
         system, count = self._system, len(self.lengths)
         begins, status, marked = zip(*self._marks, strict=True)
         each = np.diff([*begins, count])
@@ -181,7 +204,7 @@ class Tape:
         low = np.array([base.low for base in self._bases])[of]
         turns = [[base.turns.get(c, 0) for c in system.coordinates] for base in self._bases]
         start, start_low = exact_sum(high, low, tau)
-        motion = Motion(
+        return Motion(
             PiecewisePolynomial(
                 start,
                 start_low,
@@ -193,14 +216,6 @@ class Tape:
             np.repeat(np.array([s.approach for s in status], np.float64), each, axis=0),
             self._torques(of),
         )
-        # The next step may be in its slot already: it becomes the first.
-        self.slots[0][:] = self.slots[count]
-        self._drained += count
-        self.taus.clear()
-        self.lengths.clear()
-        self._bases = self._bases[-1:]
-        self._marks = [(0, status[-1], 0)]
-        return motion
 
     def _torques(self, of: NDArray[np.intp]) -> Array:
         """The torque laws of every step, for angles with all their turns."""

@@ -123,6 +123,22 @@ class NominalRun:
                 return
             self._add(end)
 
+    def preview(self, until: float) -> Motion | None:
+        """How the motion goes on up to `until` [s], of what `advance` to there held back.
+
+        None if it has come so far. To be called after `drain`.
+        """
+        if until <= self.time:
+            return None
+        kept = self.time, self.steps, self._turns.copy(), self._last.copy(), self._share
+        while self.time < until:
+            end = self.time + self._share * self._width()
+            self._add(min([end, *(law.valid_from for law in self._coming)]))
+        motion, *_ = self.drain()
+        self.time, self.steps, self._turns, self._last, self._share = kept
+        motion.curve.duration[-1] = until - motion.curve.start[-1]
+        return motion
+
     def _width(self) -> float:
         """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
         widths = [_LONGEST]
@@ -212,6 +228,10 @@ class NominalRun:
         n = len(self._last)
         fixed = {*self._ideal.driven, *self._ideal.sliding}
         return np.array([i not in fixed for i in range(n)])
+
+    def change_restitution(self, joint: str, restitution: float) -> None:
+        """There are no impacts: KeyError."""
+        raise KeyError(joint)
 
     def snapshot(self) -> Snapshot:
         """What it takes to go on."""

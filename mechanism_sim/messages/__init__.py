@@ -2,7 +2,8 @@
 
 ``from mechanism_sim.messages import Impact, JointState`` gives a class that is constructed by
 keywords (``Impact(time=0.1, joint='a')``), has the constants of its definition as class attributes
-and their defaults elsewhere. Any other message or service: ``message_class('pkg/msg/Name')``.
+and their defaults elsewhere. Any other message, service or action:
+``message_class('pkg/msg/Name')``, ``service_class``, ``action_class``.
 
 What nodes do the same way on both back ends: assign arrays through ``float64_array`` and its
 sisters, read them through ``numpy.asarray``, treat received arrays as read-only, give ``byte``
@@ -12,6 +13,7 @@ fields the constants of their message only.
 from typing import Any
 
 from mechanism_sim.messages.classes import (
+    action_class,
     deserialize,
     float64_array,
     int64_array,
@@ -27,6 +29,7 @@ from mechanism_sim.messages.definitions import (
     PUBLIC,
     MessageError,
     define,
+    define_action,
     define_service,
     definition,
     message_folder,
@@ -39,7 +42,9 @@ from mechanism_sim.messages.stamps import seconds, stamp
 
 __all__ = [
     'MessageError',
+    'action_class',
     'define',
+    'define_action',
     'define_service',
     'definition',
     'deserialize',
@@ -62,13 +67,14 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Message and service classes by their short names, made when first asked for."""
+    """Message, service and action classes by their short names, made when first asked for."""
     package = PUBLIC.get(name)
     if package is None and name[:1].isupper() and name in own_messages():
         package = f'{OWN}/msg'
     if package is None:
         raise AttributeError(f'module {__name__!r} has no message {name!r}')
-    make = service_class if package.endswith('/srv') else message_class
+    makers = {'msg': message_class, 'srv': service_class, 'action': action_class}
+    make = makers[package.rpartition('/')[2]]
     value = globals()[name] = make(f'{package}/{name}')
     return value
 

@@ -74,11 +74,34 @@ def service_class(name: str) -> type[Any]:
     return type(short, (), {**parts, '__srvtype__': name, '__doc__': f'Service {name}.'})
 
 
+@cache
+def action_class(name: str) -> type[Any]:
+    """Class of the action ``pkg/action/Name``: its ``Goal``, ``Result``, ``Feedback``.
+
+    As in ROS its ``Impl`` has the classes of what goes over the wire.
+    """
+    if ros_installed():
+        return _ros_class(name)
+    short = name.rpartition('/')[2]
+    wire = {
+        'SendGoalService': service_class(f'{name}_SendGoal'),
+        'GetResultService': service_class(f'{name}_GetResult'),
+        'CancelGoalService': service_class('action_msgs/srv/CancelGoal'),
+        'FeedbackMessage': message_class(f'{name}_FeedbackMessage'),
+        'GoalStatusMessage': message_class('action_msgs/msg/GoalStatusArray'),
+    }
+    parts = {part: message_class(f'{name}_{part}') for part in ('Goal', 'Result', 'Feedback')}
+    inner = type('Impl', (), {**wire, '__doc__': f'What the action {name} is made of.'})
+    return type(
+        short, (), {**parts, 'Impl': inner, '__actiontype__': name, '__doc__': f'Action {name}.'}
+    )
+
+
 def type_name(cls: type[Any]) -> str:
-    """``pkg/msg/Name`` or ``pkg/srv/Name`` of a class of a message or service."""
-    name = getattr(cls, '__msgtype__', None) or getattr(cls, '__srvtype__', None)
-    if name is not None:
-        return str(name)
+    """``pkg/msg/Name``, ``pkg/srv/Name`` or ``pkg/action/Name`` of a class."""
+    for mark in ('__msgtype__', '__srvtype__', '__actiontype__'):
+        if (name := getattr(cls, mark, None)) is not None:
+            return str(name)
     package, kind, *_ = [*cls.__module__.split('.'), '']
     if kind not in {'msg', 'srv', 'action'}:
         raise MessageError(f'{cls.__name__} is not a class of a message or service')

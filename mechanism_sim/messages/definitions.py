@@ -1,4 +1,4 @@
-"""Definitions of messages and services, their text and their hash.
+"""Definitions of messages, services and actions, their text and their hash.
 
 The definitions of ROS 2 Jazzy come with rosbags; this package's own are read from ``msg/``, from
 the source tree or from where pip and colcon put them. The hash is RIHS01 of REP-2016.
@@ -16,12 +16,14 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from mechanism_sim.messages import simulation
 from mechanism_sim.messages.services import SERVICES
 
 OWN = 'mechanism_sim'
 RULER = '=' * 80
 
 _NAMES = {
+    'action_msgs/msg': 'GoalInfo GoalStatus GoalStatusArray',
     'builtin_interfaces/msg': 'Duration Time',
     'diagnostic_msgs/msg': 'DiagnosticArray DiagnosticStatus KeyValue',
     'geometry_msgs/msg': 'Point Pose Quaternion Transform TransformStamped Vector3',
@@ -29,12 +31,18 @@ _NAMES = {
     ' ParameterDescriptor ParameterEvent ParameterType ParameterValue SetParametersResult',
     'rosgraph_msgs/msg': 'Clock',
     'sensor_msgs/msg': 'Imu JointState',
+    'simulation_interfaces/msg': 'Result SimulationState SimulatorFeatures',
     'std_msgs/msg': 'ColorRGBA Float64 Header String',
     'tf2_msgs/msg': 'TFMessage',
+    'unique_identifier_msgs/msg': 'UUID',
     'visualization_msgs/msg': 'Marker MarkerArray',
+    'action_msgs/srv': 'CancelGoal',
     'rcl_interfaces/srv': 'DescribeParameters GetParameterTypes GetParameters ListParameters'
     ' SetParameters SetParametersAtomically',
+    'simulation_interfaces/srv': 'GetSimulationState GetSimulatorFeatures ResetSimulation'
+    ' SetSimulationState StepSimulation',
     'std_srvs/srv': 'Trigger',
+    'simulation_interfaces/action': 'SimulateSteps',
 }
 PUBLIC = {name: package for package, names in _NAMES.items() for name in names.split()}
 
@@ -72,7 +80,7 @@ def own_messages() -> tuple[str, ...]:
 
 @cache
 def typestore() -> Typestore:
-    """Every definition known: those of ROS 2 Jazzy, our own, and the services."""
+    """Every definition known: those of ROS 2 Jazzy, our own, and what neither brings."""
     store = get_typestore(Stores.ROS2_JAZZY)
     # ROS treats char as uint8, also when it hashes; rosbags hashes it as a type of its own, which
     # would spoil every service hash through ServiceEventInfo.client_gid.
@@ -82,8 +90,12 @@ def typestore() -> Typestore:
             store.fielddefs[name] = (constants, fields)
     for name in own_messages():
         _register(store, f'{OWN}/msg/{name}', (message_folder() / f'{name}.msg').read_text())
-    for name, text in SERVICES.items():
+    for name, text in simulation.MESSAGES.items():
+        _register(store, name, text)
+    for name, text in (SERVICES | simulation.SERVICES).items():
         _register_service(store, name, text)
+    for name, text in simulation.ACTIONS.items():
+        _register_action(store, name, text)
     return store
 
 
@@ -95,6 +107,11 @@ def define(name: str, text: str) -> None:
 def define_service(name: str, text: str) -> None:
     """Add the service ``pkg/srv/Name`` given by the text of its definition."""
     _register_service(typestore(), name, text)
+
+
+def define_action(name: str, text: str) -> None:
+    """Add the action ``pkg/action/Name`` given by the text of its definition."""
+    _register_action(typestore(), name, text)
 
 
 def definition(name: str) -> str:
@@ -155,6 +172,34 @@ def _register_service(store: Typestore, name: str, text: str) -> None:
     store.register({name: ([], [(f'{part}_message', parts[part]) for part in _PARTS])})
 
 
+def _register_action(store: Typestore, name: str, text: str) -> None:
+    """An action and what is derived of it, as rosidl does (``rosidl_parser/definition.py``)."""
+    for part, body in zip(('Goal', 'Result', 'Feedback'), text.split('---\n'), strict=True):
+        _register(store, f'{name}_{part}', body)
+    goal_id = 'unique_identifier_msgs/UUID goal_id\n'
+    _register_service(
+        store,
+        f'{name}_SendGoal',
+        f'{goal_id}{name}_Goal goal\n---\nbool accepted\nbuiltin_interfaces/Time stamp\n',
+    )
+    _register_service(
+        store, f'{name}_GetResult', f'{goal_id}---\nint8 status\n{name}_Result result\n'
+    )
+    _register(store, f'{name}_FeedbackMessage', f'{goal_id}{name}_Feedback feedback\n')
+    members = {
+        'goal': 'Goal',
+        'result': 'Result',
+        'feedback': 'Feedback',
+        'send_goal_service': 'SendGoal',
+        'get_result_service': 'GetResult',
+        'feedback_message': 'FeedbackMessage',
+    }
+    fields: list[tuple[str, Any]] = [
+        (field, (Nodetype.NAME, f'{name}_{part}')) for field, part in members.items()
+    ]
+    store.register({name: ([], fields)})
+
+
 _PARTS = ('request', 'response', 'event')
 
 
@@ -181,8 +226,7 @@ def _nested(name: str) -> list[str]:
 
 
 def _short(name: str) -> str:
-    package, _, short = name.split('/')
-    return f'{package}/{short}'
+    return name.replace('/msg/', '/')
 
 
 def _text(name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Container
 from typing import Any
 
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
@@ -10,7 +11,7 @@ from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.messages.classes import float64_array, message_class
 from mechanism_sim.messages.stamps import stamp
 from mechanism_sim.planar.drive import DriveLaw as MotionLaw
-from mechanism_sim.planar.drive import Law
+from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.scene.machine import Machine
 
 
@@ -24,20 +25,49 @@ def describe(machine: Machine) -> str:
     return json.dumps(content | {'displacements': displacements})
 
 
-def drive_law(law: Law, law_id: int, until: float, final: bool, announced: float) -> Any:
+def drive_law(
+    law: Law,
+    law_id: int,
+    until: float,
+    final: bool,
+    announced: float,
+    run: int = 0,
+    again: bool = False,
+) -> Any:
     """DriveLaw message: a law that holds up to `until` [s], told at the time `announced` [s]."""
     kind = message_class('mechanism_sim/msg/DriveLaw')
     message = kind(
+        run=run,
         coordinate=law.coordinate,
         kind=kind.PRESCRIBED if isinstance(law, MotionLaw) else kind.TORQUE,
         law_id=law_id,
         valid_from=law.valid_from,
         valid_until=until,
         final=final,
+        again=again,
         reference_time=law.reference_time if isinstance(law, MotionLaw) else 0.0,
+        turns=law.turns if isinstance(law, MotionLaw) else 0,
         coefficients=float64_array(list(law.coefficients)),
     )
     message.header.stamp = stamp(announced)
+    return message
+
+
+def law_of(message: Any, displacements: Container[str]) -> Law:
+    """The law of the drive that a DriveLaw message announces."""
+    name, since = message.coordinate, message.valid_from
+    coefficients = [float(c) for c in message.coefficients]
+    if message.kind == message_class('mechanism_sim/msg/DriveLaw').TORQUE:
+        constant, per_angle, per_speed = coefficients
+        return TorqueLaw(name, (constant, per_angle, per_speed), since)
+    straight, reference = name in displacements, message.reference_time
+    return MotionLaw(name, tuple(coefficients), reference, since, straight, int(message.turns))
+
+
+def scene_change(path: str, value: float, time: float) -> Any:
+    """SceneChange message: a value that holds from `time` [s] on."""
+    message = message_class('mechanism_sim/msg/SceneChange')(time=time, path=path, value=value)
+    message.header.stamp = stamp(time)
     return message
 
 

@@ -80,10 +80,20 @@ def motion_of(message: Any) -> Motion:
     return Motion(curve_of(segments), segments.modes, approach, torques)
 
 
-def pack(motion: Motion, coordinates: Sequence[str], joints: Sequence[str]) -> Any:
-    """A Motion message of a motion of m segments; the names are those of its columns."""
+def pack(
+    motion: Motion, coordinates: Sequence[str], joints: Sequence[str], known: float, run: int = 0
+) -> Any:
+    """A Motion message of a motion of m segments; the names are those of its columns.
+
+    Parameters
+    ----------
+    known : [s] up to which all that is settled is published with this message
+    run : number of the run
+    """
     curve = motion.curve
     message = message_class('mechanism_sim/msg/Motion')(
+        run=run,
+        known_until=known,
         coordinates=list(coordinates),
         segments=len(curve),
         degree=curve.coefficients.shape[2] - 1,
@@ -97,5 +107,5 @@ def pack(motion: Motion, coordinates: Sequence[str], joints: Sequence[str]) -> A
         approach_speeds=float64_array(motion.approach.ravel()),
         torque_laws=float64_array(motion.torques.ravel()),
     )
-    message.header.stamp = stamp(float(curve.start[0]))
+    message.header.stamp = stamp(float(curve.start[0]) if len(curve) else known)
     return message

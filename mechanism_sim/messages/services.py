@@ -1,6 +1,15 @@
 """Definitions of the services that nodes of ROS 2 Jazzy serve and rosbags does not bring."""
 
 SERVICES = {
+    'action_msgs/srv/CancelGoal': """GoalInfo goal_info
+---
+int8 ERROR_NONE=0
+int8 ERROR_REJECTED=1
+int8 ERROR_UNKNOWN_GOAL_ID=2
+int8 ERROR_GOAL_TERMINATED=3
+int8 return_code
+GoalInfo[] goals_canceling
+""",
     'std_srvs/srv/Trigger': """---
 bool success
 string message

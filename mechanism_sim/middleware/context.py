@@ -2,11 +2,14 @@
 
 import atexit
 import signal
+import sys
+from collections.abc import Iterable, Sequence
 from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any, Protocol
 from weakref import WeakSet
 
+from mechanism_sim.middleware.arguments import parse_arguments
 from mechanism_sim.middleware.callbacks import interrupt
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.session import FLUSH_PATIENCE, Context
@@ -24,18 +27,19 @@ _signalled = False
 _sleepers: WeakSet[Sleeper] = WeakSet()
 
 
-def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:  # noqa: ARG001
-    """Join the network.
+def init(args: Sequence[str] | None = None, *, domain_id: int | None = None) -> None:
+    """Join the network; nodes heed the arguments of ROS in ``args``, ``sys.argv`` if None.
 
     Until ``shutdown`` is done, SIGTERM makes ``spin`` raise ExternalShutdownException, so that
     what is published still gets out; a second SIGTERM ends the process at once.
 
-    Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
+    Raises MiddlewareError if there is no network to join, if an argument of ROS is wrong, or if
+    ``init`` was called already.
     """
     global _context, _signalled  # noqa: PLW0603
     if _context is not None:
         raise MiddlewareError('init() was called twice without shutdown() between')
-    _context = Context(domain_id)
+    _context = Context(domain_id, parse_arguments(sys.argv if args is None else args))
     _signalled = False
     for number, (usual, ours) in _HANDLERS.items():
         if current_thread() is main_thread() and signal.getsignal(number) is usual:
@@ -71,8 +75,13 @@ def try_shutdown() -> None:
         shutdown()
 
 
-def leave(patience: float = FLUSH_PATIENCE) -> None:
-    """`shutdown` within `patience` [s], if there is something to shut down; not part of rclpy."""
+def leave(nodes: Iterable[Any] = (), patience: float = FLUSH_PATIENCE) -> None:
+    """Take nodes down and `shutdown`, if there is something to shut down; not part of rclpy.
+
+    Raises MiddlewareError if others have not what was published after `patience` [s].
+    """
+    for node in nodes:
+        node.destroy_node()
     if _context is not None:
         shutdown(patience)
 

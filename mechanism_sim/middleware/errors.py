@@ -1,5 +1,7 @@
 """What can go wrong, under the names of rclpy where it has one."""
 
+from mechanism_sim.errors import InputError
+
 
 class MiddlewareError(RuntimeError):
     """The network, a name or a call is not as it should be; the text says what to do."""
@@ -9,8 +11,16 @@ class ExternalShutdownException(MiddlewareError):  # noqa: N818
     """A signal asked the process to end while it was spinning."""
 
 
+class InvalidArgumentsError(MiddlewareError, InputError):
+    """What follows ``--ros-args`` makes no sense."""
+
+
 class InvalidNameError(MiddlewareError, ValueError):
     """A name is not a ROS name."""
+
+
+class InvalidQosOverridesError(MiddlewareError, InputError):
+    """A quality of service given by parameters is none, or is refused."""
 
 
 class ParameterNotDeclaredException(MiddlewareError, KeyError):  # noqa: N818
@@ -24,5 +34,5 @@ class ParameterAlreadyDeclaredException(MiddlewareError):  # noqa: N818
     """A parameter is declared twice."""
 
 
-class InvalidParameterValueException(MiddlewareError, ValueError):  # noqa: N818
+class InvalidParameterValueException(MiddlewareError, InputError):  # noqa: N818
     """The first value of a parameter is refused."""

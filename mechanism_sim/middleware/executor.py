@@ -93,7 +93,9 @@ class SingleThreadedExecutor:
                     return
                 continue
             self._next_look = time.monotonic() + LOOK_AT_TIMERS
-            timers = [timer for node in self._nodes for timer in node.timers]
+            timers = [
+                timer for node in self._nodes for timer in node.timers if timer.callback_group.free
+            ]
             due = [timer for timer in timers if timer.is_ready()]
             # After a timer it is the others' turn: one that is always due must not starve them.
             if due and not (self._ran_timer and self._ready.qsize()):

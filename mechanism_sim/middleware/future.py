@@ -1,18 +1,28 @@
-"""Futures: replies that are still to come."""
+"""Futures: results that are still to come."""
 
-from collections.abc import Callable
-from threading import Event
+from collections.abc import Callable, Generator
+from threading import Event, Lock
 from typing import Any
 
 
 class Future:
-    """A result that comes later; callbacks run in the thread that sets it."""
+    """A result that comes later; callbacks run in the thread that sets it.
+
+    A coroutine callback may ``await`` it: the executor goes on meanwhile.
+    """
 
     def __init__(self) -> None:
         self._done = Event()
+        self._cancelled = False
         self._result: Any = None
         self._exception: BaseException | None = None
         self._callbacks: list[Callable[[Future], Any]] = []
+        self._lock = Lock()
+
+    def __await__(self) -> 'Generator[Future, None, Any]':
+        while not self.done():
+            yield self
+        return self.result()
 
     def done(self) -> bool:
         """Whether there is a result or an exception."""
@@ -38,18 +48,36 @@ class Future:
         self._exception = exception
         self._finish()
 
+    def cancel(self) -> None:
+        """Say that nobody wants the result any more; whoever works on it may look."""
+        if not self.done():
+            self._cancelled = True
+            self._tell()
+
+    def cancelled(self) -> bool:
+        """Whether it was cancelled, and no result came all the same."""
+        return self._cancelled
+
     def add_done_callback(self, callback: 'Callable[[Future], Any]') -> None:
         """Call back with this future when it is done, at once if it is."""
-        if self.done():
-            callback(self)
-        else:
-            self._callbacks.append(callback)
+        with self._lock:
+            if not self.done():
+                self._callbacks.append(callback)
+                return
+        callback(self)
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until it is done; False if ``timeout`` [s] passes first."""
         return self._done.wait(timeout)
 
     def _finish(self) -> None:
-        self._done.set()
-        for callback in self._callbacks:
+        self._cancelled = False
+        with self._lock:
+            self._done.set()
+        self._tell()
+
+    def _tell(self) -> None:
+        with self._lock:
+            callbacks, self._callbacks = self._callbacks, []
+        for callback in callbacks:
             callback(self)

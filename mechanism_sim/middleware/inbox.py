@@ -19,6 +19,7 @@ from queue import SimpleQueue
 from threading import Condition
 from typing import Any, Protocol
 
+from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.session import Context
 
 LIMIT = 1000  # samples that a KEEP_ALL subscription holds before its publishers wait,
@@ -53,11 +54,13 @@ class Inbox:
         owner: Entity,
         limit: int = LIMIT,
         overflow: Overflow = Overflow.GROW,
+        group: CallbackGroup | None = None,
     ) -> None:
         self._context = context
         self._owner = owner
         self._limit = limit
         self._overflow = overflow
+        self._group = group or CallbackGroup()
         self._items: deque[tuple[Any, int]] = deque()
         self._bytes = 0
         self._changed = Condition()
@@ -85,7 +88,10 @@ class Inbox:
                 self._ready.put(self._owner)
 
     def take(self) -> Any:
-        """Next item, None if there is none; called by the executor."""
+        """Next item, None if there is none or its group waits; called by the executor."""
+        if not self._group.free:
+            self._group.hold(self)
+            return None
         with self._changed:
             if not self._items:
                 return None
@@ -102,6 +108,12 @@ class Inbox:
             if ready is not None:
                 for _ in self._items:
                     ready.put(self._owner)
+
+    def report(self) -> None:
+        """Have the executor look for an item once more."""
+        with self._changed:
+            if self._ready is not None:
+                self._ready.put(self._owner)
 
     def close(self) -> None:
         """Take in nothing more and let go whoever waits."""

@@ -21,13 +21,25 @@ class LoggingSeverity(IntEnum):
 
 
 class Logger:
-    """Says what a node has to say; ``publish`` takes the message for ``/rosout``."""
+    """Says what a node has to say; ``publish`` takes the message for ``/rosout``.
 
-    def __init__(self, name: str, publish: Callable[[Any], Any] | None = None) -> None:
+    Not ``written``: nothing goes to standard error.
+    """
+
+    def __init__(
+        self, name: str, publish: Callable[[Any], Any] | None = None, written: bool = True
+    ) -> None:
         self.name = name
         self._publish = publish
+        self._written = written
         self._level = LoggingSeverity.INFO
         self._said: dict[str, float] = {}
+
+    def get_child(self, name: str) -> 'Logger':
+        """Logger of a part of the node, with the level of the whole."""
+        child = Logger(f'{self.name}.{name}', self._publish, self._written)
+        child.set_level(self._level)
+        return child
 
     def set_level(self, level: LoggingSeverity) -> None:
         """Say nothing below this level."""
@@ -73,7 +85,8 @@ class Logger:
             self._said[message] = now
         seconds, nanoseconds = divmod(now, 1_000_000_000)
         line = f'[{level.name}] [{seconds}.{nanoseconds:09d}] [{self.name}]: {message}'
-        print(line, file=sys.stderr, flush=True)
+        if self._written:
+            print(line, file=sys.stderr, flush=True)
         if self._publish is not None:
             log = message_class('rcl_interfaces/msg/Log')
             stamp = Time(nanoseconds=now).to_msg()

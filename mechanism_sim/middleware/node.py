@@ -1,10 +1,15 @@
 """Nodes: the surface of rclpy's ``Node`` that the nodes of this package use."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mechanism_sim.messages import message_class
 from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.arguments import parse_arguments
+from mechanism_sim.middleware.callback_groups import (
+    CallbackGroup,
+    MutuallyExclusiveCallbackGroup,
+)
 from mechanism_sim.middleware.clock import Clock, Time
 from mechanism_sim.middleware.context import default_context
 from mechanism_sim.middleware.inbox import Ready
@@ -20,8 +25,10 @@ from mechanism_sim.middleware.qos import (
     qos_profile_rosout,
     qos_profile_services_default,
 )
+from mechanism_sim.middleware.qos_overrides import QoSOverridingOptions, overridden
 from mechanism_sim.middleware.services import Client, Service
 from mechanism_sim.middleware.subscription import Subscription
+from mechanism_sim.middleware.tasks import Tasks
 from mechanism_sim.middleware.timer import Timer
 
 if TYPE_CHECKING:
@@ -41,28 +48,38 @@ class Node(NodeGraph):
         self,
         node_name: str,
         *,
-        namespace: str = '',
-        parameter_overrides: Iterable[Parameter] | None = None,
-        start_parameter_services: bool = True,
+        cli_args: Sequence[str] | None = None,
+        namespace: str | None = None,
+        use_global_arguments: bool = True,
         enable_rosout: bool = True,
+        start_parameter_services: bool = True,
+        parameter_overrides: Iterable[Parameter] | None = None,
     ) -> None:
-        super().__init__(default_context(), node_name, namespace)
+        context = default_context()
+        arguments = parse_arguments(cli_args or ())
+        if use_global_arguments:
+            arguments = arguments.after(context.arguments)
+        super().__init__(context, node_name, namespace or '', arguments)
         self.executor: SingleThreadedExecutor | None = None
         self.timers: list[Timer] = []
         self._id = self.context.next_id()
-        self._entities: list[Publisher | Subscription | Service | Client] = []
+        self.default_callback_group: CallbackGroup = MutuallyExclusiveCallbackGroup()
+        self.tasks = Tasks(self.context)
+        self._entities: list[Publisher | Subscription | Service | Client | Tasks] = [self.tasks]
         self._ready: Ready | None = None
         self._clock = Clock()
         self._clock_subscription: Subscription | None = None
         self._token = self.context.announce(self._describe(wire.NODE, self._id))
         rosout = None
-        if enable_rosout:
+        if enable_rosout and arguments.logs['rosout-logs']:
             log = message_class('rcl_interfaces/msg/Log')
             rosout = self.create_publisher(log, '/rosout', qos_profile_rosout).publish
-        self._logger = Logger(
-            self.get_fully_qualified_name().lstrip('/').replace('/', '.'), rosout
-        )
-        self._parameters = Parameters(self.get_fully_qualified_name(), parameter_overrides or ())
+        full_name = self.get_fully_qualified_name()
+        logger_name = full_name.lstrip('/').replace('/', '.')
+        self._logger = Logger(logger_name, rosout, arguments.logs['stdout-logs'])
+        self._logger.set_level(arguments.level(logger_name))
+        given = [Parameter(n, value=v) for n, v in arguments.parameters_of(full_name).items()]
+        self._parameters = Parameters(full_name, [*given, *(parameter_overrides or ())])
         self._parameters.add_post_set_callback(self._follow_sim_time)
         if start_parameter_services:
             serve_parameters(self, self._parameters)
@@ -71,10 +88,17 @@ class Node(NodeGraph):
     # Endpoints
 
     def create_publisher(
-        self, msg_type: type[Any], topic: str, qos_profile: QoSProfile | int
+        self,
+        msg_type: type[Any],
+        topic: str,
+        qos_profile: QoSProfile | int,
+        *,
+        qos_overriding_options: QoSOverridingOptions | None = None,
     ) -> Publisher:
         """Publisher on a topic."""
-        publisher = Publisher(self, msg_type, self.resolve(topic), as_profile(qos_profile))
+        name, qos = self.resolve_topic_name(topic), as_profile(qos_profile)
+        qos = overridden(self, 'publisher', name, qos, qos_overriding_options)
+        publisher = Publisher(self, msg_type, name, qos)
         self._entities.append(publisher)
         return publisher
 
@@ -85,11 +109,15 @@ class Node(NodeGraph):
         callback: Callable[..., Any],
         qos_profile: QoSProfile | int,
         *,
+        callback_group: CallbackGroup | None = None,
+        qos_overriding_options: QoSOverridingOptions | None = None,
         raw: bool = False,
     ) -> Subscription:
         """Subscription to a topic; see Subscription for what the callback gets."""
-        profile = as_profile(qos_profile)
-        return self._add(Subscription(self, msg_type, self.resolve(topic), callback, profile, raw))
+        group = callback_group or self.default_callback_group
+        name, qos = self.resolve_topic_name(topic), as_profile(qos_profile)
+        qos = overridden(self, 'subscription', name, qos, qos_overriding_options)
+        return self._add(Subscription(self, msg_type, name, callback, qos, raw, group))
 
     def create_service(
         self,
@@ -98,9 +126,12 @@ class Node(NodeGraph):
         callback: Callable[[Any, Any], Any],
         *,
         qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
     ) -> Service:
         """Service; the callback gets request and response, and gives back the response."""
-        return self._add(Service(self, srv_type, self.resolve(srv_name), callback, qos_profile))
+        group = callback_group or self.default_callback_group
+        name = self.resolve_service_name(srv_name)
+        return self._add(Service(self, srv_type, name, callback, qos_profile, group))
 
     def create_client(
         self,
@@ -108,15 +139,24 @@ class Node(NodeGraph):
         srv_name: str,
         *,
         qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
     ) -> Client:
         """Client of a service."""
-        return self._add(Client(self, srv_type, self.resolve(srv_name), qos_profile))
+        group = callback_group or self.default_callback_group
+        name = self.resolve_service_name(srv_name)
+        return self._add(Client(self, srv_type, name, qos_profile, group))
 
     def create_timer(
-        self, timer_period_sec: float, callback: Callable[[], Any], *, autostart: bool = True
+        self,
+        timer_period_sec: float,
+        callback: Callable[[], Any],
+        callback_group: CallbackGroup | None = None,
+        *,
+        autostart: bool = True,
     ) -> Timer:
         """Timer on the clock of the node."""
-        timer = Timer(timer_period_sec, callback, self._clock)
+        group = callback_group or self.default_callback_group
+        timer = Timer(timer_period_sec, self.tasks.plain(callback, group), self._clock, group)
         if not autostart:
             timer.cancel()
         self.timers.append(timer)
@@ -187,6 +227,12 @@ class Node(NodeGraph):
     def add_on_set_parameters_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
         """Have a say: the callback gives back a SetParametersResult, with a reason to refuse."""
         self._parameters.add_on_set_callback(callback)
+
+    def add_post_set_parameters_callback(
+        self, callback: Callable[[list[Parameter]], None]
+    ) -> None:
+        """Be told of the parameters that have been set."""
+        self._parameters.add_post_set_callback(callback)
 
     def get_clock(self) -> Clock:
         """Clock of the node, simulated if its parameter ``use_sim_time`` says so."""

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from mechanism_sim.middleware import names, wire
+from mechanism_sim.middleware.arguments import Arguments
 from mechanism_sim.middleware.qos import QoSProfile
 from mechanism_sim.middleware.session import Context
 
@@ -21,10 +22,13 @@ class TopicEndpointInfo(NamedTuple):
 class NodeGraph:
     """Name of a node and its view of the graph."""
 
-    def __init__(self, context: Context, name: str, namespace: str) -> None:
+    def __init__(self, context: Context, name: str, namespace: str, arguments: Arguments) -> None:
         self.context = context
-        self._name = names.check_node_name(name)
-        self._namespace = names.resolve_namespace(namespace)
+        self._arguments = arguments
+        names.check_node_name(name)
+        self._name = names.check_node_name(arguments.node_name(name))
+        remapped = arguments.namespace(self._name)
+        self._namespace = names.resolve_namespace(namespace if remapped is None else remapped)
 
     def get_name(self) -> str:
         """Name without the namespace."""
@@ -56,11 +60,11 @@ class NodeGraph:
 
     def count_publishers(self, topic: str) -> int:
         """Number of publishers on a topic."""
-        return self.context.graph.count(wire.PUBLISHER, self.resolve(topic))
+        return self.context.graph.count(wire.PUBLISHER, self.resolve_topic_name(topic))
 
     def count_subscribers(self, topic: str) -> int:
         """Number of subscriptions to a topic."""
-        return self.context.graph.count(wire.SUBSCRIPTION, self.resolve(topic))
+        return self.context.graph.count(wire.SUBSCRIPTION, self.resolve_topic_name(topic))
 
     def get_publishers_info_by_topic(self, topic: str) -> list[TopicEndpointInfo]:
         """Who publishes on a topic."""
@@ -70,14 +74,22 @@ class NodeGraph:
         """Who subscribes to a topic."""
         return self._infos(wire.SUBSCRIPTION, topic)
 
-    def resolve(self, name: str) -> str:
-        """Fully qualified name of a topic or service."""
-        return names.resolve(name, self._namespace, self._name)
+    def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
+        """Fully qualified name of a topic, after the rules of the command line."""
+        return self._resolve(topic, 'topic', only_expand)
 
-    resolve_topic_name = resolve_service_name = resolve
+    def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
+        """Fully qualified name of a service, after the rules of the command line."""
+        return self._resolve(service, 'service', only_expand)
+
+    def _resolve(self, name: str, kind: str, only_expand: bool) -> str:
+        full = names.resolve(name, self._namespace, self._name)
+        if only_expand:
+            return full
+        return self._arguments.remapped(full, self._namespace, self._name, kind)
 
     def _infos(self, kind: str, topic: str) -> list[TopicEndpointInfo]:
-        found = self.context.graph.find(kind, self.resolve(topic))
+        found = self.context.graph.find(kind, self.resolve_topic_name(topic))
         domain = self.context.domain
         return [
             TopicEndpointInfo(

@@ -134,6 +134,7 @@ class Parameters:
         self._declared: dict[str, _Declared] = {}
         self._consents: list[Callable[[list[Parameter]], Any]] = []
         self._followers: list[Callable[[list[Parameter]], Any]] = []
+        self._remarks: list[str] = []  # of those who consented last
 
     def declare(self, name: str, value: Any, descriptor: Any) -> Parameter:
         """Declare a parameter; raises InvalidParameterValueException if its value is refused."""
@@ -174,13 +175,13 @@ class Parameters:
 
     def set(self, parameters: list[Parameter]) -> Any:
         """Set all or none; a ``SetParametersResult`` that says why not."""
-        reason = self._refusal(parameters)
+        reason, remarks = self._refusal(parameters), list(self._remarks)
         if not reason:
             for parameter in parameters:
                 self._declared[parameter.name].parameter = parameter
             self._tell(parameters)
         result = message_class('rcl_interfaces/msg/SetParametersResult')
-        return result(successful=not reason, reason=reason)
+        return result(successful=not reason, reason=reason or '; '.join(remarks))
 
     def add_on_set_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
         """Ask before a change."""
@@ -213,10 +214,12 @@ class Parameters:
             reason = _mismatch(parameter, descriptor) or _out_of_range(parameter, descriptor)
             if reason:
                 return reason
+        self._remarks.clear()
         for consent in self._consents:
             result = consent(parameters)
             if not result.successful:
                 return str(result.reason) or 'refused without a reason'
+            self._remarks += [result.reason] if result.reason else []
         return ''
 
 

@@ -62,6 +62,9 @@ qos_profile_parameters = QoSProfile(depth=1000)
 qos_profile_rosout = QoSProfile(
     depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL, lifespan=10_000_000_000
 )
+qos_profile_action_status_default = QoSProfile(
+    depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
 qos_profile_clock = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 

@@ -1,13 +1,18 @@
 """What this room offers, from rclpy: the same names, and `leave`.
 
-Not run where this package is developed, which has no ROS. What to know:
+What differs from rclpy:
 
-- ``shutdown`` does not wait for subscribers in other processes; what ``rmw`` promises, holds.
+- ``init`` leaves signals alone that the program handles itself.
 - A response of ``call`` needs an executor that spins the node in another thread.
 """
 
+import signal
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import rclpy
 from rclpy import (
-    init,
     ok,
     shutdown,
     spin,
@@ -15,6 +20,10 @@ from rclpy import (
     spin_until_future_complete,
     try_shutdown,
 )
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.action.client import ClientGoalHandle
+from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.duration import Duration
@@ -31,33 +40,50 @@ from rclpy.publisher import Publisher
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
+    QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.service import Service
+from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.timer import Timer
+from rclpy.utilities import remove_ros_args
+
+from mechanism_sim.middleware.errors import MiddlewareError
 
 __all__ = [
+    'ActionClient',
+    'ActionServer',
+    'CancelResponse',
     'Client',
+    'ClientGoalHandle',
     'Clock',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
+    'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
+    'InvalidQosOverridesError',
     'LoggingSeverity',
+    'MutuallyExclusiveCallbackGroup',
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
     'ParameterNotDeclaredException',
     'Publisher',
+    'QoSOverridingOptions',
+    'QoSPolicyKind',
     'QoSProfile',
+    'ReentrantCallbackGroup',
     'ReliabilityPolicy',
+    'ServerGoalHandle',
     'Service',
     'SingleThreadedExecutor',
     'Subscription',
@@ -67,6 +93,7 @@ __all__ = [
     'leave',
     'ok',
     'qos_profile_sensor_data',
+    'remove_ros_args',
     'shutdown',
     'spin',
     'spin_once',
@@ -75,7 +102,48 @@ __all__ = [
 ]
 
 
-def leave(patience: float = 0.0) -> None:
-    """Shut down, if there is something to shut down; there is nothing here to be patient with."""
-    del patience
+_USUAL = {
+    signal.SIGINT: (signal.default_int_handler, SignalHandlerOptions.SIGINT),
+    signal.SIGTERM: (signal.SIG_DFL, SignalHandlerOptions.SIGTERM),
+}
+
+
+def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:
+    """``rclpy.init``, with handlers for those signals that the program does not handle itself.
+
+    Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
+    """
+    free = [
+        option for number, (usual, option) in _USUAL.items() if signal.getsignal(number) is usual
+    ]
+    options = free[0] if len(free) == 1 else SignalHandlerOptions.ALL if free else None
+    try:
+        rclpy.init(
+            args=args,
+            domain_id=domain_id,
+            signal_handler_options=options or SignalHandlerOptions.NO,
+        )
+    except RuntimeError as error:
+        raise MiddlewareError(str(error)) from error
+
+
+def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:
+    """Take nodes down and leave the network, once others have what the nodes published.
+
+    Raises MiddlewareError if they have not after `patience` [s].
+    """
+    nodes = list(nodes)
+    end = time.monotonic() + patience
+    taken = [
+        publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
+        for node in nodes
+        for publisher in node.publishers
+    ]
+    for node in nodes:
+        node.destroy_node()
     try_shutdown()
+    if not all(taken):
+        raise MiddlewareError(
+            f'After {patience} s other processes had not taken in what was published here:'
+            ' part of it is lost'
+        )

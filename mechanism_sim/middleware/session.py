@@ -19,6 +19,7 @@ import zenoh
 
 from mechanism_sim.messages import type_hash
 from mechanism_sim.middleware import config, wire
+from mechanism_sim.middleware.arguments import Arguments
 from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.graph import Graph
@@ -39,7 +40,8 @@ class Closable(Protocol):
 class Context:
     """Session, graph and counters of a process. Raises MiddlewareError if there is no network."""
 
-    def __init__(self, domain: int | None = None) -> None:
+    def __init__(self, domain: int | None = None, arguments: Arguments | None = None) -> None:
+        self.arguments = arguments or Arguments()
         self.domain = config.domain_id() if domain is None else domain
         self.router, self.session = _join()
         self.zid = str(self.session.zid())

@@ -11,6 +11,7 @@ from zenoh.handlers import Callback
 
 from mechanism_sim.messages import deserialize, type_name
 from mechanism_sim.middleware import wire
+from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.inbox import LIMIT, Inbox, Overflow
 from mechanism_sim.middleware.qos import (
@@ -39,6 +40,7 @@ class Subscription:
         callback: Callable[..., Any],
         qos: QoSProfile,
         raw: bool,
+        group: CallbackGroup,
     ) -> None:
         context = node.context
         self.msg_type = kind
@@ -47,11 +49,12 @@ class Subscription:
         self.qos_profile = qos
         self.raw = raw
         self._context = context
-        self._callback = callback
+        self._callback = node.tasks.plain(callback, group)
         self._with_info = _takes_info(callback)
         self._latest: dict[bytes, int] = {}
         self._received = 0
-        self.inbox = Inbox(context, self, *_queue(qos))
+        self.callback_group = group
+        self.inbox = Inbox(context, self, *_queue(qos), group)
         name = type_name(kind)
         receive = direct(self._receive)
         self._subscriber = _declare(context.session, context.key(topic, name), receive, qos)

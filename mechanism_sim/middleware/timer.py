@@ -3,17 +3,21 @@
 from collections.abc import Callable
 from typing import Any
 
+from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.clock import SECOND, Clock
 
 
 class Timer:
     """Calls back every ``period`` seconds of its node's clock; periods missed are left out."""
 
-    def __init__(self, period: float, callback: Callable[[], Any], clock: Clock) -> None:
+    def __init__(
+        self, period: float, callback: Callable[[], Any], clock: Clock, group: CallbackGroup
+    ) -> None:
         if period < 0:
             raise ValueError(f'The period of a timer is {period} s; it cannot be negative')
         self._period = round(period * SECOND)
         self._callback = callback
+        self.callback_group = group
         self._clock = clock
         self._cancelled = False
         self._simulated = clock.simulated is not None

@@ -1,10 +1,23 @@
 """What this room offers, on Zenoh."""
 
+from mechanism_sim.middleware.action_client import ActionClient, ClientGoalHandle
+from mechanism_sim.middleware.actions import (
+    ActionServer,
+    CancelResponse,
+    GoalResponse,
+    ServerGoalHandle,
+)
+from mechanism_sim.middleware.arguments import remove_ros_args
+from mechanism_sim.middleware.callback_groups import (
+    MutuallyExclusiveCallbackGroup,
+    ReentrantCallbackGroup,
+)
 from mechanism_sim.middleware.clock import Clock, Duration, Time
 from mechanism_sim.middleware.context import init, leave, ok, shutdown, try_shutdown
 from mechanism_sim.middleware.errors import (
     ExternalShutdownException,
     InvalidParameterValueException,
+    InvalidQosOverridesError,
     ParameterAlreadyDeclaredException,
     ParameterNotDeclaredException,
 )
@@ -26,27 +39,39 @@ from mechanism_sim.middleware.qos import (
     ReliabilityPolicy,
     qos_profile_sensor_data,
 )
+from mechanism_sim.middleware.qos_overrides import QoSOverridingOptions, QoSPolicyKind
 from mechanism_sim.middleware.services import Client, Service
 from mechanism_sim.middleware.subscription import Subscription
 from mechanism_sim.middleware.timer import Timer
 
 __all__ = [
+    'ActionClient',
+    'ActionServer',
+    'CancelResponse',
     'Client',
+    'ClientGoalHandle',
     'Clock',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
+    'GoalResponse',
     'HistoryPolicy',
     'InvalidParameterValueException',
+    'InvalidQosOverridesError',
     'LoggingSeverity',
+    'MutuallyExclusiveCallbackGroup',
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
     'ParameterNotDeclaredException',
     'Publisher',
+    'QoSOverridingOptions',
+    'QoSPolicyKind',
     'QoSProfile',
+    'ReentrantCallbackGroup',
     'ReliabilityPolicy',
+    'ServerGoalHandle',
     'Service',
     'SingleThreadedExecutor',
     'Subscription',
@@ -56,6 +81,7 @@ __all__ = [
     'leave',
     'ok',
     'qos_profile_sensor_data',
+    'remove_ros_args',
     'shutdown',
     'spin',
     'spin_once',

@@ -21,8 +21,9 @@ from mechanism_sim.scene import Machine
 class _Sensor:
     """One sensor: its channel, and what its messages say beside the samples."""
 
-    def __init__(self, machine: Machine, name: str) -> None:
+    def __init__(self, machine: Machine, name: str, frame: str) -> None:
         self._name, self._scene = name, machine.scene.sensors[name]
+        self._frame = frame
         self._channel = machine.channel(name)
 
     def take(self, motion: Motion) -> None:
@@ -43,7 +44,7 @@ class _Sensor:
             )
             setattr(message, scene.quantity, float64_array(block.samples))
             message.header.stamp = stamp(block.time)
-            message.header.frame_id = scene.link
+            message.header.frame_id = self._frame
             found.append(message)
         return found
 
@@ -51,9 +52,9 @@ class _Sensor:
 class _Unit:
     """One sensor as an inertial unit, by the conventions of REP-145."""
 
-    def __init__(self, machine: Machine, name: str) -> None:
+    def __init__(self, machine: Machine, name: str, frame: str) -> None:
         scene = machine.scene.sensors[name]
-        self._link, self._unit = scene.link, machine.inertial_unit(name)
+        self._frame, self._unit = frame, machine.inertial_unit(name)
         chain = scene.chain()
         limit, bits = chain.converter.range, chain.converter.bits
         step = 2.0 * limit / 2**bits if limit and bits else 0.0
@@ -73,7 +74,7 @@ class _Unit:
             ):
                 message = Imu(linear_acceleration_covariance=self._covariance)
                 message.header.stamp = stamp(t)
-                message.header.frame_id = self._link
+                message.header.frame_id = self._frame
                 message.orientation.z, message.orientation.w = (
                     math.sin(0.5 * angle), math.cos(0.5 * angle),
                 )  # fmt: skip
@@ -88,15 +89,22 @@ class Accelerometer(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('accelerometer', parameters)
-        self._sensors: list[tuple[_Sensor | _Unit, Any]] = []
+        self._outlets = {}
         for name, scene in self.machine.scene.sensors.items():
             blocks = self.create_publisher(AccelerometerBlock, f'accelerometer/{name}', RESULTS)
-            self._sensors.append((_Sensor(self.machine, name), blocks))
-            if scene.imu:
-                unit = _Unit(self.machine, name)
-                self._sensors.append((unit, self.create_publisher(Imu, f'imu/{name}', RESULTS)))
-        self._following = Following(self, self._take, self._rest)
+            imu = self.create_publisher(Imu, f'imu/{name}', RESULTS) if scene.imu else None
+            self._outlets[name] = blocks, imu
+        self._start_over()
+        self._following = Following(self, self._take, self._rest, self._start_over)
         self.join()
+
+    def _start_over(self) -> None:
+        self._sensors: list[tuple[_Sensor | _Unit, Any]] = []
+        for name, (blocks, imu) in self._outlets.items():
+            frame = self.frame(self.machine.scene.sensors[name].link)
+            self._sensors.append((_Sensor(self.machine, name, frame), blocks))
+            if imu:
+                self._sensors.append((_Unit(self.machine, name, frame), imu))
 
     def on_progress(self, message: Any) -> None:
         """The last report of who publishes the motion says how much there is to sample."""

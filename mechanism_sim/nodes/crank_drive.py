@@ -3,85 +3,235 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.messages import Clock, DriveLaw, stamp
+from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
 from mechanism_sim.messages.events import drive_law
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.middleware import Future, Parameter
+from mechanism_sim.nodes.commands import Commands
+from mechanism_sim.nodes.control import Control
+from mechanism_sim.nodes.pace import Pace
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
-from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
+
+BEHIND = 0.95
+"""Share of the real-time factor asked for below which the diagnostics warn."""
 
 
 class CrankDrive(SimulationNode):
     """Announces the law of the crank ahead of the slowest partner, by credit.
 
-    Parameters of the node, besides those of every node: ``lead`` [s], how far the law is announced
-    ahead of the slowest partner; ``realtime_factor``, simulated seconds per second, 0 for as fast
-    as possible.
+    It is the simulator of the standard `simulation_interfaces`, see `Control`, and takes commands,
+    see `Commands`. Parameters of the node, besides those of every node: ``lead`` [s], how far the
+    law is announced ahead of the slowest partner; ``realtime_factor``, simulated seconds per
+    second, 0 for as fast as possible; ``paused``, to begin so; ``hold``, to pause at the end of
+    the run instead of ending; ``step_size`` [s]; ``publish_clock``.
+
+    Attributes
+    ----------
+    announced : [s] up to which the law is promised: what is commanded now holds from then on
+    playing : whether time goes on by itself
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('crank_drive', parameters)
-        self.declare_parameter('lead', 3.0)
-        self.declare_parameter('realtime_factor', 0.0)
-        self._announced = 0.0
+        for name, default, about, within in (
+            ('lead', 3.0, 'How far the law is announced ahead [s]', (1e-6, 1e6)),
+            ('realtime_factor', 0.0, 'Simulated seconds per second; 0: no limit', (0.0, 1e6)),
+            ('step_size', 1e-3, 'Length of a step of the paused simulation [s]', (1e-9, 1e3)),
+        ):
+            self.declare(name, default, about, within)
+        hold = self.declare('hold', False, 'Pause at the end of the run', read_only=True)
+        paused = self.declare('paused', False, 'Begin the run paused', read_only=True)
+        alone = self.get_namespace() == '/'
+        self.declare('publish_clock', alone, 'Publish the time on /clock', read_only=True)
+        self.announced = 0.0
+        self.playing = not paused
+        self._hold = hold
         self._final = False
-        self._laws = self.machine.laws
+        self._quitting = False
+        self._goal = 0.0  # [s] to which a paused simulation may go
+        self._waiting: list[tuple[float, Future]] = []
+        self._ending: Future | None = None  # done when partners have finished before another run
+        self._laws = list(self.machine.laws)
         self._law = 0
+        self._pace = Pace()
         self._drive = self.create_publisher(DriveLaw, 'drive', RESULTS)
-        self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
+        if self.value('publish_clock'):
+            self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
+        self._commands = Commands(self)
+        self.control = Control(self)
         self.join()
+
+    # --- the laws -----------------------------------------------------------------------------
+
+    @property
+    def law(self) -> Any:
+        """The law that holds where it is announced to."""
+        return self._laws[self._law]
+
+    def take_over(self, laws: Sequence[Any]) -> None:
+        """Let other laws take over, the first at `announced`."""
+        self._laws[self._law + 1 :] = laws
+        self.extend()
+
+    # --- time ---------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time [s] up to which all partners have come."""
+        return min(self.partners_time(), self.announced)
+
+    def play(self) -> None:
+        """Let time go on by itself."""
+        self.playing = True
+        self._pace.restart(self.announced)
+        self.extend()
+
+    def pause(self) -> None:
+        """Stop where the law is announced to."""
+        self.playing = False
+        self._goal = self.announced
+
+    async def arrive(self, goal: float) -> None:
+        """Let a paused simulation go on to `goal` [s], and wait until all partners are there."""
+        self._goal = max(self._goal, goal)
+        self.extend()
+        await self._all_at(goal)
+
+    async def _all_at(self, goal: float) -> None:
+        """Wait until all partners are in this run, and there."""
+        there: Future = Future()
+        self._waiting.append((goal, there))
+        self._look_who_waits()
+        await there
+
+    async def start_over(self) -> None:
+        """Begin a new run at time 0, once what was announced of this one is done."""
+        playing = self.playing
+        self.pause()
+        self._announce(self.announced, final=True, again=True)
+        self._ending = Future()
+        self.report(self.announced, finished=True, again=True)
+        self._look_who_waits()
+        await self._ending
+        self.begin_run(self.run + 1)
+        self.announced = self._goal = 0.0
+        self._laws, self._law = list(self.machine.laws), 0
+        self._commands.begin()
+        self._announce(0.0, final=False)
+        self.report(0.0)
+        await self._all_at(0.0)
+        if playing:
+            self.play()
+
+    def quit(self) -> None:
+        """End the run where the law is announced to."""
+        self._quitting = True
+        self.extend()
 
     def on_ready(self) -> None:
         """Start the clock and give the first credit."""
-        self._began = time.monotonic()
+        self._pace.restart(0.0)
+        self._commands.begin()
         self.create_timer(0.01, self._tick)
-        self._extend()
+        self.extend()
 
     def on_progress(self, message: Any) -> None:
         """Somebody has moved on: perhaps there is credit to give."""
-        self._extend()
+        self.extend()
+        self._commands.look()
+        self._look_who_waits()
         self.done = self._final and self.partners_finished()
+
+    def _look_who_waits(self) -> None:
+        if self._ending and not self._ending.done() and self.partners_finished():
+            self._ending.set_result(None)
+        if not self.partners_began():
+            return
+        there = [w for w in self._waiting if w[0] <= self.time]
+        self._waiting = [w for w in self._waiting if w[0] > self.time]
+        for _, future in there:
+            future.set_result(None)
 
     def _tick(self) -> None:
         if not self._final:
-            self._clock_publisher.publish(Clock(clock=stamp(min(self.partners_time(), 1e9))))
-            self._extend()
+            if self.value('publish_clock'):
+                self._clock_publisher.publish(Clock(clock=stamp(self.time)))
+            self.extend()
         elif not self.partners:
             self.done = True
 
-    def _extend(self) -> None:
-        """Announce the law for as long as the slowest partner and the pace allow."""
-        if self._final:
-            return
-        lead, factor, end = self.value('lead'), self.value('realtime_factor'), self.duration
-        horizon = self.partners_time() + lead
+    def _horizon(self) -> float:
+        """Time [s] up to which the law may be announced now."""
+        lead, factor = self._lead_and_factor()
+        horizon = min(self.partners_time() + lead, self.duration, self._commands.horizon)
+        if not self.playing:
+            return min(horizon, self._goal)
         if factor > 0.0:
-            horizon = min(horizon, (time.monotonic() - self._began + 0.1) * factor)
-        horizon = min(horizon, end)
-        if horizon < min(end, self._announced + 0.1 * (lead if factor <= 0.0 else 0.05 * factor)):
+            horizon = min(horizon, self._pace.allowed(factor, self.announced, lead))
+        return horizon
+
+    def extend(self) -> None:
+        """Announce the law for as long as the slowest partner, the pace and commands allow."""
+        if self._final or not self.ready:
             return
-        self._final = horizon >= end
+        end, horizon = self.duration, self._horizon()
+        final = self._quitting or (horizon >= end and not self._hold)
+        if self._quitting:
+            horizon = self.announced
+        elif horizon <= self.announced or (
+            self.playing and horizon < min(end, self._commands.horizon, self._worthwhile())
+        ):
+            return
+        self._final = final
         while True:
             later = self._laws[self._law + 1 :]
             change = later[0].valid_from if later else math.inf
-            self._announce(min(horizon, change), self._final and horizon <= change)
+            self._announce(min(horizon, change), final and horizon <= change)
             if horizon <= change:
                 break
             self._law += 1
-        self._announced = horizon
-        self.report(horizon, finished=self._final)
-        if self._final and math.isfinite(self.partners_time()):
+        self.announced = horizon
+        if self._hold and horizon >= end:
+            self.pause()
+        self.report(horizon, finished=final)
+        if final and math.isfinite(self.partners_time()):
             self.done = self.partners_finished()
 
-    def _announce(self, until: float, final: bool) -> None:
+    def _worthwhile(self) -> float:
+        """Time [s] below which a message would tell too little."""
+        lead, factor = self._lead_and_factor()
+        return self.announced + 0.1 * min(lead, 0.05 * factor if factor > 0.0 else lead)
+
+    def _lead_and_factor(self) -> tuple[float, float]:
+        return self.value('lead'), self.value('realtime_factor')
+
+    def _announce(self, until: float, final: bool, again: bool = False) -> None:
         """The present law holds until then."""
-        law = self._laws[self._law]
-        message = drive_law(law, self._law + 1, float(until), final, self._announced)
+        number = self._law + 1
+        message = drive_law(self.law, number, until, final, self.announced, self.run, again)
         self.send(self._drive, message)
+
+    # --- books --------------------------------------------------------------------------------
+
+    def diagnose(self) -> Diagnosis:
+        """How fast time goes, and whether it keeps the pace asked for."""
+        found, asked = super().diagnose(), self.value('realtime_factor')
+        if self.ready and not self.done:
+            achieved = self._pace.achieved(self.time)
+            found.message = 'playing' if self.playing else 'paused'
+            found.values |= {
+                'announced [s]': self.announced,
+                'real-time factor': achieved,
+                'real-time factor asked for': asked,
+            }
+            if self.playing and asked > 0.0 and achieved < BEHIND * asked:
+                found.level = DiagnosticStatus.WARN
+                found.message = f'{achieved:.3g} times real time instead of {asked:g}'
+        return found
 
 
 def main(args: list[str] | None = None) -> None:

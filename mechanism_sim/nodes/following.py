@@ -19,6 +19,7 @@ class Following:
     ----------
     take : called with every piece of motion
     end : called once, after the last
+    reset : called when a run begins anew
     """
 
     def __init__(
@@ -26,9 +27,10 @@ class Following:
         node: SimulationNode,
         take: Callable[[MotionBatch], None],
         end: Callable[[], None] = lambda: None,
+        reset: Callable[[], None] = lambda: None,
     ) -> None:
-        self._node, self._take, self._end = node, take, end
-        self._time = 0.0
+        self._node, self._take, self._end, self._reset = node, take, end, reset
+        self._time, self._ended = 0.0, False
         node.create_subscription(Motion, 'motion', node.once_ready(self._on_motion), RESULTS)
         self._topic = node.resolve_topic_name('motion')
 
@@ -36,20 +38,30 @@ class Following:
         """All partners are there: the motion will come by itself."""
 
     def _on_motion(self, message: Any) -> None:
-        motion = motion_of(message)
-        self._time = motion.curve.end
-        self._take(motion)
-        self._node.report_soon(self._time)
+        if message.run != self._node.run:
+            self._node.begin_run(message.run)
+            self._time, self._ended = 0.0, False
+            self._reset()
+        if message.segments:
+            motion = motion_of(message)
+            self._time = motion.curve.end
+            self._take(motion)
+        if message.known_until > self._time or not message.segments:
+            self._node.report(message.known_until)  # the drive may be waiting for this
+        else:
+            self._node.report_soon(self._time)
         self.look()
 
     def look(self) -> None:
         """End if all motion is here: the last report of who publishes it says how much it is."""
         node = self._node
-        sources = [p for p in node.progress_of.values() if self._topic in p.topics]
-        if node.done or not sources or not all(
+        known = [p for p in node.progress_of.values() if p.run == node.run]
+        sources = [p for p in known if self._topic in p.topics]
+        if self._ended or not sources or not all(
             p.finished and self._time >= p.time for p in sources
         ):  # fmt: skip
             return
         self._end()
-        node.report(self._time, finished=True)
-        node.done = True
+        self._ended, again = True, node.another_follows()
+        node.report(self._time, finished=True, again=again)
+        node.done = not again

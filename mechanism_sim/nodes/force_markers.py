@@ -16,9 +16,8 @@ from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of, zigzag
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
-from mechanism_sim.nodes.publications import WORLD
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -124,6 +123,7 @@ class Picture:
                 raise InputError(f'display: {name} must be finite and not negative; 0 chooses it')
         machine = self._machine = seen.machine
         self._prefix, self._symbol = prefix, seen.skeleton.symbol
+        self._world = frame_of(GROUND, prefix)
         self._size = machine.mechanism.size
         self._forces = machine.physics.has_forces and machine.scene.outputs.forces
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
@@ -206,7 +206,7 @@ class Picture:
             tip = foot + self.force_scale * force
             shown = np.sqrt(square) * self.force_scale > SHORTEST * self._size
             arrow = marker(
-                'reactions', k, WORLD, Marker.ARROW, FORCE, (0.5 * s, 1.2 * s, 1.8 * s),
+                'reactions', k, self._world, Marker.ARROW, FORCE, (0.5 * s, 1.2 * s, 1.8 * s),
                 [(0.0, 0.0), (0.0, 0.0)], _HEIGHT * s,
             )  # fmt: skip
 
@@ -233,17 +233,16 @@ class Picture:
             closed = carried if gap is None else modes[gap] > Mode.FREE_FLIGHT
             small = lens.radius - lens.magnification * lens.radial
             heights = _HEIGHT * s, (_HEIGHT + 0.5) * s
-            yield self._moving(
-                disc('lenses', 2 * k, WORLD, GLASS, lens.radius, (0.0, 0.0), heights[0], 0.1 * s),
-                middle,
-            )
-            made = disc('lenses', 2 * k + 1, WORLD, STEEL, small, (0.0, 0.0), heights[1], 0.1 * s)
+            flat = ((0.0, 0.0), heights[0], 0.1 * s), ((0.0, 0.0), heights[1], 0.1 * s)
+            made = disc('lenses', 2 * k, self._world, GLASS, lens.radius, *flat[0])
+            yield self._moving(made, middle)
+            made = disc('lenses', 2 * k + 1, self._world, STEEL, small, *flat[1])
             yield self._moving(made, pin, [FLYING if not c else TOUCHING for c in closed.tolist()])
             if gap is None:
                 continue
             far = np.hypot(*out)
             touch = bushing + lens.arm * np.divide(out, far, out=np.zeros_like(out), where=far > 0)
-            dot = marker('contacts', k, WORLD, Marker.SPHERE, TOUCHING, (s, s, s))
+            dot = marker('contacts', k, self._world, Marker.SPHERE, TOUCHING, (s, s, s))
             dot.pose.position.z = heights[1]
             yield self._moving(dot, touch, shown=closed)
 
@@ -268,7 +267,7 @@ class Picture:
         locate, s = self._machine.mechanism.locate_all, self._symbol
         for k, places in enumerate(self._springs):
             ends = np.array([locate(link, o.position, at) for link, at in places])
-            coil = marker('springs', k, WORLD, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
+            coil = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
 
             def write(i: int, coil: Any = coil, ends: Any = ends) -> None:
                 line = zigzag(ends[:, :, i], 0.9 * s).T

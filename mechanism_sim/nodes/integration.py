@@ -18,6 +18,7 @@ from mechanism_sim.messages import (
     LinkageState,
     ModeChange,
     Motion,
+    SceneChange,
     String,
     TFMessage,
     events,
@@ -25,10 +26,9 @@ from mechanism_sim.messages import (
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.nodes import publications
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
+from mechanism_sim.nodes.restitutions import Restitutions
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.planar.drive import DriveLaw as MotionLaw
-from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.scene.machine import Run
 
 STEPS_PER_BATCH = 256
@@ -37,19 +37,23 @@ STEPS_PER_BATCH = 256
 class Integration:
     """What a node does that integrates: it goes as far as the law of the drive holds.
 
-    Batches do not influence the motion.
+    Batches do not influence the motion, nor does where the law is known to hold: a step that goes
+    beyond is kept back, and samples before that are taken from its beginning.
 
     Parameters
     ----------
     also : called with every piece of motion
+    reset : called when a run begins anew
     """
 
     def __init__(
-        self, node: SimulationNode, also: Callable[[MotionBatch], None] = lambda _: None
+        self,
+        node: SimulationNode,
+        also: Callable[[MotionBatch], None] = lambda _: None,
+        reset: Callable[[], None] = lambda: None,
     ) -> None:
-        self._node, self._also = node, also
+        self._node, self._also, self._reset = node, also, reset
         self._machine = node.machine
-        scene = self._machine.scene
         self._motion = node.create_publisher(Motion, 'motion', RESULTS)
         self._impacts = node.create_publisher(Impact, 'impacts', RESULTS)
         self._modes = node.create_publisher(ModeChange, 'mode_changes', RESULTS)
@@ -58,18 +62,12 @@ class Integration:
         self._reactions = node.create_publisher(JointReactions, 'joint_reactions', RESULTS)
         self._transforms = node.create_publisher(TFMessage, '/tf', RESULTS)
         self._scene = node.create_publisher(String, 'scene', LATCHED)
-        self._schedules = {
-            'joint_states': Schedule(scene.outputs.joint_states),
-            'linkage_state': Schedule(scene.outputs.linkage_state),
-            'joint_reactions': Schedule(scene.outputs.joint_reactions),
-            'transforms': Schedule(scene.outputs.transforms),
-        }
-        self._run: Run | None = None
-        self._law_id = 0
-        self._impact_count = 0
+        self._changes = node.create_publisher(SceneChange, 'scene_changes', RESULTS)
         self._physics = self._machine.physics
-        self._audit = Audit(self._physics)
         self._machine.prepare()
+        self._known = 0.0
+        self._restitutions = Restitutions(node, self._change, lambda: self._known)
+        self._start_over()
         node.create_subscription(DriveLaw, 'drive', node.once_ready(self._follow), RESULTS)
 
     def begin(self) -> None:
@@ -79,45 +77,91 @@ class Integration:
     def look(self) -> None:
         """What partners report does not matter here: the law of the drive says how far to go."""
 
+    def diagnose(self) -> dict[str, object]:
+        """The books of the solver."""
+        audit, energy = self._audit, self._audit.energy
+        books: dict[str, object] = {
+            'steps': self._run.steps if self._run else 0,
+            'events': self._run.events if self._run else 0,
+            'impacts': self._impact_count,
+            'largest penetration [m]': audit.max_penetration,
+            'largest closure error [m]': audit.max_closure_error,
+        }
+        if energy:
+            books['missing in the energy books [J]'] = energy.residual
+        return books
+
+    def _start_over(self) -> None:
+        outputs = self._machine.scene.outputs
+        self._schedules = {
+            'joint_states': Schedule(outputs.joint_states),
+            'linkage_state': Schedule(outputs.linkage_state),
+            'joint_reactions': Schedule(outputs.joint_reactions),
+            'transforms': Schedule(outputs.transforms),
+        }
+        self._run: Run | None = None
+        self._law_id = 0
+        self._known = 0.0
+        self._impact_count = 0
+        self._audit = Audit(self._physics)
+
     def _follow(self, message: Any) -> None:
         """Advance to where the law is known to hold."""
+        if message.run != self._node.run:
+            self._node.begin_run(message.run)
+            self._start_over()
+            self._restitutions.start_over()
+            self._reset()
+        if message.valid_until > 0.0:
+            self._advance(message)
+        else:
+            names = (self._physics.coordinates, self._physics.clearances)
+            none = self._machine.start().drain()[0]
+            self._node.send(self._motion, pack(none, *names, 0.0, message.run))
+        self._node.report(self._known, finished=message.final, again=message.again)
+        self._node.done = message.final and not message.again
+
+    def _advance(self, message: Any) -> None:
+        law = events.law_of(message, self._machine.mechanism.displacements)
         if self._run is None:
-            self._run = self._machine.start(self._law(message))
+            self._run = self._machine.start(law)
+            for path, value in self._restitutions.changed.items():
+                self._change(path, value)
         elif message.law_id != self._law_id:
-            self._run.change_law(self._law(message))
+            self._run.change_law(law)
         self._law_id = message.law_id
         while True:
             before = self._run.steps
             self._run.advance(message.valid_until, message.final, STEPS_PER_BATCH)
+            more = self._run.steps - before >= STEPS_PER_BATCH
+            self._known = self._run.time if more or message.final else message.valid_until
             self._publish(*self._run.drain())
-            if self._run.steps - before < STEPS_PER_BATCH:
-                break
+            if not more:
+                return
             self._node.report(self._run.time)
-        self._node.report(self._run.time, finished=message.final)
-        self._node.done = message.final
 
-    def _law(self, message: Any) -> Law:
-        """The law of the drive that a message announces."""
-        name, since = message.coordinate, message.valid_from
-        coefficients = [float(c) for c in message.coefficients]
-        if message.kind == DriveLaw.TORQUE:
-            constant, per_angle, per_speed = coefficients
-            return TorqueLaw(name, (constant, per_angle, per_speed), since)
-        straight = name in self._machine.mechanism.displacements
-        return MotionLaw(name, tuple(coefficients), message.reference_time, since, straight)
+    def _change(self, path: str, value: float) -> None:
+        """Change a restitution for all impacts that are not known yet."""
+        if self._run is not None:
+            self._run.change_restitution(path.split('.')[1], value)
+            self._node.send(self._changes, events.scene_change(path, value, self._known))
 
     def _publish(
         self, motion: MotionBatch, impacts: list[ImpactEvent], changes: list[ModeChangeEvent]
     ) -> None:
+        assert self._run is not None  # noqa: S101 - who publishes has begun
         before = self._audit.drive_work, self._audit.dissipated
         work = self._audit.add(motion, impacts)
         self._audit.judge(self._machine.allowed_penetration)
         for change in changes:
             self._node.send(self._modes, events.mode_change(change))
+        names = (self._physics.coordinates, self._physics.clearances)
+        self._node.send(self._motion, pack(motion, *names, self._known, self._node.run))
+        ahead = self._run.preview(self._known)
+        seen = [m for m in (motion, ahead) if m is not None and len(m)]
+        if seen:
+            self._publish_samples(MotionBatch.joined(seen), Books(work, impacts, *before))
         if len(motion):
-            names = (self._physics.coordinates, self._physics.clearances)
-            self._node.send(self._motion, pack(motion, *names))
-            self._publish_samples(motion, Books(work, impacts, *before))
             self._also(motion)
         for impact in impacts:
             self._node.send(self._impacts, events.impact(impact, self._impact_count))
@@ -138,8 +182,10 @@ class Integration:
         if t.size and physics.has_forces and self._machine.scene.outputs.forces:
             seen = physics.observe(motion, *curve.find(t))
             for forces in publications.reactions(physics, t, seen):
+                forces.header.frame_id = self._node.frame(publications.WORLD)
                 self._node.send(self._reactions, forces)
         t = self._schedules['transforms'].due(curve.end)
         if t.size:
-            for frames in publications.transforms(self._machine.mechanism, t, curve(t)):
+            mechanism, frame = self._machine.mechanism, self._node.frame
+            for frames in publications.transforms(mechanism, t, curve(t), frame):
                 self._node.send(self._transforms, frames)

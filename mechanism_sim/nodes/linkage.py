@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.process import main_of
-from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
 
 
 class Linkage(SimulationNode):
@@ -21,6 +21,12 @@ class Linkage(SimulationNode):
     def on_ready(self) -> None:
         """Describe the scene."""
         self._integration.begin()
+
+    def diagnose(self) -> Diagnosis:
+        """The books of the solver."""
+        found = super().diagnose()
+        found.values |= self._integration.diagnose()
+        return found
 
 
 def main(args: list[str] | None = None) -> None:

@@ -44,7 +44,7 @@ _TURN = np.linspace(0.0, 2.0 * math.pi, 49)
 
 def frame_of(link: str, prefix: str) -> str:
     """The frame of a link in ``/tf``; that of the ground is the world."""
-    return WORLD if link == GROUND else f'{prefix}{link}'
+    return f'{prefix}{WORLD if link == GROUND else link}'
 
 
 def marker(

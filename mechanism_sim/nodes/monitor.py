@@ -36,6 +36,8 @@ class Monitor(SimulationNode):
 
     def on_progress(self, message: Any) -> None:
         """Somebody has moved on."""
+        if message.run > self.run:
+            self.begin_run(message.run)
         self._heard = now = time.monotonic()
         if self._began is None:
             self._began = now
@@ -45,7 +47,7 @@ class Monitor(SimulationNode):
         counts = dict(zip(message.topics, message.counts, strict=True))
         impacts = self.resolve_topic_name('impacts')
         self.impacts = int(counts.get(impacts, self.impacts))
-        self.done = self.partners_finished()
+        self.done = self.partners_finished() and not self.another_follows()
         if self._show and (self.done or now - self._shown > 0.1):
             self._shown = now
             self._show(self.time, self.realtime_factor, self.impacts)

@@ -48,16 +48,19 @@ class Oscillator(SimulationNode):
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('oscillator', parameters)
         machine = self.machine
-        names = list(machine.scene.oscillators)
-        if not names:
+        if not machine.scene.oscillators:
             raise InputError(
                 f"{machine.name} has nothing for the node 'oscillator': it needs 'oscillators'"
             )
-        self._frames = {name: machine.oscillator(name) for name in names}
         self._states = self.create_publisher(OscillatorState, TOPIC, RESULTS)
-        self._schedule = Schedule(machine.scene.outputs.part_states)
-        self._following = Following(self, self._take)
+        self._start_over()
+        self._following = Following(self, self._take, reset=self._start_over)
         self.join()
+
+    def _start_over(self) -> None:
+        scene = self.machine.scene
+        self._frames = {name: self.machine.oscillator(name) for name in scene.oscillators}
+        self._schedule = Schedule(scene.outputs.part_states)
 
     def on_progress(self, message: Any) -> None:
         """The last report of who publishes the motion says how much there is of it."""

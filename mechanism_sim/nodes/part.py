@@ -9,7 +9,7 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.parts import States
-from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
 
 
 class Part(SimulationNode):
@@ -23,7 +23,7 @@ class Part(SimulationNode):
         super().__init__(name, parameters)
         states = States(self, name)
         role = Following if 'linkage' in self.partners else Integration
-        self._role: Following | Integration = role(self, states.publish)
+        self._role: Following | Integration = role(self, states.publish, reset=states.start_over)
         self.join()
 
     def on_ready(self) -> None:
@@ -33,3 +33,10 @@ class Part(SimulationNode):
     def on_progress(self, message: Any) -> None:
         """A partner has moved on."""
         self._role.look()
+
+    def diagnose(self) -> Diagnosis:
+        """The books of the solver, if this node has one."""
+        found = super().diagnose()
+        if isinstance(self._role, Integration):
+            found.values |= self._role.diagnose()
+        return found

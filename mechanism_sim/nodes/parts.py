@@ -108,7 +108,11 @@ class States:
         self._kind = KINDS[name]
         self._node = node
         self._publisher = node.create_publisher(self._kind.message, self._kind.topic, RESULTS)
-        self._schedule = Schedule(machine.scene.outputs.part_states)
+        self.start_over()
+
+    def start_over(self) -> None:
+        """A run begins anew."""
+        self._schedule = Schedule(self._node.machine.scene.outputs.part_states)
 
     def publish(self, motion: Motion) -> None:
         """The states that are due in a piece of motion."""

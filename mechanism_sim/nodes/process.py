@@ -14,11 +14,12 @@ from mechanism_sim.middleware import (
     MiddlewareError,
     Parameter,
     SingleThreadedExecutor,
-    backend,
     init,
     leave,
     ok,
+    remove_ros_args,
 )
+from mechanism_sim.nodes.arguments import split_ros_args
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -31,7 +32,9 @@ PATIENCE, PATIENCE_AFTER_INTERRUPT = 60.0, 1.0
 
 
 def run_nodes(
-    make: Callable[[], Sequence[SimulationNode]], running: Callable[[], bool] | None = None
+    make: Callable[[], Sequence[SimulationNode]],
+    running: Callable[[], bool] | None = None,
+    ros_args: Sequence[str] = (),
 ) -> int:
     """Make nodes, run them until all are done, and take them down in good order.
 
@@ -39,6 +42,7 @@ def run_nodes(
     ----------
     make : makes the nodes, once the network is joined
     running : instead of the nodes says whether to go on; asked ten times a second
+    ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
 
     Returns
     -------
@@ -62,7 +66,7 @@ def run_nodes(
     signal.signal(signal.SIGTERM, end)
     code = 0
     try:
-        init()
+        init(list(ros_args))
         executor = SingleThreadedExecutor()
         executors.append(executor)
         nodes += make()
@@ -83,10 +87,8 @@ def run_nodes(
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        for node in nodes:
-            node.destroy_node()
         try:
-            leave(PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
+            leave(nodes, PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
         except MiddlewareError as error:
             code = code or tell(error, 1)
     return code
@@ -101,16 +103,20 @@ def tell(error: Exception, code: int) -> int:
 def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None = None) -> None:
     """The main function of a node's executable: options become parameters of the node.
 
-    Where ROS is installed its own arguments (``--ros-args -p scene:=NAME``) set parameters too.
+    What follows ``--ros-args``, such as ``-p scene:=NAME -r __ns:=/left``, is taken as by any node
+    of ROS.
     """
     parser = argparse.ArgumentParser(
         description=(node.__doc__ or '').strip().splitlines()[0], allow_abbrev=False
     )
     add_node_options(parser)
-    options, rest = parser.parse_known_args(args)
-    if rest and backend() != 'rclpy':
-        parser.error(f'unrecognized arguments: {" ".join(rest)}')
-    sys.exit(run_nodes(lambda: [node(parameters_of(options))]))
+    own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
+    options = parser.parse_args(own)
+    try:
+        remove_ros_args(ros_args)
+    except RuntimeError as error:
+        parser.error(str(error))
+    sys.exit(run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args))
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
@@ -126,6 +132,8 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--realtime-factor', type=float, help='crank_drive: simulated seconds per second'
     )
+    parser.add_argument('--paused', action='store_true', help='crank_drive: begin paused')
+    parser.add_argument('--hold', action='store_true', help='crank_drive: pause at the end')
     parser.add_argument('--force-scale', type=float, help='display: length of arrows [m/N]')
     parser.add_argument(
         '--clearance-magnification',

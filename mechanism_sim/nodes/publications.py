@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -85,20 +85,21 @@ def reactions(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
             drive_torque=float(torque[i]),
         )
         message.header.stamp = stamp(time)
-        message.header.frame_id = WORLD
         yield message
 
 
-def transforms(mechanism: Mechanism, t: Array, angles: Array) -> Iterator[Any]:
+def transforms(
+    mechanism: Mechanism, t: Array, angles: Array, frame_of: Callable[[str], str]
+) -> Iterator[Any]:
     """TFMessages with the frame of every link in the world; `angles` are (N, n)."""
     for time, row in zip(t.tolist(), angles.tolist(), strict=True):
         frames = []
         known = dict(zip(mechanism.coordinates, row, strict=True))
         for link in (body.name for body in mechanism.bodies):
             x, y = mechanism.locate(link, known)
-            frame = TransformStamped(child_frame_id=link)
+            frame = TransformStamped(child_frame_id=frame_of(link))
             frame.header.stamp = stamp(time)
-            frame.header.frame_id = WORLD
+            frame.header.frame_id = frame_of(WORLD)
             frame.transform.translation.x = x
             frame.transform.translation.y = y
             half = 0.5 * mechanism.angle(link, known)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import struct
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import Progress, serialize, type_name
-from mechanism_sim.middleware import Parameter, QoSProfile
+from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.process import main_of
-from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
+from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
 from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import BagWriter, Qos
 
@@ -26,7 +26,9 @@ LOSS_TIMEOUT = 10.0  # [s] to wait for messages that were announced and have not
 class Recorder(SimulationNode):
     """Records all topics of a run until every partner has finished and all has come.
 
-    Parameters of the node, besides those of every node: ``file``, the bag to write; ``overwrite``.
+    A reset ends the bag: the next run goes to a bag of its own, ``run-2.mcap`` after ``run.mcap``.
+    The time it reports is that up to which all that was announced is in the bag. Parameters of the
+    node, besides those of every node: ``file``, the bag to write; ``overwrite``.
 
     Raises
     ------
@@ -43,13 +45,46 @@ class Recorder(SimulationNode):
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'))
         self._now = 0
-        self._expected: Counter[str] = Counter()
+        self._books: dict[str, Any] = {}  # reports by node whose messages may still be under way
+        self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
+        self._due: dict[str, int] = {}  # counts by topic at which to look again
         self._loss_deadline: float | None = None
+        self._loss_timer: Timer | None = None
+        self._ended = False
+        self._topics: dict[str, tuple[Any, QoSProfile]] = {}
+        self._latched: dict[str, bytes] = {}  # descriptions, which every bag gets
         for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
             self._record(topic, kind, qos)
-        self._add_topic(self.resolve_topic_name('progress'), Progress, RESULTS)
-        self.create_timer(0.5, self.writer.flush)
+        self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
+        self._add_topics()
+        self.create_timer(0.5, self._flush)
         self.join()
+
+    def begin_run(self, number: int) -> None:
+        """Go on with a bag of its own."""
+        super().begin_run(number)
+        self.writer.close()
+        first = Path(self.value('file'))
+        path = first.with_name(f'{first.stem}-{number + 1}{first.suffix}')
+        self.writer = BagWriter(path, overwrite=self.value('overwrite'))
+        self._add_topics()
+        self._now = 0
+        for topic, data in self._latched.items():
+            self.writer.write(topic, data, 0)
+        self._books.clear()
+        self._complete.clear()
+        self._due.clear()
+        self._ended, self._loss_deadline = False, None
+        if self._loss_timer:
+            self.destroy_timer(self._loss_timer)
+            self._loss_timer = None
+
+    def _flush(self) -> None:
+        self.writer.flush()
+
+    def _add_topics(self) -> None:
+        for topic, (kind, qos) in self._topics.items():
+            self._add_topic(topic, kind, qos)
 
     def _add_topic(self, topic: str, kind: Any, qos: QoSProfile) -> None:
         policies = Qos(
@@ -62,60 +97,110 @@ class Recorder(SimulationNode):
 
     def _record(self, topic: str, kind: Any, qos: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)
-        self._add_topic(name, kind, qos)
+        self._topics[name] = kind, qos
         callback = self._writing(name, type_name(kind))
         self.create_subscription(kind, topic, self.once_ready(callback), qos, raw=True)
 
     def _writing(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
+        tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
+        latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
                 seconds, nanoseconds = _STAMP.unpack_from(data, offset)
                 self._now = seconds * 1_000_000_000 + nanoseconds
+            if topic in tells and (number := _run_of(data)) > self.run:
+                self.begin_run(number)
+            if latched:
+                self._latched[topic] = data
             self.writer.write(topic, data, self._now)
+            if self.writer.counts[topic] == self._due.get(topic):
+                self._review()
             if self._loss_deadline is not None:
                 self._finish()
 
         return write
 
     def on_progress(self, message: Any) -> None:
-        """Record it, pass on how far the slowest has come, end when all have ended."""
+        """Record it, pass on how far the bag is complete, end when all have ended."""
+        if message.run > self.run:
+            self.begin_run(message.run)
         self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
-        self.report_soon(self.partners_time())
-        if self.partners_finished():
-            self._expected = Counter()
-            for known in self.progress_of.values():
-                self._expected.update(
-                    dict(zip(known.topics, (int(n) for n in known.counts), strict=True))
-                )
+        self._books.setdefault(message.node, message)
+        self._review()
+        if self.partners_finished() and self._loss_deadline is None:
             self._loss_deadline = time.monotonic() + LOSS_TIMEOUT
-            self.create_timer(1.0, self._finish)
+            self._loss_timer = self.create_timer(1.0, self._finish)
+        if self._loss_deadline is not None:
             self._finish()
+
+    def _missing(self, report: Any) -> dict[str, int]:
+        """Topics of which less is in the bag than a report announces, and how much."""
+        counts = self.writer.counts
+        announced = zip(report.topics, (int(n) for n in report.counts), strict=True)
+        return {t: n - counts[t] for t, n in announced if t in counts and counts[t] < n
+                and t != self.resolve_topic_name('progress')}  # fmt: skip
+
+    def _review(self) -> None:
+        """See whose messages are all in the bag, and report if that is news."""
+        self._due.clear()
+        for node, report in list(self._books.items()):
+            current, missing = report, self._missing(report)
+            while not missing:
+                self._complete[node] = current.time
+                newest = self.progress_of.get(node, current)
+                if newest is current:
+                    del self._books[node]
+                    break
+                current = self._books[node] = newest
+                missing = self._missing(current)
+            for topic, n in missing.items():
+                self._due[topic] = self.writer.counts[topic] + n
+        drive = self.progress_of.get('crank_drive')
+        t = min((self._complete.get(partner, 0.0) for partner in self.partners), default=0.0)
+        if drive is not None and t >= drive.time:
+            self.report(t)  # the drive may be waiting for this
+        else:
+            self.report_soon(t)
 
     def _finish(self) -> None:
         """End once everything announced is in the bag."""
-        if self.done:
+        if self._ended:
             return
-        counts = self.writer.counts
         missing = {
-            topic: expected - counts.get(topic, 0)
-            for topic, expected in self._expected.items()
-            if topic in counts and counts[topic] < expected
+            t: n for report in self._books.values() for t, n in self._missing(report).items()
         }
         if not missing:
-            self.report(self.partners_time(), finished=True)
-            self.done = True
+            again = self.another_follows()
+            self.report(self.partners_time(), finished=True, again=again)
+            self._ended, self.done = True, not again
         elif self._loss_deadline is not None and time.monotonic() > self._loss_deadline:
             topic, count = next(iter(missing.items()))
             raise RunError(f'recorder: {count} messages of {topic} were announced and never came')
+
+    def diagnose(self) -> Diagnosis:
+        """What the bag holds."""
+        found = super().diagnose()
+        found.values |= {
+            'bag': str(self.writer.path),
+            'messages recorded': sum(self.writer.counts.values()),
+        }
+        return found
 
     def destroy_node(self) -> None:
         """Finish the bag, whatever ended the run."""
         self.writer.close()
         super().destroy_node()
+
+
+def _run_of(data: bytes) -> int:
+    """Number of the run of a message that has it behind its header."""
+    end = 16 + int.from_bytes(data[12:16], 'little')  # of the name of the frame
+    end += -end % 4
+    return int.from_bytes(data[end : end + 4], 'little')
 
 
 def main(args: list[str] | None = None) -> None:

@@ -54,6 +54,9 @@ class Plan:
     overrides : ``PATH=VALUE`` each
     duration : [s]
     record : bag to write, if any
+    paused : begin so, to be played or stepped by the services of the drive
+    hold : pause at the end instead of ending
+    ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
     display : whether viewers are to be served
     """
 
@@ -64,6 +67,9 @@ class Plan:
     record: str | None = None
     overwrite: bool = False
     realtime_factor: float = 0.0
+    paused: bool = False
+    hold: bool = False
+    ros_args: Sequence[str] = ()
     display: bool = False
 
     @property
@@ -89,6 +95,7 @@ class Plan:
             options['overrides'] = '\n'.join(self.overrides)
         if node == 'crank_drive':
             options['realtime_factor'] = self.realtime_factor
+            options['paused'], options['hold'] = self.paused, self.hold
         if node == 'recorder' and self.record:
             options['file'] = self.record
             options['overwrite'] = self.overwrite
@@ -131,7 +138,8 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
         code = _in_processes(plan, watch)
     else:
         code = run_nodes(
-            lambda: [watch(), *(NODES[name](plan.parameters(name)) for name in plan.nodes)]
+            lambda: [watch(), *(NODES[name](plan.parameters(name)) for name in plan.nodes)],
+            ros_args=plan.ros_args,
         )
     monitor = monitors[0] if monitors else None
     sent: dict[str, int] = {}
@@ -200,7 +208,7 @@ def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
             command.append(option)
         elif value is not False:
             command += [option, str(value)]
-    return subprocess.Popen(command)  # noqa: S603 - our own executable
+    return subprocess.Popen([*command, *plan.ros_args])  # noqa: S603 - our own executable
 
 
 def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
@@ -213,7 +221,7 @@ def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
         children.append(_Children(plan))
         return monitors
 
-    code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle())
+    code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle(), plan.ros_args)
     if children:
         if code:
             children[0].interrupt()

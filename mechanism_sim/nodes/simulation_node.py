@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.messages import Progress, stamp, uint64_array
+from mechanism_sim.messages import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    FloatingPointRange,
+    KeyValue,
+    ParameterDescriptor,
+    Progress,
+    SetParametersResult,
+    stamp,
+    uint64_array,
+)
 from mechanism_sim.middleware import Node, Parameter
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.scene import Machine, load_scene, span
@@ -18,6 +29,16 @@ LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
 SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
 REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
+DIAGNOSTICS_PERIOD = 1.0  # [s]
+
+
+@dataclass
+class Diagnosis:
+    """How a node is: a level of ``DiagnosticStatus``, a sentence, and figures."""
+
+    level: Any
+    message: str
+    values: dict[str, object]
 
 
 class SimulationNode(Node):
@@ -25,7 +46,8 @@ class SimulationNode(Node):
 
     Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line),
     ``duration`` [s] (0: one revolution), ``partners`` (names of the other nodes of the run,
-    separated by commas), ``partner_timeout`` [s].
+    separated by commas), ``partner_timeout`` [s], ``frame_prefix``, put before the name of every
+    frame (the namespace, if it is not given).
 
     Subclasses make their endpoints in their constructor, the results first, and end it with
     `join`; they work in `on_ready` and after. A node is `done` when it has nothing left to do.
@@ -42,16 +64,19 @@ class SimulationNode(Node):
         super().__init__(name, parameter_overrides=list(parameters))
         self.done = False
         self.ready = False
+        self.run = 0
         self.progress_of: dict[str, Any] = {}
         self.counts: Counter[str] = Counter()
-        for key, default in (
-            ('scene', 'four_bar_clearance'),
-            ('overrides', ''),
-            ('duration', 0.0),
-            ('partners', ''),
-            ('partner_timeout', 20.0),
+        space = self.get_namespace().strip('/')
+        for key, default, about in (
+            ('scene', 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
+            ('overrides', '', 'PATH=VALUE each, one a line'),
+            ('duration', 0.0, 'Length of the run [s]; 0: that of the scene, or one revolution'),
+            ('partners', '', 'Names of the other nodes of the run, separated by commas'),
+            ('partner_timeout', 20.0, 'How long to wait for them [s]'),
+            ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
-            self.declare_parameter(key, default)
+            self.declare(key, default, about, read_only=True)
         listed = self.value('partners').split(',')
         self.partners = [p.strip() for p in listed if p.strip() and p.strip() != name]
         self._deadline = time.monotonic() + self.value('partner_timeout')
@@ -59,10 +84,41 @@ class SimulationNode(Node):
         self._seen: set[str] = set()
         self._soon: float | None = None
         self._early: list[tuple[Callable[[Any], None], Any]] = []
+        self._reported = 0.0
+
+    def declare(
+        self,
+        name: str,
+        default: Any,
+        about: str,
+        within: tuple[float, float] | None = None,
+        read_only: bool = False,
+    ) -> Any:
+        """Declare a parameter with its description and range; gives back its value."""
+        descriptor = ParameterDescriptor(description=about, read_only=read_only)
+        if within:
+            low, high = within
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        return self.declare_parameter(name, default, descriptor).value
+
+    def announce_changes(self, names: Container[str], since: Callable[[], float]) -> None:
+        """Answer who sets one of these parameters with the time [s] from which on it holds."""
+
+        def answer(parameters: list[Parameter]) -> Any:
+            result = SetParametersResult(successful=True)
+            if any(parameter.name in names for parameter in parameters):
+                result.reason = f'holds from t = {since():.9g} s on'
+            return result
+
+        self.add_on_set_parameters_callback(answer)
 
     def value(self, parameter: str) -> Any:
         """Value of a parameter."""
         return self.get_parameter(parameter).value
+
+    def frame(self, link: str) -> str:
+        """Name of the frame of a link."""
+        return f'{self.value("frame_prefix")}{link}'
 
     @cached_property
     def machine(self) -> Machine:
@@ -82,7 +138,9 @@ class SimulationNode(Node):
         self.create_subscription(Progress, 'progress', self.once_ready(self._on_progress), RESULTS)
         # The last endpoint to be declared: who sees it in the graph can rely on all others.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(REPORT_PERIOD, self._report_if_due)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
         self._settled = time.monotonic() + SETTLE
         self._watch = self.create_timer(LOOK_PERIOD, self._look)
 
@@ -107,7 +165,13 @@ class SimulationNode(Node):
         """A partner reports how far it has come."""
 
     def _look(self) -> None:
-        present = [p.node_name for p in self.get_publishers_info_by_topic('progress')]
+        # The last subscription of a node and its last publisher: who sees both sees all before.
+        hearing = {s.node_name for s in self.get_subscriptions_info_by_topic('progress')}
+        present = [
+            p.node_name
+            for p in self.get_publishers_info_by_topic('progress')
+            if p.node_name in hearing
+        ]
         if not self.ready and present.count(self.get_name()) > 1:
             raise RunError(
                 f"another '{self.get_name()}' is running in this domain: end it, or give this run "
@@ -145,19 +209,39 @@ class SimulationNode(Node):
                 )
 
     def _on_progress(self, message: Any) -> None:
-        if message.node != self.get_name():
+        # One that reports of the run before has not heard yet that it is over.
+        if message.node != self.get_name() and message.run >= self.run:
             self.progress_of[message.node] = message
             self.on_progress(message)
 
+    def begin_run(self, number: int) -> None:
+        """All begins anew at time 0: the books, and what is known of the partners."""
+        self.run = number
+        self.counts.clear()
+        self.progress_of = {n: p for n, p in self.progress_of.items() if p.run >= number}
+
     def partners_time(self) -> float:
         """Time [s] up to which every partner has come; infinite without partners."""
-        reports = [self.progress_of.get(partner) for partner in self.partners]
+        reports = [self._report_of(partner) for partner in self.partners]
         return min((r.time if r else 0.0 for r in reports), default=float('inf'))
+
+    def partners_began(self) -> bool:
+        """Whether every partner is in the same run as this node."""
+        return all(self._report_of(partner) for partner in self.partners)
 
     def partners_finished(self) -> bool:
         """Whether every partner has published its last."""
-        reports = [self.progress_of.get(partner) for partner in self.partners]
+        reports = [self._report_of(partner) for partner in self.partners]
         return all(r is not None and r.finished for r in reports)
+
+    def another_follows(self) -> bool:
+        """Whether another run follows the one that partners have finished."""
+        return any(report.again for report in self.progress_of.values())
+
+    def _report_of(self, partner: str) -> Any:
+        """The last report of a partner in this run."""
+        known = self.progress_of.get(partner)
+        return known if known and known.run == self.run else None
 
     # --- books --------------------------------------------------------------------------------
 
@@ -174,16 +258,47 @@ class SimulationNode(Node):
         if self._soon is not None:
             self.report(self._soon)
 
-    def report(self, t: float, finished: bool = False) -> None:
+    def report(self, t: float, finished: bool = False, again: bool = False) -> None:
         """Publish how far this node has come, and what it has published, this included."""
         self._soon = None
         self.counts[self._progress.topic_name] += 1
         message = Progress(
             node=self.get_name(),
+            run=self.run,
             time=float(t),
             finished=finished,
+            again=again,
             topics=list(self.counts),
             counts=uint64_array(list(self.counts.values())),
         )
         message.header.stamp = stamp(t)
         self._progress.publish(message)
+        self._reported = t
+
+    # --- diagnostics --------------------------------------------------------------------------
+
+    def diagnose(self) -> Diagnosis:
+        """How this node is; subclasses add to it."""
+        if not self.ready:
+            return Diagnosis(DiagnosticStatus.OK, 'waiting for its partners', {})
+        sent = sum(self.counts.values())
+        values = {'run': self.run, 'time [s]': self._reported, 'messages published': sent}
+        message = 'finished' if self.done else 'running'
+        return Diagnosis(DiagnosticStatus.OK, message, dict(values))
+
+    def _publish_diagnostics(self) -> None:
+        found = self.diagnose()
+        status = DiagnosticStatus(
+            level=found.level,
+            name=self.get_fully_qualified_name().lstrip('/'),
+            message=found.message,
+            hardware_id=self.value('scene'),
+            values=[KeyValue(key=key, value=_text(x)) for key, x in found.values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def _text(value: object) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)

@@ -15,6 +15,8 @@ from functools import lru_cache
 
 import heyoka as hy
 
+from mechanism_sim.numerics.code_cache import bound_cache
+
 # a root that its search gives up on is looked for again by the event loop
 hy.set_logger_level_error()
 
@@ -34,6 +36,7 @@ def _kept(expressions: Sequence[hy.expression]) -> bool:
 def _function(
     expressions: tuple[hy.expression, ...], variables: tuple[hy.expression, ...]
 ) -> hy.cfunc_dbl:
+    bound_cache()
     return hy.cfunc(list(expressions), vars=list(variables))
 
 
@@ -60,6 +63,7 @@ def _integrator(
 
         return fell
 
+    bound_cache()
     events = [
         hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0, callback=told(index))
         for index, g in enumerate(guards)

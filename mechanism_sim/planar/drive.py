@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
@@ -19,13 +19,14 @@ TWO_PI = Fraction('6.28318530717958647692528676655900576839433879875021164194989
 
 @dataclass(frozen=True)
 class DriveLaw:
-    """``angle(t) = sum_k coefficients[k] (t - reference_time)^k`` for ``t >= valid_from``."""
+    """``angle(t) = 2 pi turns + sum_k coefficients[k] (t - reference_time)^k`` from then on."""
 
     coordinate: str
     coefficients: tuple[float, ...]  #: [rad, rad/s, rad/s^2, ...]
     reference_time: float = 0.0  #: [s]
     valid_from: float = 0.0  #: [s]
     straight: bool = False  #: of a displacement [m], which has no turns
+    turns: int = 0  #: kept apart, so that no digits are lost after however many
 
     @property
     def degree(self) -> int:
@@ -48,7 +49,34 @@ class DriveLaw:
         The angle left over lies in [0, 2 pi). Exact arithmetic: no digits are lost after however
         many turns.
         """
-        return _about(self.coefficients, time - Fraction(self.reference_time), self.straight)
+        since = time - Fraction(self.reference_time)
+        turns, local = _about(self.coefficients, since, self.straight)
+        return self.turns + turns, local
+
+    def towards(self, speed: float, at: float, acceleration: float) -> list[DriveLaw]:
+        """The laws that follow this one from `at` [s] on: a ramp, then the steady speed.
+
+        Parameters
+        ----------
+        speed : [rad/s or m/s] to reach
+        acceleration : [rad/s^2 or m/s^2] of the ramp, positive
+        """
+        turns, (angle, *rates) = self.about(Fraction(at))
+        before = rates[0] if rates else 0.0
+        if speed == before and not any(rates[1:]):
+            return [replace(self, coefficients=(angle, speed), reference_time=at, valid_from=at,
+                            turns=turns)]  # fmt: skip
+        pull = math.copysign(acceleration, speed - before)
+        ramp = replace(
+            self, coefficients=(angle, before, 0.5 * pull), reference_time=at, valid_from=at,
+            turns=turns,
+        )  # fmt: skip
+        end = at + (speed - before) / pull
+        turns, (angle, *_) = ramp.about(Fraction(end))
+        steady = replace(
+            ramp, coefficients=(angle, speed), reference_time=end, valid_from=end, turns=turns
+        )
+        return [ramp, steady] if end > at else [steady]
 
 
 @lru_cache(maxsize=64)  # studies begin at the same instant again and again

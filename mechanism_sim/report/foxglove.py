@@ -12,8 +12,8 @@ import numpy as np
 
 from mechanism_sim.nodes.force_markers import Preview
 from mechanism_sim.nodes.markers import frame_of
-from mechanism_sim.nodes.publications import WORLD
-from mechanism_sim.report.plotted import Plot, has_topic, plots, resolve
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.report.plotted import Plot, plots, resolve
 
 _AXES = 0.2  # [m] length of the axes of a frame at scale 1
 
@@ -34,12 +34,11 @@ def to_foxglove(seen: Preview, namespace: str = '', prefix: str = '') -> str:
         panels[f'Plot!{k}'] = _plot(plot)
         groups.setdefault(plot.group, []).append(f'Plot!{k}')
     run = groups.setdefault('Run', [])
-    if has_topic(machine, '/diagnostics'):
-        run.append('DiagnosticSummary!run')
-        panels[run[-1]] = {
-            'minLevel': 0, 'pinnedIds': [], 'hardwareIdFilter': '', 'sortByLevel': True,
-            'topicToRender': '/diagnostics',
-        }  # fmt: skip
+    run.append('DiagnosticSummary!run')  # while it runs: they go by the clock, and in no bag
+    panels[run[-1]] = {
+        'minLevel': 0, 'pinnedIds': [], 'hardwareIdFilter': '', 'sortByLevel': True,
+        'topicToRender': '/diagnostics',
+    }  # fmt: skip
     for topic in ('mode_changes',) if machine.physics.clearances else ('joint_states',):
         run.append(f'RawMessages!{topic}')
         panels[run[-1]] = {
@@ -67,6 +66,7 @@ def _scene(seen: Preview, namespace: str, prefix: str) -> dict[str, Any]:
     visible = 1.2 * max(width, height)
     x, y = seen.centre.tolist()
     links = [body.name for body in seen.machine.mechanism.bodies]
+    world = frame_of(GROUND, prefix)
     grid = 10.0 ** np.floor(np.log10(visible))
     return {
         'cameraState': {
@@ -74,7 +74,7 @@ def _scene(seen: Preview, namespace: str, prefix: str) -> dict[str, Any]:
             'targetOffset': [x, y, 0.0], 'target': [0, 0, 0], 'targetOrientation': [0, 0, 0, 1],
             'near': 1e-3 * visible, 'far': 20.0 * visible,
         },
-        'followTf': WORLD,
+        'followTf': world,
         'followMode': 'follow-none',
         'scene': {
             'transforms': {
@@ -89,7 +89,7 @@ def _scene(seen: Preview, namespace: str, prefix: str) -> dict[str, Any]:
         'layers': {
             'grid': {
                 'layerId': 'foxglove.Grid', 'instanceId': 'grid', 'label': f'Grid of {grid:g} m',
-                'visible': True, 'frameLocked': True, 'frameId': WORLD, 'size': 10.0 * grid,
+                'visible': True, 'frameLocked': True, 'frameId': world, 'size': 10.0 * grid,
                 'divisions': 10, 'lineWidth': 1, 'color': '#80808060', 'position': [0, 0, 0],
                 'rotation': [0, 0, 0], 'order': 1,
             },

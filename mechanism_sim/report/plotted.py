@@ -12,7 +12,6 @@ from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.middleware.errors import InvalidNameError
 from mechanism_sim.middleware.names import resolve_namespace
 from mechanism_sim.nodes.parts import kinds_of
-from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.scene import Machine
 
 UNITS = {'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm'}
@@ -61,11 +60,6 @@ def plots(machine: Machine, namespace: str = '') -> list[Plot]:
         for p in (*made, *_sensors(machine))
         if p.paths
     ]  # fmt: skip
-
-
-def has_topic(machine: Machine, topic: str) -> bool:
-    """Whether a run of a machine with a display has a topic of this name."""
-    return topic in (t.name for t in topics_of(machine, display=True))
 
 
 def _numbered(

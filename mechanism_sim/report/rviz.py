@@ -8,8 +8,8 @@ import yaml
 
 from mechanism_sim.nodes.force_markers import Preview
 from mechanism_sim.nodes.markers import frame_of
-from mechanism_sim.nodes.publications import WORLD
 from mechanism_sim.nodes.topics import topics_of
+from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.report.plotted import resolve
 
 _WINDOW = 1200, 846
@@ -28,13 +28,14 @@ def to_rviz(seen: Preview, namespace: str = '', prefix: str = '') -> str:
     """
     width, height = (seen.high - seen.low).tolist()
     x, y = seen.centre.tolist()
+    world = frame_of(GROUND, prefix)
     tools = 'Interact', 'MoveCamera', 'Select', 'FocusCamera', 'Measure'
     manager = {
         'Class': '',
         'Displays': _displays(seen, namespace, prefix),
         'Enabled': True,
         'Global Options': {
-            'Background Color': '255; 255; 255', 'Fixed Frame': WORLD, 'Frame Rate': 30,
+            'Background Color': '255; 255; 255', 'Fixed Frame': world, 'Frame Rate': 30,
         },
         'Name': 'root',
         'Tools': [{'Class': f'rviz_default_plugins/{tool}'} for tool in tools],
@@ -75,7 +76,7 @@ def _displays(seen: Preview, namespace: str, prefix: str) -> list[dict[str, Any]
         }
 
     links = [frame_of(body.name, prefix) for body in seen.machine.mechanism.bodies]
-    frames: dict[str, Any] = {name: {'Value': True} for name in (WORLD, *links)}
+    frames: dict[str, Any] = {name: {'Value': True} for name in (frame_of(GROUND, prefix), *links)}
     return [
         {
             'Class': 'rviz_default_plugins/TF', 'Name': 'Frames of the links', 'Enabled': True,

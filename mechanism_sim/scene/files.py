@@ -26,11 +26,13 @@ _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
 
 
 def config_folder() -> Path:
-    """Where the scenes of the package are: beside the sources, or where pip put them."""
-    beside = Path(__file__).parents[2] / 'config'
-    if beside.is_dir():
-        return beside
-    return Path(sysconfig.get_path('data')) / 'share' / 'mechanism_sim' / 'config'
+    """Where the scenes of the package are: beside the sources, or where pip or colcon put them."""
+    package = Path(__file__).parents[1]
+    shared = Path('share', 'mechanism_sim', 'config')
+    for folder in [package.parent / 'config', *(root / shared for root in package.parents)]:
+        if folder.is_dir():
+            return folder
+    return Path(sysconfig.get_path('data')) / shared
 
 
 def scene_names() -> list[str]:

@@ -18,7 +18,7 @@ from mechanism_sim.scene.quantities import (
     Position,
     Time,
 )
-from mechanism_sim.scene.schema import AffineTorque, AnyScene, Clearance, Motor
+from mechanism_sim.scene.schema import AffineTorque, AnyScene, Clearance, Commands, Motor
 from mechanism_sim.scene.sensor_keys import Sensor
 from mechanism_sim.units import Measure, to_si, to_si_of
 
@@ -155,6 +155,7 @@ class LinkageDrive(Part):
     torque: AffineTorque | None = None
     force: AffineForce | None = None
     motor: Motor | None = None
+    commands: Commands | None = None
     flywheel: AddedInertia = 0.0
     start_angle: Angle | None = None
     start_position: Position | None = None

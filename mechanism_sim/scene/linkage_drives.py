@@ -7,7 +7,7 @@ from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.linkage import LinkageDrive
 from mechanism_sim.scene.places import Places, kind_of
-from mechanism_sim.scene.plan import check_motor, check_times, motor_law
+from mechanism_sim.scene.plan import POWERED, check_commands, check_motor, check_times, motor_law
 
 _WAYS = 'profile', 'torque', 'force', 'motor'
 
@@ -33,6 +33,7 @@ def read_drives(places: Places) -> dict[str, LinkageDrive]:
     for coordinate, drive in scene.drives.items():
         if coordinate in found:
             raise InputError(f'{places.name}: drives.{coordinate}: it has a drive already')
+        check_commands(f'drives.{coordinate}', drive.commands, "only the main 'drive' takes them")
         found[coordinate] = drive
     for coordinate in found:
         places.coordinate('drive.coordinate', coordinate)
@@ -81,7 +82,10 @@ def read_laws(
     speed = 0.0 if drive.speed is None else places.measure(
         f'the speed of {c}', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
     begin = value, speed
-    if drive.torque or drive.force or drive.motor:
+    powered = drive.torque or drive.force or drive.motor
+    reason = POWERED if powered else 'a displacement takes none' if straight else ''
+    check_commands(where, drive.commands, reason)
+    if powered:
         if drive.motor:
             check_motor(where, drive.motor)
             return (motor_law(c, drive.motor.stall_torque, drive.motor.no_load_speed),), begin

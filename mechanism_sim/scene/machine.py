@@ -40,7 +40,7 @@ from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
 from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.scene.plan import Plan, four_bar_plan
-from mechanism_sim.scene.schema import FourBarScene, Play
+from mechanism_sim.scene.schema import Commands, FourBarScene, Play
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
@@ -79,6 +79,12 @@ class Run(Protocol):
 
     def change_law(self, law: Law) -> None:
         """Announce another law of the drive."""
+
+    def preview(self, until: float) -> Motion | None:
+        """What is known beyond `time` of a motion up to `until` [s]."""
+
+    def change_restitution(self, joint: str, restitution: float) -> None:
+        """Let impacts of a joint have another coefficient from now on. KeyError: it has none."""
 
     def snapshot(self) -> Snapshot:
         """All that is needed to go on from here, bit by bit."""
@@ -266,6 +272,8 @@ class Machine:
     ) -> System:
         laws = [law for laws in self.plan.laws.values() for law in laws]
         degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in laws)
+        if self.commands:
+            degree = max(degree, 2)  # commanded speeds are joined by ramps
         elements = [*films, *self.plan.elements(mechanism)]
         prescribed, powered = self.plan.prescribed, self.plan.powered
         return System(mechanism, gaps, prescribed, degree, closing, powered, elements)
@@ -292,9 +300,15 @@ class Machine:
         return ShakenFrame(read_frame(self, name), forces_on(self, name))
 
     @property
+    def commands(self) -> Commands | None:
+        """What commands of speed the main drive takes, if any."""
+        return self.scene.drive.commands if self.scene.drive else None
+
+    @property
     def fastest(self) -> float:
         """Largest speed of the main drive that is known beforehand [rad/s]."""
-        return max(abs(self.start_of_crank[1]), largest_speed(self.laws))
+        commanded = self.commands.fastest if self.commands else 0.0
+        return max(abs(self.start_of_crank[1]), largest_speed(self.laws), commanded)
 
     @property
     def period(self) -> float:

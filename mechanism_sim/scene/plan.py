@@ -21,9 +21,11 @@ from mechanism_sim.planar.mechanism import (
     closing_joints,
 )
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.schema import FourBarScene, Motor, Play
+from mechanism_sim.scene.schema import Commands, FourBarScene, Motor, Play
 
 Elements = Callable[[Mechanism], list[ForceElement]]
+
+POWERED = 'they are of speeds; a torque takes commands of effort without this key'
 
 
 @dataclass(frozen=True)
@@ -168,6 +170,7 @@ def _four_bar_laws(
     """The laws of the crank, and its angle and speed at the start."""
     drive = scene.drive
     begin = start, drive.speed or 0.0
+    check_commands('drive', drive.commands, POWERED if drive.torque or drive.motor else '')
     if drive.torque:
         t = drive.torque
         return (TorqueLaw('crank', (t.constant, t.per_angle, t.per_speed)),), begin
@@ -190,6 +193,17 @@ def check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:
     for (before, _), (after, _) in pairwise(points):
         if after <= before:
             raise InputError(f'{where}: times must rise, but {after:g} s follows {before:g} s')
+
+
+def check_commands(where: str, commands: Commands | None, reason: str) -> None:
+    """Refuse commands of speed for a drive that can take none, for a `reason` (empty: it can).
+
+    Raises
+    ------
+    InputError
+    """
+    if commands and reason:
+        raise InputError(f'{where}.commands: {reason}')
 
 
 def check_motor(where: str, motor: Motor) -> None:

@@ -11,6 +11,7 @@ from mechanism_sim.scene.quantities import (
     POSITIVE,
     AddedInertia,
     Angle,
+    AngularAcceleration,
     Coefficient,
     Displacement,
     Duration,
@@ -126,6 +127,13 @@ class Motor(Part):
     no_load_speed: Speed
 
 
+class Commands(Part):
+    """Which speeds may be commanded while the machine runs."""
+
+    acceleration: AngularAcceleration  #: of the ramp to a commanded speed
+    fastest: Annotated[Speed, POSITIVE]  #: the largest that is taken, either way
+
+
 class Drive(Part):
     """What moves the crank: a speed, a profile of speeds, a torque, or a motor."""
 
@@ -134,6 +142,7 @@ class Drive(Part):
     profile: Profile | None = None
     torque: AffineTorque | None = None
     motor: Motor | None = None
+    commands: Commands | None = None
     flywheel: AddedInertia = 0.0  #: inertia that turns with the crank
     start_angle: Angle = 0.0
 

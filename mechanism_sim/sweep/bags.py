@@ -74,7 +74,7 @@ class RunBag:
         for change in changes:
             self._write('/mode_changes', events.mode_change(change), change.t)
         if len(motion):
-            message = pack(motion, *self._names)
+            message = pack(motion, *self._names, motion.curve.end)
             self._write('/motion', message, float(motion.curve.start[0]))
         for impact in impacts:
             self._write('/impacts', events.impact(impact, self._impacts), impact.t)

@@ -1,0 +1,242 @@
+"""A machine without clearance as other simulators can have it: where its links are at the start.
+
+Their trees want joints that turn or slide: guides are all kept, revolute joints close the loops. A
+pin in a slot becomes a light block that slides in the slot and turns on the pin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.gears.mesh import GearMesh
+from mechanism_sim.gears.transmission import Transmission
+from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Body,
+    HigherPair,
+    Joint,
+    Mechanism,
+    Prismatic,
+    Revolute,
+    Vector2,
+    closing_joints,
+    rotate,
+)
+from mechanism_sim.scene.machine import Machine
+
+Array = NDArray[np.float64]
+
+#: mass of a block in a slot, and of links without mass, as a share of the heaviest link's
+LIGHT = 1e-4
+
+#: radius of gyration of what has no inertia, as a share of the machine's size
+COMPACT = 0.1
+
+#: time steps in a turn of the drive at its largest speed, or in a run; and the longest step [s]
+STEPS, LONGEST = 4000, 1e-3
+
+
+@dataclass(frozen=True)
+class Ideal:
+    """The ideal mechanism of a machine, put together at its start.
+
+    Parameters
+    ----------
+    machine : whose it is
+    """
+
+    machine: Machine
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """Links with mass, blocks among them; lower pairs first, revolute joints cut."""
+        plan = self.machine.plan
+        bodies = [self._weighed(body) for body in plan.bodies]
+        joints: list[Joint] = []
+        for joint in plan.joints:
+            if not isinstance(joint, PinInSlot):
+                joints.append(joint)
+                continue
+            block = f'{joint.name}.block'
+            bodies.append(self._weighed(Body(block, 0.0, 0.0, (0.0, 0.0))))
+            joints += [
+                Prismatic(f'{joint.name}.slot', joint.second, block, joint.on_second,
+                          (0.0, 0.0), joint.axis),
+                Revolute(joint.name, joint.first, block, joint.on_first, (0.0, 0.0)),
+            ]  # fmt: skip
+        links = [body.name for body in bodies]
+        # guides of driven links come first into the tree: here all do
+        cut = closing_joints(links, joints, (), (GROUND, *links))
+        return Mechanism(tuple(bodies), tuple(joints), cut, plan.gravity)
+
+    @cached_property
+    def _heaviest(self) -> float:
+        return max(body.mass for body in self.machine.plan.bodies)
+
+    def _weighed(self, body: Body) -> Body:
+        """With a mass and an inertia: there must be some."""
+        blank = 1.0 if body in self.machine.plan.bodies else LIGHT
+        mass = body.mass or (LIGHT * self._heaviest if self._heaviest else blank)
+        radius = COMPACT * self.machine.plan.ideal.size
+        return replace(body, mass=mass, inertia=body.inertia or mass * radius**2)
+
+    @cached_property
+    def _start(self) -> tuple[Array, Array]:
+        """Coordinates of the machine's ideal mechanism at the start, and their rates (n,)."""
+        four_bar = self.machine.plan.four_bar
+        if four_bar is None:
+            return self.machine.assembly.q, self.machine.assembly.v
+        angle, speed = (np.array([x]) for x in self.machine.start_of_crank)
+        q, v, _ = four_bar.motion(angle, speed, np.zeros(1))
+        return q[:, 0], v[:, 0]
+
+    @cached_property
+    def poses(self) -> dict[str, Array]:
+        """Places [m] and angles [rad] of the links at the start, and of the ground (3,)."""
+        return {link: pose for link, (pose, _) in self._states.items()}
+
+    @cached_property
+    def rates(self) -> dict[str, Array]:
+        """Their rates (3,) [m/s, rad/s]."""
+        return {link: rate for link, (_, rate) in self._states.items()}
+
+    @cached_property
+    def _states(self) -> dict[str, tuple[Array, Array]]:
+        tree, (q, v) = self.machine.plan.ideal, self._start
+        found = {GROUND: (np.zeros(3), np.zeros(3))}
+        known, rates = (dict(zip(tree.coordinates, x.tolist(), strict=True)) for x in (q, v))
+        for body in tree.bodies:
+            place = tree.locate(body.name, known)
+            velocity = tree.velocity_all(body.name, q[:, None], v[:, None])[:, 0]
+            turning = rates.get(tree.frame(body.name)[0], 0.0)
+            angle = tree.angle(body.name, known)
+            found[body.name] = np.array([*place, angle]), np.array([*velocity, turning])
+        for joint in self.machine.plan.joints:
+            if isinstance(joint, PinInSlot):
+                pin, velocity = _carried(*found[joint.first], joint.on_first)
+                pose, rate = found[joint.second]
+                block = np.array([*pin, pose[2]]), np.array([*velocity, rate[2]])
+                found[f'{joint.name}.block'] = block
+        return found
+
+    def point(self, link: str, at: Vector2) -> tuple[Array, Array]:
+        """Where a point of a link is at the start, and its velocity (2,) [m, m/s]."""
+        return _carried(self.poses[link], self.rates[link], at)
+
+    def guided(self, joint: Prismatic) -> tuple[float, float]:
+        """Displacement [m] along a guide at the start, and its rate [m/s]."""
+        (a, va), (b, vb) = (
+            self.point(joint.first, joint.on_first),
+            self.point(joint.second, joint.on_second),
+        )
+        way = np.array(rotate((1.0, 0.0), self.poses[joint.first][2] + joint.axis))
+        return float(way @ (b - a)), float(way @ (vb - va))
+
+    def turned(self, link: str, other: str) -> tuple[float, float]:
+        """Angle [rad] of a link against another at the start, and its rate [rad/s]."""
+        angle = self.poses[link][2] - self.poses[other][2]
+        return float(angle), float(self.rates[link][2] - self.rates[other][2])
+
+    @cached_property
+    def couplings(self) -> tuple[Coupling, ...]:
+        """Gears and transmissions, rigid and without backlash."""
+        found = []
+        for joint in self.mechanism.joints:
+            if isinstance(joint, GearMesh):
+                racks = tuple(
+                    joint.guide if joint.guide and joint.guide.second == link else None
+                    for link in joint.ends
+                )
+                scaled = tuple(joint.per_phase * wave for wave in joint.waves)
+                found.append(Coupling(joint, joint.carrier, scaled, racks))
+            elif isinstance(joint, Transmission):
+                p, q = joint.waves
+                found.append(Coupling(joint, joint.carrier, (p / q, 1.0), (None, None)))
+        return tuple(found)
+
+    @property
+    def closing(self) -> Iterator[Revolute]:
+        """The revolute joints that close loops."""
+        cut = (self.mechanism.joint(name) for name in self.mechanism.cut)
+        return (j for j in cut if isinstance(j, Revolute))
+
+    def left_out(self) -> Iterator[str]:
+        """What the mechanism of any format lacks, in sentences."""
+        plan = self.machine.plan
+        for joint in plan.joints:
+            if isinstance(joint, PinInSlot):
+                yield f'{joint.name}: a block of {LIGHT:g} of the heaviest link is in the slot'
+            elif isinstance(joint, HigherPair) and not isinstance(joint, GearMesh | Transmission):
+                yield f'{joint.name}: left out ({joint.parts}): {joint.second} moves without it'
+                continue
+            if isinstance(joint, GearMesh) and (joint.elastic or joint.errors):
+                yield f'{joint.name}: its teeth are rigid and true here'
+            if joint.name in plan.clearances:
+                yield f'{joint.name}: it has no clearance here'
+        for name in self.mechanism.cut:
+            if isinstance(self.mechanism.joint(name), Prismatic):
+                yield f'{name}: left out: a guide cannot close a loop of guides'
+        weightless = [body.name for body in plan.bodies if not body.mass]
+        if weightless and not self._heaviest:
+            yield f'{", ".join(weightless)}: without mass in the scene, 1 kg each here'
+        elif weightless:
+            yield f'{", ".join(weightless)}: without mass in the scene, {LIGHT:g} of the heaviest'
+        points = [b for b in plan.bodies if b.mass and not b.inertia]
+        turning = [b.name for b in points if plan.ideal.frame(b.name)[0] != GROUND]
+        if turning:
+            radius = COMPACT * plan.ideal.size
+            yield f'{", ".join(turning)}: without inertia, here with a radius of {radius:g} m'
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A sum over two links that keeps its value.
+
+    Parameters
+    ----------
+    joint : the pair
+    carrier : against which angles are counted
+    factors : of the angles [rad] of first and second, or of a rack's displacement [m]
+    racks : the guides of those that are racks
+    """
+
+    joint: HigherPair
+    carrier: str
+    factors: tuple[float, ...]
+    racks: tuple[Prismatic | None, ...]
+
+
+def way(joint: Prismatic, link: str) -> Vector2:
+    """Direction in which the joint's displacement moves a link of it, in the link's frame.
+
+    The other link rests.
+    """
+    if link == joint.first:
+        return rotate((-1.0, 0.0), joint.axis)
+    return rotate((1.0, 0.0), joint.axis - joint.angle)
+
+
+def time_step(machine: Machine) -> float:
+    """How long the steps of a fixed-step integrator should be [s]."""
+    return min(LONGEST, min(machine.period, machine.scene.duration or 1.0) / STEPS)
+
+
+def steady(machine: Machine, coordinate: str) -> bool:
+    """Whether a drive keeps one speed all the time."""
+    law, *others = machine.plan.laws[coordinate]
+    return isinstance(law, DriveLaw) and not others and law.degree <= 1
+
+
+def _carried(pose: Array, rate: Array, at: Vector2) -> tuple[Array, Array]:
+    """A point of a link and its velocity (2,) [m, m/s], at the link's pose and rates."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = c * at[0] - s * at[1], s * at[0] + c * at[1]
+    return pose[:2] + np.array([x, y]), rate[:2] + rate[2] * np.array([-y, x])

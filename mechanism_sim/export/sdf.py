@@ -1,0 +1,134 @@
+"""SDF of the ideal mechanism of a machine, for Gazebo and its kin.
+
+All joints are there, those that close loops too: the format may, but not every engine does. Gears
+are joints of the type gearbox.
+"""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import SubElement
+
+from mechanism_sim.export.ideal import Coupling, Ideal, time_step, way
+from mechanism_sim.export.markup import Element, comment, text, written
+from mechanism_sim.export.solids import COLOURS, Solid, solids
+from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Prismatic, Revolute, Vector2
+from mechanism_sim.scene.machine import Machine
+
+VERSION = '1.7'
+
+
+def to_sdf(machine: Machine) -> str:
+    """The text of an SDF file: a world with the scene's gravity and the machine at its start.
+
+    Links and joints are named as those of the scene; `ground` is a link fixed to the world. The
+    coordinates of joints count from the start. What is left out is in comments, see `left_out`.
+
+    Raises
+    ------
+    InputError
+        If the mechanism cannot be assembled.
+    """
+    ideal = Ideal(machine)
+    root = Element('sdf', version=VERSION)
+    comment(root, machine.scene.title)
+    for sentence in left_out(machine):
+        comment(root, sentence)
+    world = SubElement(root, 'world', name=f'world_of_{machine.name}')
+    physics = SubElement(world, 'physics', name='fine', type='ode')
+    _leaf(physics, 'max_step_size', text(time_step(machine)))
+    _leaf(physics, 'real_time_factor', '1')
+    _leaf(world, 'gravity', text(*machine.plan.gravity, 0.0))
+    model = SubElement(world, 'model', name=machine.name)
+    drawn = solids(machine)
+    _link(model, ideal, Body(GROUND, 1.0, 1.0, (0.0, 0.0)), drawn, COLOURS[0])
+    fixed = _joint(model, 'world_ground', 'fixed', 'world', GROUND)
+    _leaf(fixed, 'pose', '0 0 0 0 0 0')
+    for k, body in enumerate(ideal.mechanism.bodies):
+        _link(model, ideal, body, drawn, COLOURS[1 + k % (len(COLOURS) - 1)])
+    for link in ideal.mechanism.tree_joints:
+        _lower_pair(model, ideal.mechanism.tree_joints[link], link)
+    for joint in ideal.closing:
+        _lower_pair(model, joint, joint.first if joint.second == GROUND else joint.second)
+    for coupling in ideal.couplings:
+        if not any(coupling.racks):
+            _gearbox(model, coupling)
+    return written(root)
+
+
+def left_out(machine: Machine) -> list[str]:
+    """What SDF cannot say of a machine, in sentences."""
+    ideal, plan = Ideal(machine), machine.plan
+    found = [*ideal.left_out()]
+    found += [
+        f'{coupling.joint.name}: left out: a gearbox has no rack'
+        for coupling in ideal.couplings
+        if any(coupling.racks)
+    ]
+    found += [f'{element.name}: left out: forces are for plugins' for element in
+              plan.elements(plan.ideal)]  # fmt: skip
+    drives = ', '.join(plan.laws)
+    return [*found, f'{drives}: left out: drives are for plugins, and all starts at rest']
+
+
+def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid], colour: str) -> None:
+    """A link where it is at the start."""
+    x, y, angle = ideal.poses[body.name]
+    link = SubElement(model, 'link', name=body.name)
+    _leaf(link, 'pose', _pose((x, y), angle))
+    inertial = SubElement(link, 'inertial')
+    _leaf(inertial, 'pose', _pose(body.cog))
+    _leaf(inertial, 'mass', text(body.mass))
+    inertia = SubElement(inertial, 'inertia')
+    for name in ('ixx', 'iyy', 'izz'):
+        _leaf(inertia, name, text(body.inertia if name == 'izz' else 0.5 * body.inertia))
+    for name in ('ixy', 'ixz', 'iyz'):
+        _leaf(inertia, name, '0')
+    for k, solid in enumerate(s for s in drawn if s.link == body.name):
+        visual = SubElement(link, 'visual', name=f'{body.name}_{k}')
+        _leaf(visual, 'pose', _pose(solid.at[:2], solid.turn, solid.at[2]))
+        shape = SubElement(SubElement(visual, 'geometry'), solid.kind)
+        if solid.kind == 'box':
+            _leaf(shape, 'size', text(*solid.size))
+        else:
+            _leaf(shape, 'radius', text(solid.size[0]))
+            _leaf(shape, 'length', text(solid.size[1]))
+        material = SubElement(visual, 'material')
+        _leaf(material, 'ambient', f'{colour} 1')
+        _leaf(material, 'diffuse', f'{colour} 1')
+
+
+def _lower_pair(model: Element, joint: Joint, child: str) -> None:
+    """A revolute or a prismatic joint, seen from the link that it carries."""
+    assert isinstance(joint, Revolute | Prismatic)  # noqa: S101 - trees have no others
+    ahead = joint.first == child
+    parent, at = (joint.second, joint.on_first) if ahead else (joint.first, joint.on_second)
+    kind = 'prismatic' if isinstance(joint, Prismatic) else 'revolute'
+    written_joint = _joint(model, joint.name, kind, parent, child)
+    _leaf(written_joint, 'pose', _pose(at))
+    along = (*way(joint, child), 0.0) if isinstance(joint, Prismatic) else (0.0, 0.0, 1.0)
+    _leaf(SubElement(written_joint, 'axis'), 'xyz', text(*along))
+
+
+def _gearbox(model: Element, coupling: Coupling) -> None:
+    """``second = -ratio first``, both angles counted from the carrier."""
+    pair, (one, other) = coupling.joint, coupling.factors
+    joint = _joint(model, pair.name, 'gearbox', pair.first, pair.second)
+    _leaf(joint, 'gearbox_ratio', text(one / other))
+    _leaf(joint, 'gearbox_reference_body', coupling.carrier)
+    for axis in ('axis', 'axis2'):
+        _leaf(SubElement(joint, axis), 'xyz', '0 0 1')
+
+
+def _joint(model: Element, name: str, kind: str, parent: str, child: str) -> Element:
+    joint = SubElement(model, 'joint', name=name, type=kind)
+    _leaf(joint, 'parent', parent)
+    _leaf(joint, 'child', child)
+    return joint
+
+
+def _leaf(parent: Element, name: str, content: str) -> None:
+    SubElement(parent, name).text = content
+
+
+def _pose(at: Vector2, angle: float = 0.0, z: float = 0.0) -> str:
+    return text(*at, z, 0.0, 0.0, angle)

@@ -1,0 +1,113 @@
+"""Commands to the drive while the machine runs: of speed, or of torque or force."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.messages import Float64
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.planar.drive import DriveLaw
+
+if TYPE_CHECKING:
+    from mechanism_sim.nodes.crank_drive import CrankDrive
+
+
+class Commands:
+    """Takes commands by topic and by parameter; a command holds from where the law is known to.
+
+    A drive with torque, force or motor takes ``effort`` [N m] or [N]: the constant part of its
+    law, of a motor the torque at rest. A drive with a speed takes ``velocity`` [rad/s] if its
+    scene has ``drive.commands``, and reaches it by a ramp. Each is a topic, ``command/effort`` or
+    ``command/velocity`` (std_msgs/Float64), and a parameter.
+
+    With a parameter ``command_period`` [s] > 0 there is one command for each period, and time does
+    not go on without: the first period runs by the scene, the n-th by the n-th command. A
+    controller that answers each state with one command then sees the same run every time.
+    """
+
+    def __init__(self, drive: CrankDrive) -> None:
+        self._drive, law = drive, drive.law
+        self._period = drive.declare(
+            'command_period', 0.0, 'One command for each such time [s]; 0: at any time',
+            (0.0, 1e6), read_only=True,
+        )  # fmt: skip
+        self._taken = 0
+        self._early: deque[float] = deque()
+        self._name = ''
+        commanded = drive.machine.commands
+        if isinstance(law, DriveLaw):
+            name, given = 'velocity', (law.coefficients[1] if law.degree else 0.0)
+            limit = commanded.fastest if commanded else None
+        else:
+            name, given, limit = 'effort', law.coefficients[0], 1e12
+        if limit is None:
+            if self._period:
+                raise InputError(
+                    f"{drive.machine.name}: its drive takes no commands: give 'drive.commands', "
+                    'with acceleration and fastest, or take command_period away'
+                )
+            return
+        self._name, self._given, self._limit = name, given, limit
+        about = f'Commanded {name} of the drive, SI'
+        self._launched = self._present = drive.declare(name, given, about, (-limit, limit))
+        drive.announce_changes([name], lambda: drive.announced)
+        drive.add_post_set_parameters_callback(self._follow)
+        drive.create_subscription(Float64, f'command/{name}', self._hear, RESULTS)
+
+    @property
+    def horizon(self) -> float:
+        """Time [s] up to which commands are there."""
+        return (self._taken + 1) * self._period if self._period else math.inf
+
+    def begin(self) -> None:
+        """A run begins, or begins anew: as it was launched."""
+        self._taken = 0
+        self._early.clear()
+        if self._name and self._present != self._launched:
+            self._present = self._launched
+            self._drive.set_parameters([Parameter(self._name, value=self._launched)])
+        if self._name and self._launched != self._given:
+            self._hold(self._launched)
+
+    def look(self) -> None:
+        """Give the commands that came before their time, if it has come."""
+        while self._early and self._drive.announced >= self.horizon:
+            self._taken += 1
+            self._hold(self._early.popleft())
+
+    def _follow(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == self._name and parameter.value != self._present:
+                self._present = parameter.value
+                self._command(float(parameter.value))
+
+    def _hear(self, message: Any) -> None:
+        if abs(message.data) <= self._limit:
+            self._command(float(message.data))
+        else:
+            self._drive.get_logger().warning(
+                f'a commanded {self._name} of {message.data:g} is refused: at most '
+                f'{self._limit:g}, SI'
+            )
+
+    def _command(self, value: float) -> None:
+        if self._period:
+            self._early.append(value)
+            self.look()
+        else:
+            self._hold(value)
+
+    def _hold(self, value: float) -> None:
+        drive = self._drive
+        law, at = drive.law, drive.announced
+        if isinstance(law, DriveLaw):
+            acceleration = drive.machine.commands.acceleration  # type: ignore[union-attr]
+            drive.take_over(law.towards(value, at, acceleration))
+        else:
+            _, *slopes = law.coefficients
+            drive.take_over([replace(law, coefficients=(value, *slopes), valid_from=at)])

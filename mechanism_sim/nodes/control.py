@@ -1,0 +1,192 @@
+"""Control of a simulation by the services of the standard `simulation_interfaces`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mechanism_sim.messages import MessageError, action_class, message_class, service_class
+from mechanism_sim.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
+
+if TYPE_CHECKING:
+    from mechanism_sim.nodes.crank_drive import CrankDrive
+
+PACKAGE = 'simulation_interfaces'
+# SetSimulationState.Response; constants of a service are not in the classes made from definitions
+ALREADY_IN_TARGET_STATE = 101
+
+
+class Control:
+    """Features, state, steps and reset of a run, for the node that drives it.
+
+    Where ROS has no package `simulation_interfaces` these services are missing, and the log says
+    so.
+    """
+
+    def __init__(self, drive: CrankDrive) -> None:
+        self._drive, self._busy, self._stopped = drive, False, False
+        try:
+            self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
+        except MessageError as error:
+            drive.get_logger().warning(f'no services to control the simulation: {error}')
+            return
+        self._result = message_class(f'{PACKAGE}/msg/Result')
+        self._state = message_class(f'{PACKAGE}/msg/SimulationState')
+        self._origin, self._steps = 0.0, 0
+        # Who waits for partners must not keep their reports from being heard.
+        group = ReentrantCallbackGroup()
+        for short, name, answer in (
+            ('GetSimulatorFeatures', 'get_simulator_features', self._tell_features),
+            ('GetSimulationState', 'get_simulation_state', self._tell_state),
+            ('SetSimulationState', 'set_simulation_state', self._set_state),
+            ('StepSimulation', 'step_simulation', self._step),
+            ('ResetSimulation', 'reset_simulation', self._reset),
+        ):
+            kind = service_class(f'{PACKAGE}/srv/{short}')
+            drive.create_service(kind, name, answer, callback_group=group)
+        self._action = ActionServer(
+            drive,
+            action_class(f'{PACKAGE}/action/SimulateSteps'),
+            'simulate_steps',
+            self._simulate_steps,
+            callback_group=group,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+
+    # --- services -----------------------------------------------------------------------------
+
+    def _tell_features(self, _request: Any, response: Any) -> Any:
+        f = self._features
+        response.features.features = [
+            f.SIMULATION_RESET, f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE,
+            f.SIMULATION_STATE_GETTING, f.SIMULATION_STATE_SETTING, f.SIMULATION_STATE_PAUSE,
+            f.STEP_SIMULATION_SINGLE, f.STEP_SIMULATION_MULTIPLE, f.STEP_SIMULATION_ACTION,
+        ]  # fmt: skip
+        response.features.custom_info = (
+            f'mechanism_sim; a step is the parameter step_size of '
+            f'{self._drive.get_fully_qualified_name()}; a reset resets time and state'
+        )
+        return response
+
+    def _tell_state(self, _request: Any, response: Any) -> Any:
+        s = self._state
+        if self._drive.playing:
+            response.state.state = s.STATE_PLAYING
+        else:
+            response.state.state = s.STATE_STOPPED if self._stopped else s.STATE_PAUSED
+        return self._answer(response, '')
+
+    async def _set_state(self, request: Any, response: Any) -> Any:
+        """Play, pause, stop (pause and reset) or quit; answers when all partners are there."""
+        s, drive, asked = self._state, self._drive, request.state.state
+        if reason := self._refusal():
+            return self._answer(response, reason)
+        if asked == s.STATE_PLAYING:
+            if drive.playing:
+                return self._already(response, 'playing')
+            self._stopped = False
+            drive.play()
+        elif asked == s.STATE_PAUSED:
+            if not drive.playing and not self._stopped:
+                return self._already(response, 'paused')
+            self._stopped = False
+            drive.pause()
+            await self._alone(drive.arrive(drive.announced))
+        elif asked == s.STATE_STOPPED:
+            if self._stopped:
+                return self._already(response, 'stopped')
+            drive.pause()
+            await self._alone(drive.start_over())
+            self._stopped = True
+        elif asked == s.STATE_QUITTING:
+            drive.quit()
+        else:
+            reason = (
+                f'state {asked} cannot be set; known are stopped ({s.STATE_STOPPED}), playing '
+                f'({s.STATE_PLAYING}), paused ({s.STATE_PAUSED}), quitting ({s.STATE_QUITTING})'
+            )
+            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+        return self._answer(response, '')
+
+    async def _step(self, request: Any, response: Any) -> Any:
+        """Steps of a paused simulation; answers when they are done."""
+        steps = int(request.steps)
+        if reason := self._refusal() or self._no_steps(steps):
+            return self._answer(response, reason)
+        await self._alone(self._go(steps))
+        return self._answer(response, '')
+
+    async def _reset(self, request: Any, response: Any) -> Any:
+        """Back to time 0, in a run of its own; what was recorded stays in its bag."""
+        scope, both = int(request.scope), 3  # SCOPE_TIME and SCOPE_STATE
+        if scope and scope & both != both:
+            reason = f'scope {scope}: time and state are reset together only; use 0, {both} or 255'
+            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+        if reason := self._refusal():
+            return self._answer(response, reason)
+        await self._alone(self._drive.start_over())
+        return self._answer(response, '')
+
+    async def _simulate_steps(self, goal: Any) -> Any:
+        """Steps one by one, with feedback after each."""
+        kind = action_class(f'{PACKAGE}/action/SimulateSteps')
+        steps, result = int(goal.request.steps), kind.Result()
+        if reason := self._refusal() or self._no_steps(steps):
+            goal.abort()
+            return self._answer(result, reason)
+        for done in range(1, steps + 1):
+            if goal.is_cancel_requested:
+                goal.canceled()
+                return self._answer(result, f'cancelled after {done - 1} steps')
+            await self._alone(self._go(1))
+            goal.publish_feedback(
+                kind.Feedback(completed_steps=done, remaining_steps=steps - done)
+            )
+        goal.succeed()
+        return self._answer(result, '')
+
+    # --- what they have in common -------------------------------------------------------------
+
+    async def _go(self, steps: int) -> None:
+        """So many steps on a grid that begins where the simulation was paused.
+
+        Its times are products, not sums: a hundred steps of 1 ms end at 0.1 s.
+        """
+        drive, size = self._drive, self._drive.value('step_size')
+        if drive.announced != self._origin + self._steps * size:
+            self._origin, self._steps = drive.announced, 0
+        self._steps += steps
+        self._stopped = False
+        await drive.arrive(self._origin + self._steps * size)
+
+    async def _alone(self, work: Any) -> None:
+        self._busy = True
+        try:
+            await work
+        finally:
+            self._busy = False
+
+    def _refusal(self) -> str:
+        if not self._drive.ready:
+            return 'the nodes of the run have not found each other yet: ask again in a moment'
+        if self._drive.done:
+            return 'the run is over'
+        return 'steps or a reset are under way: wait for their end' if self._busy else ''
+
+    def _no_steps(self, steps: int) -> str:
+        drive = self._drive
+        if drive.playing:
+            return 'the simulation is playing: pause it first (set_simulation_state)'
+        end = drive.announced + steps * drive.value('step_size')
+        if end > drive.duration:
+            return f'{steps} steps end at {end:.9g} s, the run at {drive.duration:.9g} s already'
+        return ''
+
+    def _already(self, response: Any, state: str) -> Any:
+        return self._answer(response, f'it is {state} already', ALREADY_IN_TARGET_STATE)
+
+    def _answer(self, response: Any, reason: str, code: int | None = None) -> Any:
+        r = self._result
+        if code is None:
+            code = r.RESULT_OPERATION_FAILED if reason else r.RESULT_OK
+        response.result.result, response.result.error_message = code, reason
+        return response

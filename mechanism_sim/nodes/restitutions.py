@@ -1,0 +1,62 @@
+"""Coefficients of restitution as parameters of a node, to be changed while the machine runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.simulation_node import SimulationNode
+
+
+class Restitutions:
+    """A parameter ``joints.NAME.clearance.restitution`` for every rigid contact of the scene.
+
+    Parameters
+    ----------
+    change : changes one, by its path
+    known : time [s] from which on a change would hold
+
+    Attributes
+    ----------
+    changed : those that are not what the scene says, by their paths
+    """
+
+    def __init__(
+        self,
+        node: SimulationNode,
+        change: Callable[[str, float], None],
+        known: Callable[[], float],
+    ) -> None:
+        self.changed: dict[str, float] = {}
+        self._change = change
+        self._node = node
+        self._scene = {
+            f'joints.{name}.clearance.restitution': play.restitution
+            for name, play in node.machine.plan.rigid.items()
+            if play.contact is None
+        }
+        about = 'Coefficient of restitution, of all impacts from the time of the change on'
+        self._launched = {
+            path: node.declare(path, value, about, (0.0, 1.0))
+            for path, value in self._scene.items()
+        }
+        self.start_over()
+        if self._scene:
+            node.announce_changes(self._scene, known)
+            node.add_post_set_parameters_callback(self._take)
+
+    def start_over(self) -> None:
+        """A run begins anew: with the values it was launched with."""
+        moved = [path for path in self.changed if self.changed[path] != self._launched[path]]
+        self.changed = {p: x for p, x in self._launched.items() if x != self._scene[p]}
+        self._node.set_parameters([Parameter(p, value=self._launched[p]) for p in moved])
+
+    def _take(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name in self._scene:
+                value = float(parameter.value)
+                if value != self._scene[parameter.name]:
+                    self.changed[parameter.name] = value
+                else:
+                    self.changed.pop(parameter.name, None)
+                self._change(parameter.name, value)

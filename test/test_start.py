@@ -1,0 +1,47 @@
+"""What it costs to start: every command and node of a machine pays it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+FIRST_STEPS = """
+import heyoka as hy
+from heyoka import llvm_state
+from mechanism_sim.numerics.code_cache import LIMIT
+from mechanism_sim.numerics.compiled import function
+
+x = hy.expression('x')
+assert function([x * x], [x])([3.0])[0] == 9.0
+if llvm_state.get_diskcache_enabled():
+    print(llvm_state.get_diskcache_path(), llvm_state.get_diskcache_limit() == LIMIT)
+else:
+    print('nothing is kept')
+"""
+
+
+def first_steps(**environment: str) -> str:
+    """What a process says that compiles something."""
+    env = {k: v for k, v in os.environ.items() if k != 'HEYOKA_CACHE_DIR'} | environment
+    done = subprocess.run(
+        [sys.executable, '-c', FIRST_STEPS], env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    return done.stdout.strip()
+
+
+def test_compiled_code_is_kept_in_a_small_folder_of_our_own(tmp_path: Path) -> None:
+    assert first_steps(XDG_CACHE_HOME=str(tmp_path)) == f'{tmp_path / "mechanism_sim"} True'
+    assert [path.name for path in tmp_path.iterdir()] == ['mechanism_sim']
+
+
+def test_a_folder_that_the_user_chose_is_taken_as_it_is(tmp_path: Path) -> None:
+    assert first_steps(HEYOKA_CACHE_DIR=str(tmp_path)) == f'{tmp_path} False'
+
+
+def test_without_a_folder_to_write_in_nothing_is_kept(tmp_path: Path) -> None:
+    (tmp_path / 'mechanism_sim').write_text('a file where the folder would be')
+    assert first_steps(XDG_CACHE_HOME=str(tmp_path)) == 'nothing is kept'
