@@ -245,7 +245,6 @@ def test_shapes_move_with_the_frames(shown):
 
 
 def test_the_description_has_the_frames_of_the_links(shown):
-    # the world of the description has no prefix, so that several may share it
     robot = ElementTree.fromstring(shown.topics['/robot_description'][0].data)
     assert set(shown.frames[0]) <= {link.get('name') for link in robot.iter('link')}
 
