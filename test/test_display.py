@@ -139,7 +139,7 @@ def test_arrows_are_the_reactions_of_the_same_run(shown):
     columns = solution.sample(np.linspace(0.0, solution.duration, 181))
     forces = [(columns[f'reaction.{j.name}.x'], columns[f'reaction.{j.name}.y'])
               for j in mechanism.joints]  # fmt: skip
-    scale = 0.5 * mechanism.size / np.hypot(*np.swapaxes(forces, 0, 1)).max()
+    scale = 0.5 * shown.seen.skeleton.size / np.hypot(*np.swapaxes(forces, 0, 1)).max()
     missing = 0
     for message, frames in zip(shown.topics['/joint_reactions'], shown.frames, strict=True):
         markers = shown.samples[round(seconds(message.header.stamp), 9)]
@@ -148,7 +148,7 @@ def test_arrows_are_the_reactions_of_the_same_run(shown):
             arrow = markers['reactions', k]
             force = np.array([message.force_x[k], message.force_y[k]])
             if arrow.action == DELETE:
-                assert scale * np.hypot(*force) <= SHORTEST * mechanism.size
+                assert scale * np.hypot(*force) <= SHORTEST * shown.seen.skeleton.size
                 missing += 1
                 continue
             foot, tip = map(place, arrow.points)

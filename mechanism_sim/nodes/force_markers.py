@@ -124,7 +124,7 @@ class Picture:
         machine = self._machine = seen.machine
         self._prefix, self._symbol = prefix, seen.skeleton.symbol
         self._world = frame_of(GROUND, prefix)
-        self._size = machine.mechanism.size
+        self._size = seen.skeleton.size
         self._forces = machine.physics.has_forces and machine.scene.outputs.forces
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
