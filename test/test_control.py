@@ -217,7 +217,7 @@ def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(tmp_path
     """PI control of the crank, one command for each sample, against the same loop by hand."""
     env, program = environment(), Path(__file__).parents[1] / 'docs' / 'speed_controller.py'
     controller = subprocess.Popen([sys.executable, str(program)], env=env)
-    args = ['--duration', '0.5', '--ros-args', '-p', 'crank_drive:command_period:=0.005']
+    args = ['--duration', '0.5', '--ros-args', '-p', 'crank_drive:command_period:=0.005', '--']
     try:
         bags = [tmp_path / 'first.mcap', tmp_path / 'second.mcap']
         for bag in bags:
@@ -264,7 +264,7 @@ def test_what_is_seen_ahead_is_what_comes(scene):
     machine = ms.load_scene(scene)
     whole = machine.start()
     end = 0.2
-    whole.advance(end, final=True)
+    whole.advance(2.0 * end)
     motion, *_ = whole.drain()
     run, ahead = machine.start(), 0
     rng = np.random.default_rng(8)
@@ -305,7 +305,7 @@ def test_a_ramp_to_another_speed_loses_no_digits(turns):
         ('drive.commands={acceleration: 1 rad/s^2}', 'fastest'),
         ('drive={speed: 1 rpm, torque: {}, commands: {acceleration: 1 rad/s^2, fastest: 1 rpm}}',
          'effort without this key'),
-        ('drive.commands={acceleration: -1 rad/s^2, fastest: 1 rpm}', 'greater than 0'),
+        ('drive.commands={acceleration: -1 rad/s^2, fastest: 1 rpm}', 'more than 0'),
     ],
 )  # fmt: skip
 def test_commands_that_make_no_sense_are_refused(setting, words):
