@@ -6,7 +6,7 @@ from middleware_network import Network, eventually
 from mechanism_sim.messages import Clock, Log, SetParametersResult, Trigger
 from mechanism_sim.middleware import (
     HistoryPolicy,
-    InvalidParameterValueException,
+    InvalidParameterTypeException,
     InvalidQosOverridesError,
     MiddlewareError,
     Node,
@@ -143,7 +143,7 @@ def test_the_last_word_on_a_parameter(make):
     assert gain('-p other:gain:=2.0') == 0.0
     assert gain('-p /n/talker:gain:=2.0', namespace='n') == 2.0
     assert gain('-p gain:=1.0', parameter_overrides=[Parameter('gain', value=4.0)]) == 4.0
-    with pytest.raises(InvalidParameterValueException, match='gain=1 is INTEGER, not DOUBLE'):
+    with pytest.raises(InvalidParameterTypeException, match='gain=1 is INTEGER, not DOUBLE'):
         gain('-p gain:=1')
 
 
@@ -256,7 +256,7 @@ def test_quality_of_service_that_is_none_is_refused(make):
         create('a')
     with pytest.raises(InvalidQosOverridesError, match='depth=-1 is negative'):
         create('b')
-    with pytest.raises(InvalidParameterValueException, match='STRING, not INTEGER'):
+    with pytest.raises(InvalidParameterTypeException, match='STRING, not INTEGER'):
         create('c')
     picky = QoSOverridingOptions.with_default_policies(
         callback=lambda qos: SetParametersResult(successful=qos.depth > 10, reason='too short')

@@ -20,12 +20,17 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.client import Client
-from rclpy.clock import Clock
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import (
+    InvalidParameterException,
+    InvalidParameterTypeException,
     InvalidParameterValueException,
     ParameterAlreadyDeclaredException,
+    ParameterException,
+    ParameterImmutableException,
     ParameterNotDeclaredException,
+    ParameterUninitializedException,
 )
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity
@@ -55,12 +60,15 @@ __all__ = [
     'Client',
     'ClientGoalHandle',
     'Clock',
+    'ClockType',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
     'GoalResponse',
     'HistoryPolicy',
+    'InvalidParameterException',
+    'InvalidParameterTypeException',
     'InvalidParameterValueException',
     'InvalidQosOverridesError',
     'LoggingSeverity',
@@ -68,7 +76,10 @@ __all__ = [
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
+    'ParameterException',
+    'ParameterImmutableException',
     'ParameterNotDeclaredException',
+    'ParameterUninitializedException',
     'Publisher',
     'QoSOverridingOptions',
     'QoSPolicyKind',
