@@ -1,9 +1,11 @@
 """What this room offers, from rclpy: the same names, and `leave`.
 
-Not run where this package is developed, which has no ROS. What to know:
+What to know:
 
 - ``shutdown`` does not wait for subscribers in other processes; what ``rmw`` promises, holds.
 - A response of ``call`` needs an executor that spins the node in another thread.
+- ``qos_overriding_options`` change the profile that is given with them: give each endpoint a copy.
+- The future of a service that goes away is never done.
 """
 
 from rclpy import (
