@@ -28,7 +28,7 @@ from mechanism_sim.recording import read_bag
 SCENE = 'four_bar_clearance'
 JOINT = 'joints.coupler_rocker.clearance.restitution'
 
-CONTROL = '''
+CONTROL = """
 import json
 from mechanism_sim.messages import action_class, message_class, service_class
 from mechanism_sim.middleware import (
@@ -72,9 +72,11 @@ def set_(owner, name, value):
 found = {}
 while step(1)[1].startswith('the nodes of the run have not'):
     pass
-'''
+"""
 
-STEPS = CONTROL + '''
+STEPS = (
+    CONTROL
+    + """
 features = call('GetSimulatorFeatures', 'get_simulator_features').features.features
 found['features'] = sorted(int(f) for f in features)
 found['steps'] = [step(1) for _ in range(99)]
@@ -101,7 +103,8 @@ found['stopped'] = state()
 found['quit'] = go(3)
 print(json.dumps(found))
 shutdown()
-'''
+"""
+)
 
 
 def operate(tmp_path: Path, text: str, *args: str) -> tuple[Any, Path]:
@@ -148,7 +151,9 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
     assert np.abs(crank - [m.position[1] for m in steps]).max() < 1e-12
 
 
-PARAMETERS = CONTROL + '''
+PARAMETERS = (
+    CONTROL
+    + """
 drive, linkage = '/crank_drive', '/linkage'
 JOINT = 'joints.coupler_rocker.clearance.restitution'
 found['steps'] = step(299)
@@ -165,7 +170,8 @@ while state() == 1:
 found['quit'] = go(3)
 print(json.dumps(found))
 shutdown()
-'''
+"""
+)
 
 
 def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_announced(tmp_path):

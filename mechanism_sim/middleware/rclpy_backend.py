@@ -1,9 +1,15 @@
 """What this room offers, from rclpy: the same names, and `leave`.
 
+<<<<<<< HEAD
 What differs from rclpy:
+=======
+What to know:
+>>>>>>> 80d2d2f3ccccdd82625203f4c06785ab6c79ef91
 
 - ``init`` leaves signals alone that the program handles itself.
 - A response of ``call`` needs an executor that spins the node in another thread.
+- ``qos_overriding_options`` change the profile that is given with them: give each endpoint a copy.
+- The future of a service that goes away is never done.
 """
 
 import signal
@@ -25,12 +31,17 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.client import Client
-from rclpy.clock import Clock
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import (
+    InvalidParameterException,
+    InvalidParameterTypeException,
     InvalidParameterValueException,
     ParameterAlreadyDeclaredException,
+    ParameterException,
+    ParameterImmutableException,
     ParameterNotDeclaredException,
+    ParameterUninitializedException,
 )
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity
@@ -63,12 +74,15 @@ __all__ = [
     'Client',
     'ClientGoalHandle',
     'Clock',
+    'ClockType',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
     'GoalResponse',
     'HistoryPolicy',
+    'InvalidParameterException',
+    'InvalidParameterTypeException',
     'InvalidParameterValueException',
     'InvalidQosOverridesError',
     'LoggingSeverity',
@@ -76,7 +90,10 @@ __all__ = [
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
+    'ParameterException',
+    'ParameterImmutableException',
     'ParameterNotDeclaredException',
+    'ParameterUninitializedException',
     'Publisher',
     'QoSOverridingOptions',
     'QoSPolicyKind',
