@@ -38,9 +38,6 @@ class ParameterAlreadyDeclaredException(ParameterException):
     """A parameter is declared twice."""
 
 
-<<<<<<< HEAD
-class InvalidParameterValueException(MiddlewareError, InputError):  # noqa: N818
-=======
 class ParameterUninitializedException(ParameterException):
     """A parameter is read that was declared with a type only, and was given no value."""
 
@@ -53,10 +50,9 @@ class InvalidParameterException(ParameterException):
     """The name of a parameter is none."""
 
 
-class InvalidParameterTypeException(ParameterException, ValueError):  # noqa: N818
+class InvalidParameterTypeException(ParameterException, InputError):  # noqa: N818
     """The first value of a parameter is of another type than its default."""
 
 
-class InvalidParameterValueException(ParameterException, ValueError):  # noqa: N818
->>>>>>> 80d2d2f3ccccdd82625203f4c06785ab6c79ef91
+class InvalidParameterValueException(ParameterException, InputError):  # noqa: N818
     """The first value of a parameter is refused."""

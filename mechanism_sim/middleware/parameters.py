@@ -46,14 +46,7 @@ class Parameters:
         self.publish: Callable[[Listed, Listed, Listed], Any] = lambda *_: None
         self._node = node
         self._overrides = {parameter.name: parameter for parameter in overrides}
-<<<<<<< HEAD
-        self._declared: dict[str, _Declared] = {}
-        self._consents: list[Callable[[list[Parameter]], Any]] = []
-        self._followers: list[Callable[[list[Parameter]], Any]] = []
-        self._remarks: list[str] = []  # of those who consented last
-=======
         self._declared: dict[str, Declared] = {}
->>>>>>> 80d2d2f3ccccdd82625203f4c06785ab6c79ef91
 
     def declare(
         self, name: str, value: Any, descriptor: Any = None, ignore_override: bool = False
@@ -110,34 +103,8 @@ class Parameters:
             raise ParameterUninitializedException(f'{self._node}: {name} was given no value')
         return found.parameter
 
-<<<<<<< HEAD
-    def descriptor(self, name: str) -> Any:
-        """``rcl_interfaces/msg/ParameterDescriptor``; raises ParameterNotDeclaredException."""
-        return self._find(name).descriptor
-
-    def set(self, parameters: list[Parameter]) -> Any:
-        """Set all or none; a ``SetParametersResult`` that says why not."""
-        reason, remarks = self._refusal(parameters), list(self._remarks)
-        if not reason:
-            for parameter in parameters:
-                self._declared[parameter.name].parameter = parameter
-            self._tell(parameters)
-        result = message_class('rcl_interfaces/msg/SetParametersResult')
-        return result(successful=not reason, reason=reason or '; '.join(remarks))
-
-    def add_on_set_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
-        """Ask before a change."""
-        self._consents.insert(0, callback)
-
-    def add_post_set_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
-        """Tell after a change."""
-        self._followers.append(callback)
-
-    def _find(self, name: str) -> _Declared:
-=======
     def find(self, name: str) -> Declared:
         """A parameter with its descriptor; raises ParameterNotDeclaredException."""
->>>>>>> 80d2d2f3ccccdd82625203f4c06785ab6c79ef91
         if name not in self._declared:
             known = ', '.join(self._declared)
             raise ParameterNotDeclaredException(
@@ -182,29 +149,12 @@ class Parameters:
         for follow in self.after:
             follow(parameters)
 
-<<<<<<< HEAD
-    def _refusal(self, parameters: list[Parameter], *, declaring: bool = False) -> str:
-        """Why the parameters cannot be set; empty if they can."""
-        for parameter in parameters:
-            if parameter.name not in self._declared:
-                return f'{self._node} has no parameter {parameter.name!r}'
-            descriptor = self._declared[parameter.name].descriptor
-            if descriptor.read_only and not declaring:
-                return f'{parameter.name} is read-only'
-            reason = _mismatch(parameter, descriptor) or _out_of_range(parameter, descriptor)
-            if reason:
-                return reason
-        self._remarks.clear()
-        for consent in self._consents:
-=======
     def _objection(self, parameters: Listed) -> str:
         """What the node has against it; empty if it agrees."""
         for consent in self.consents:
->>>>>>> 80d2d2f3ccccdd82625203f4c06785ab6c79ef91
             result = consent(parameters)
             if not result.successful:
                 return str(result.reason) or 'refused without a reason'
-            self._remarks += [result.reason] if result.reason else []
         return ''
 
     def _refusal(self, parameter: Parameter) -> str:

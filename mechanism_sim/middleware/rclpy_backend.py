@@ -1,10 +1,6 @@
 """What this room offers, from rclpy: the same names, and `leave`.
 
-<<<<<<< HEAD
 What differs from rclpy:
-=======
-What to know:
->>>>>>> 80d2d2f3ccccdd82625203f4c06785ab6c79ef91
 
 - ``init`` leaves signals alone that the program handles itself.
 - A response of ``call`` needs an executor that spins the node in another thread.

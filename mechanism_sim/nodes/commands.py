@@ -59,7 +59,6 @@ class Commands:
         self._name, self._given, self._limit = name, given, limit
         about = f'Commanded {name} of the drive, SI'
         self._launched = self._present = drive.declare(name, given, about, (-limit, limit))
-        drive.announce_changes([name], lambda: drive.announced)
         drive.add_post_set_parameters_callback(self._follow)
         heard = drive.create_subscription(Float64, f'command/{name}', self._hear, RESULTS)
         self._topic = heard.topic_name
@@ -94,6 +93,7 @@ class Commands:
         for parameter in parameters:
             if parameter.name == self._name and parameter.value != self._present:
                 self._present = parameter.value
+                self._drive.announce(self._name, self._present, self._drive.announced)
                 self._command(float(parameter.value))
 
     def _hear(self, message: Any) -> None:

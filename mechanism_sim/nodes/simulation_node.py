@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,6 @@ from mechanism_sim.messages import (
     KeyValue,
     ParameterDescriptor,
     Progress,
-    SetParametersResult,
     stamp,
     uint64_array,
 )
@@ -104,16 +103,9 @@ class SimulationNode(Node):
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
         return self.declare_parameter(name, default, descriptor).value
 
-    def announce_changes(self, names: Container[str], since: Callable[[], float]) -> None:
-        """Answer who sets one of these parameters with the time [s] from which on it holds."""
-
-        def answer(parameters: list[Parameter]) -> Any:
-            result = SetParametersResult(successful=True)
-            if any(parameter.name in names for parameter in parameters):
-                result.reason = f'holds from t = {since():.9g} s on'
-            return result
-
-        self.add_on_set_parameters_callback(answer)
+    def announce(self, name: str, value: float, since: float) -> None:
+        """Tell in the log from which time [s] on a parameter's new value holds."""
+        self.get_logger().info(f'{name} = {value:g} holds from t = {since:.9g} s on')
 
     def value(self, parameter: str) -> Any:
         """Value of a parameter."""
