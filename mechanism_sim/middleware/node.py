@@ -205,12 +205,6 @@ class Node(NodeGraph, NodeParameters):
 
     # Clock, log
 
-    def add_post_set_parameters_callback(
-        self, callback: Callable[[list[Parameter]], None]
-    ) -> None:
-        """Be told of the parameters that have been set."""
-        self._parameters.add_post_set_callback(callback)
-
     def get_clock(self) -> Clock:
         """Clock of the node, simulated if its parameter ``use_sim_time`` says so."""
         return self._clock
