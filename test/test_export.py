@@ -67,9 +67,10 @@ def test_urdf_shows_links_where_tf_has_them(prefix):
         q = rng.normal(size=(1, len(mechanism.coordinates)))
         states = dict(zip(mechanism.coordinates, q[0], strict=True))
         frames = frames_of_urdf(to_urdf(machine, prefix), states)
-        (message,) = transforms(mechanism, np.zeros(1), q)
+        (message,) = transforms(mechanism, np.zeros(1), q, lambda link: f'{prefix}{link}')
         for transform in message.transforms:
             at, turn = transform.transform.translation, transform.transform.rotation
             expected = homogeneous((at.x, at.y, 0.0), 2.0 * np.arctan2(turn.z, turn.w))
-            found = frames[prefix + transform.child_frame_id]
+            assert np.array_equal(frames[transform.header.frame_id], np.eye(4))
+            found = frames[transform.child_frame_id]
             assert np.abs(found - expected).max() < 1e-12, (name, transform.child_frame_id)

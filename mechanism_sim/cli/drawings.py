@@ -35,6 +35,12 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
+    sub = command('layout', _layout, 'a layout for Foxglove, or a configuration for RViz')
+    scene_options(sub)
+    sub.add_argument('--for', choices=('foxglove', 'rviz'), required=True, dest='viewer')
+    sub.add_argument('-o', '--output', metavar='FILE', help='SCENE.json or SCENE.rviz if not')
+    sub.add_argument('--namespace', default='', metavar='NAME', help='of the nodes')
+    sub.add_argument('--frame-prefix', default='', metavar='TEXT', help='before names of links')
     sub = command(
         'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
     )
@@ -108,6 +114,29 @@ def _draw(options: argparse.Namespace) -> int:
         figures.save(picture, file, cropped=True)
     if options.json:
         print_json({'scene': machine.name, 'file': str(file), 't': t})
+    else:
+        print(file)
+    return 0
+
+
+def _layout(options: argparse.Namespace) -> int:
+    from pathlib import Path  # noqa: PLC0415
+
+    from mechanism_sim.nodes.force_markers import preview  # noqa: PLC0415
+    from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
+    from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    machine = load_scene(options.scene, overrides_of(options))
+    to, ending = (to_foxglove, 'json') if options.viewer == 'foxglove' else (to_rviz, 'rviz')
+    file = Path(options.output or f'{machine.name}.{ending}')
+    text = to(preview(machine), options.namespace, options.frame_prefix)
+    try:
+        file.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    if options.json:
+        print_json({'scene': machine.name, 'file': str(file)})
     else:
         print(file)
     return 0

@@ -31,7 +31,7 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
 
     Parameters
     ----------
-    prefix : of the names of frames but the world, for several machines in one world
+    prefix : of the names of all frames, as `frame_prefix` of the nodes
 
     Raises
     ------
@@ -42,7 +42,7 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
     robot = Element('robot', name=machine.name)
     comment(robot, machine.scene.title)
     drawn = solids(machine)
-    _link(robot, WORLD, None, drawn, COLOURS[0])
+    _link(robot, prefix + WORLD, None, drawn, COLOURS[0])
     tree = _Tree(robot, mechanism, prefix)
     for k, body in enumerate(mechanism.bodies):
         colour = COLOURS[1 + k % (len(COLOURS) - 1)]
@@ -119,7 +119,7 @@ class _Tree:
     ) -> Element:
         """A joint; a prismatic one moves its child `along` a direction."""
         joint = ElementTree.SubElement(self._robot, 'joint', name=name, type=kind)
-        parent = WORLD if parent == GROUND else self._prefix + parent
+        parent = self._prefix + (WORLD if parent == GROUND else parent)
         ElementTree.SubElement(joint, 'parent', link=parent)
         ElementTree.SubElement(joint, 'child', link=self._prefix + child)
         _origin(joint, (*at, 0.0), turn)

@@ -190,7 +190,9 @@ class CrankDrive(SimulationNode):
         while True:
             later = self._laws[self._law + 1 :]
             change = later[0].valid_from if later else math.inf
-            self._announce(min(horizon, change), final and horizon <= change)
+            last = final and horizon <= change
+            if last or min(horizon, change) > max(self.announced, self.law.valid_from):
+                self._announce(min(horizon, change), last)
             if horizon <= change:
                 break
             self._law += 1
