@@ -24,7 +24,7 @@ def comment(parent: Element, sentence: str) -> None:
 def written(root: Element) -> str:
     """The text of a file, indented."""
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding='unicode', xml_declaration=True) + '\n'
+    return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
 def save(content: str, file: str) -> None:

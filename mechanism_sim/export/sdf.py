@@ -66,8 +66,9 @@ def left_out(machine: Machine) -> list[str]:
     ]
     found += [f'{element.name}: left out: forces are for plugins' for element in
               plan.elements(plan.ideal)]  # fmt: skip
-    drives = ', '.join(plan.laws)
-    return [*found, f'{drives}: left out: drives are for plugins, and all starts at rest']
+    drives = [c for c, (law, *_) in plan.laws.items() if any(law.coefficients)]
+    found += [f'{c}: its drive is left out: drives are for plugins' for c in drives]
+    return [*found, 'all links start at rest']
 
 
 def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid], colour: str) -> None:
