@@ -16,7 +16,7 @@ from mechanism_sim.export.sdf import to_sdf
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.nodes.publications import transforms
-from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.mechanism import GROUND, Prismatic
 
 SCENES = ms.scene_names()
 
@@ -195,10 +195,10 @@ def test_joints_of_sdf_hold_wherever_the_mechanism_goes():
             anchor = homogeneous(numbers(joint.find('pose').text)[:3])
             on_parent = now[parent] @ np.linalg.inv(start[parent]) @ start[child] @ anchor
             apart = np.linalg.inv(now[child] @ anchor) @ on_parent
-            along = numbers(joint.find('axis/xyz').text)
+            way = numbers(joint.find('axis/xyz').text)
             if joint.get('type') == 'prismatic':
                 assert np.abs(apart[:3, :3] - np.eye(3)).max() < 1e-9, (name, joint.get('name'))
-                assert np.abs(np.cross(apart[:3, 3], along)).max() < 1e-9, (
+                assert np.abs(np.cross(apart[:3, 3], way)).max() < 1e-9, (
                     name,
                     joint.get('name'),
                 )
@@ -206,31 +206,49 @@ def test_joints_of_sdf_hold_wherever_the_mechanism_goes():
                 assert np.abs(apart[:3, 3]).max() < 1e-9, (name, joint.get('name'))
 
 
-def test_drake_reads_trees_of_sdf():
+def along(joint, frames):
+    """Displacement of a guide whose links lie so."""
+    line, runner = frames[joint.first], frames[joint.second]
+    at, there = line @ [*joint.on_first, 0.0, 1.0], runner @ [*joint.on_second, 0.0, 1.0]
+    return line @ [np.cos(joint.axis), np.sin(joint.axis), 0.0, 0.0] @ (there - at)
+
+
+def test_drake_moves_trees_of_sdf():
     """Its reader is that of Gazebo. It has neither loops nor gearboxes: they are taken off."""
     parsing = pytest.importorskip('pydrake.multibody.parsing')
     from pydrake.multibody.plant import MultibodyPlant  # noqa: PLC0415
 
     for name in ('four_bar_nominal', 'loader', 'planetary', 'quick_return', 'rotary_engine'):
         scene = machine(name)
+        ideal = Ideal(scene)
         root = ET.fromstring(to_sdf(scene))
         (model,) = root.iter('model')
-        closing = {joint.name for joint in Ideal(scene).closing}
+        closing = {joint.name for joint in ideal.closing}
         for joint in model.findall('joint'):
             if joint.get('type') == 'gearbox' or joint.get('name') in closing:
                 model.remove(joint)
         plant = MultibodyPlant(0.0)
         parsing.Parser(plant).AddModelsFromString(ET.tostring(root, encoding='unicode'), 'sdf')
         plant.Finalize()
-        context = plant.CreateDefaultContext()
-        bodies = scene.plan.bodies
-        assert plant.num_positions() == len(Ideal(scene).mechanism.bodies)
-        for body in bodies:
-            found = plant.GetBodyByName(body.name)
-            pose = plant.EvalBodyPoseInWorld(context, found).GetAsMatrix4()
-            x, y, angle = Ideal(scene).poses[body.name]
-            assert np.abs(pose - homogeneous((x, y, 0.0), angle)).max() < 1e-12
-            assert found.default_mass() == body.mass
+        assert plant.num_positions() == len(ideal.mechanism.bodies)
+        start = {
+            link: homogeneous((x, y, 0.0), turn) for link, (x, y, turn) in ideal.poses.items()
+        }
+        for frames in (start, posed(scene.plan.ideal, elsewhere(scene))):
+            context = plant.CreateDefaultContext()
+            for link, joint in ideal.mechanism.tree_joints.items():
+                found = plant.GetJointByName(joint.name)
+                if isinstance(joint, Prismatic):
+                    found.set_translation(context, along(joint, frames) - along(joint, start))
+                else:
+                    parent = found.parent_body().name()
+                    now, then = (angle_of(x[link]) - angle_of(x[parent]) for x in (frames, start))
+                    found.set_angle(context, now - then)
+            for link in ideal.mechanism.tree_joints:
+                pose = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(link))
+                assert np.abs(pose.GetAsMatrix4() - frames[link]).max() < 1e-12, (name, link)
+        for body in scene.plan.bodies:
+            assert plant.GetBodyByName(body.name).default_mass() == body.mass
 
 
 def simulated(scene, factor, share=1.0, integrator='mjINT_RK4'):
@@ -290,13 +308,7 @@ def test_mjcf_is_the_mechanism_at_the_start_and_elsewhere():
                 frames.setdefault('world', np.eye(4))
                 data.qpos[k] = angle_of(frames[link]) - angle_of(frames[parent])
             else:
-                line, runner = frames[joint.first], frames[joint.second]
-                way = line @ [np.cos(joint.axis), np.sin(joint.axis), 0.0, 0.0]
-                at = [
-                    f @ [*x, 0.0, 1.0]
-                    for f, x in ((line, joint.on_first), (runner, joint.on_second))
-                ]
-                data.qpos[k] = way @ (at[1] - at[0])
+                data.qpos[k] = along(joint, frames)
         mujoco.mj_forward(model, data)
         assert off(machine, data, q) < 1e-12, name
         loops = data.efc_pos[: sum(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY)]
