@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from functools import cache
 
@@ -10,6 +11,7 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.export.mjcf import to_mjcf
 from mechanism_sim.export.sdf import to_sdf
@@ -17,6 +19,7 @@ from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.nodes.publications import transforms
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.scene.files import config_folder
 
 SCENES = ms.scene_names()
 
@@ -381,6 +384,17 @@ def test_mujoco_needs_our_drive_torque(name):
         errors.append(abs(data.actuator('crank').force.item() - torque[-1]) / np.abs(torque).max())
     assert errors[2] < 0.005
     assert errors[2] < 0.6 * errors[1] < 0.4 * errors[0]
+
+
+def test_names_that_other_programs_do_not_have(tmp_path):
+    text = (config_folder() / 'pendulum.yaml').read_text()
+    (tmp_path / 'twice.yaml').write_text(text.replace('ground_bar:', 'bar:'))
+    sdf = ET.fromstring(to_sdf(ms.load_scene(str(tmp_path / 'twice.yaml'))))
+    assert [joint.get('name') for joint in sdf.iter('joint')] == ['world_ground', 'bar_joint']
+    (tmp_path / 'world.yaml').write_text(re.sub(r'\bbar\b', 'world', text))
+    for to in (to_urdf, to_mjcf, to_sdf):
+        with pytest.raises(InputError, match='rename it'):
+            to(ms.load_scene(str(tmp_path / 'world.yaml')))
 
 
 def test_export_says_what_is_left_out(tmp_path, capsys):

@@ -13,14 +13,12 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from mechanism_sim.cams.pair import CamPair
-from mechanism_sim.export.ideal import way
+from mechanism_sim.export.ideal import WORLD, check_names, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.indexing import Geneva
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Vector2
 from mechanism_sim.scene.machine import Machine
-
-WORLD = 'world'
 
 
 def to_urdf(machine: Machine, prefix: str = '') -> str:
@@ -38,8 +36,9 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
     Raises
     ------
     InputError
-        If the mechanism cannot be assembled.
+        If the mechanism cannot be assembled, or a link is named `world`.
     """
+    check_names(machine)
     mechanism = machine.mechanism
     robot = Element('robot', name=machine.name)
     comment(robot, machine.scene.title)
