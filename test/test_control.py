@@ -124,6 +124,7 @@ def operate(tmp_path: Path, text: str, *args: str) -> tuple[Any, Path]:
     return json.loads(operator.stdout.splitlines()[-1]), bag
 
 
+@pytest.mark.usefixtures('backend')
 def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
     found, bag = operate(tmp_path, STEPS, SCENE, '--duration', '0.1')
     assert {20, 21, 22, 24, 25, 26, 31, 32, 33} == set(found['features'])
@@ -174,6 +175,7 @@ shutdown()
 )
 
 
+@pytest.mark.usefixtures('backend')
 def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_announced(tmp_path):
     commands = 'drive.commands={acceleration: 100 rad/s^2, fastest: 60 rad/s}'
     args = [SCENE, '--duration', '1', '--set', commands]
@@ -218,6 +220,7 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
     assert analyze(bag).digest == digest.hexdigest()
 
 
+@pytest.mark.usefixtures('backend')
 def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(tmp_path):
     """PI control of the crank, one command for each sample, against the same loop by hand."""
     env, program = environment(), Path(__file__).parents[1] / 'docs' / 'speed_controller.py'
