@@ -40,7 +40,7 @@ init()
 node = Node('operator')
 
 def wait(future):
-    spin_until_future_complete(node, future, 60)
+    spin_until_future_complete(node, future, timeout_sec=60)
     return future.result()
 
 clients = {}
