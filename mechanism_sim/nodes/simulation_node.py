@@ -121,7 +121,8 @@ class SimulationNode(Node):
     ) -> Any:
         """Publisher on a topic, of which listeners must miss nothing if it carries results.
 
-        Parameters such as ``qos_overrides./topic.publisher.depth`` override its quality of service.
+        Parameters such as ``qos_overrides./topic.publisher.depth`` override its quality of
+        service.
         """
         if qos_profile in OURS:
             how.setdefault('qos_overriding_options', QoSOverridingOptions.with_default_policies())
