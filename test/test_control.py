@@ -157,7 +157,28 @@ PARAMETERS = (
     + """
 drive, linkage = '/crank_drive', '/linkage'
 JOINT = 'joints.coupler_rocker.clearance.restitution'
+from mechanism_sim.messages import DiagnosticArray
+from mechanism_sim.middleware import spin_once
+statuses = {}
+def hear(message):
+    for status in message.status:
+        known = {pair.key: pair.value for pair in status.values}
+        level = int.from_bytes(bytes([status.level]) if isinstance(status.level, int)
+                               else status.level, 'little')
+        statuses[status.name] = [level, status.message, status.hardware_id, known]
+node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
 found['steps'] = step(299)
+while len(statuses) < 5 or statuses['linkage'][3].get('time [s]') != '0.3':
+    spin_once(node, timeout_sec=0.1)
+found['statuses'] = statuses
+def parameter(owner, name):
+    kind = service_class('rcl_interfaces/srv/GetParameters')
+    client = node.create_client(kind, f'{owner}/get_parameters')
+    assert client.wait_for_service(60)
+    (value,) = wait(client.call_async(kind.Request(names=[name]))).values
+    return [int(value.type), bool(value.bool_value), int(value.integer_value)]
+found['sim time'] = parameter(linkage, 'use_sim_time')
+found['depth'] = parameter(linkage, 'qos_overrides./joint_states.publisher.depth')
 found['too much'] = set_(linkage, JOINT, 1.5)
 found['wrong type'] = set_(linkage, JOINT, 'much')
 found['read only'] = set_(linkage, 'scene', 'pendulum')
@@ -178,7 +199,10 @@ shutdown()
 @pytest.mark.usefixtures('backend')
 def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_announced(tmp_path):
     commands = 'drive.commands={acceleration: 100 rad/s^2, fastest: 60 rad/s}'
-    args = [SCENE, '--duration', '1', '--set', commands]
+    # A clock that stands still while the run is paused must not stop the nodes.
+    ros = 'use_sim_time:=true', 'qos_overrides./joint_states.publisher.depth:=50'
+    args = [SCENE, '--duration', '1', '--set', commands, '--ros-args']
+    args += [part for text in ros for part in ('-p', text)] + ['--']
     found, bag = operate(tmp_path, PARAMETERS, *args)
     for case, reason in {
         'too much': 'outside', 'wrong type': 'STRING', 'read only': 'read', 'too fast': 'outside',
@@ -187,6 +211,17 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
         assert not found[case][0]
         assert reason in found[case][1] or 'range' in found[case][1].lower(), found[case]
     assert found['restitution'] == found['faster'] == [True, '']
+    assert found['sim time'][:2] == [1, True]
+    assert found['depth'] == [2, False, 50]
+    nodes = {'crank_drive', 'linkage', 'accelerometer', 'recorder', 'monitor'}
+    assert set(found['statuses']) == nodes
+    for level, message, scene, values in found['statuses'].values():
+        assert (level, scene, values['run']) == (0, SCENE, '0')
+        assert message in ('running', 'paused')
+    assert found['statuses']['crank_drive'][3]['announced [s]'] == '0.3'
+    assert found['statuses']['recorder'][3]['bag'] == str(bag)
+    books = found['statuses']['linkage'][3]
+    assert abs(float(books['missing in the energy books [J]'])) < 1e-9
     with bag.open('rb') as file:  # read by another's reader
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         messages = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
