@@ -39,6 +39,7 @@ ARGUMENTS = {
     'duration': ('', 'length of the run [s]'),
     'revolutions': ('', 'or in revolutions of the crank'),
     'realtime_factor': ('0', 'simulated seconds per second; 0: no limit'),
+    'params_file': ('', 'YAML file with more parameters of the nodes'),
     'record': ('', 'MCAP file for our own recorder'),
     'ros_bag': ('', "folder for 'ros2 bag record -s mcap'"),
     'paused': ('false', 'begin paused, to be played or stepped by the services of crank_drive'),
@@ -68,9 +69,9 @@ def _machine(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     bag = f'bag_{namespace}'.strip('_').replace('/', '_') if given['ros_bag'] else ''
     plan = _plan(given, bag)
     if _truth('composed', given):
-        nodes = {'run': _run(plan, namespace)}
+        nodes = {'run': _run(plan, namespace, given['params_file'])}
     else:
-        nodes = {name: _node(plan, name, namespace) for name in plan.nodes}
+        nodes = {name: _node(plan, name, namespace, given['params_file']) for name in plan.nodes}
     recording = _recording(plan, namespace, given['ros_bag'], bag) if bag else None
     return [
         *([recording] if recording else []),
@@ -86,6 +87,8 @@ def _plan(given: dict[str, str], bag: str) -> Plan:
     overrides = [text.strip() for text in given['overrides'].split(';') if text.strip()]
     machine = load_scene(given['scene'], overrides)
     lengths = [_number(name, given) for name in ('revolutions', 'duration')]
+    if given['params_file'] and not Path(given['params_file']).is_file():
+        raise InputError(f'params_file:={given["params_file"]}: there is no such file')
     for name in ('record', 'ros_bag'):
         if given[name] and Path(given[name]).exists():
             raise InputError(f'{name}:={given[name]}: it exists already; choose another name')
@@ -103,19 +106,19 @@ def _plan(given: dict[str, str], bag: str) -> Plan:
     )
 
 
-def _node(plan: Plan, name: str, namespace: str) -> Node:
+def _node(plan: Plan, name: str, namespace: str, more: str) -> Node:
     """A node in a process of its own."""
     values = {
         key: ParameterValue(value, value_type=type(value))
         for key, value in plan.options(name).items()
     }
     return Node(
-        package='mechanism_sim', executable=name, namespace=f'/{namespace}', parameters=[values],
-        output='screen',
+        package='mechanism_sim', executable=name, namespace=f'/{namespace}',
+        parameters=[more, values] if more else [values], output='screen',
     )  # fmt: skip
 
 
-def _run(plan: Plan, namespace: str) -> Node:
+def _run(plan: Plan, namespace: str, more: str) -> Node:
     """All nodes in one process."""
     flags = {'--paused': plan.paused, '--hold': plan.hold, '--display': plan.display}
     arguments = [
@@ -127,7 +130,7 @@ def _run(plan: Plan, namespace: str) -> Node:
     arguments += ['--listeners', ','.join(plan.listeners)] if plan.listeners else []
     return Node(
         package='mechanism_sim', executable='mechanism-sim', namespace=f'/{namespace}',
-        arguments=arguments, output='screen',
+        arguments=arguments, parameters=[more] if more else None, output='screen',
     )  # fmt: skip
 
 

@@ -14,9 +14,15 @@ import pytest
 import running
 from hypothesis import settings
 
+from mechanism_sim.numerics import code_cache
+
 # Wall time says nothing on a shared machine, and a test that fails must fail again.
 settings.register_profile('house', deadline=None, derandomize=True)
 settings.load_profile('house')
+
+# Tests compile more than a user's cache holds, and open theirs once in a worker: heyoka's folder
+# with its usual limit. To compile all anew would be most of the work of many tests.
+code_cache.FOLDER, code_cache.LIMIT = 'heyoka', 20 * 2**30
 
 
 @pytest.fixture(scope='module', params=running.BACKENDS)

@@ -1,8 +1,9 @@
-"""Cycles, pictures, cams and gears for the workshop."""
+"""Cycles, pictures, cams and gears for the workshop, machines for other programs."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 
 from mechanism_sim.cli.options import Command, overrides_of, print_json, quantity, scene_options
 from mechanism_sim.errors import InputError
@@ -49,6 +50,11 @@ def add(command: Command) -> None:
     sub.add_argument('-o', '--output', metavar='FILE', help='.svg or .dxf for the outlines')
     sub.add_argument('--gear', metavar='NAME', help='the outline of this gear only')
     sub.add_argument('--friction', type=float, default=0.05, metavar='MU', help='between teeth')
+    sub = command('export', _export, 'a machine for viewers and for other simulators')
+    scene_options(sub)
+    sub.add_argument('--format', required=True, choices=('urdf', 'mjcf', 'sdf'), help='of what')
+    sub.add_argument('-o', '--output', metavar='FILE', help='standard output if not given')
+    sub.add_argument('--prefix', default='', help='of the names of frames, in a URDF')
     sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
     sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
     sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs in series')
@@ -156,6 +162,31 @@ def _profile(options: argparse.Namespace) -> int:
         print_json({'scene': machine.name, 'joint': options.joint, **sheet.to_json(), **where})
     else:
         print(sheet.render())
+    return 0
+
+
+def _export(options: argparse.Namespace) -> int:
+    from mechanism_sim.export import markup, mjcf, sdf, urdf  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    if options.prefix and options.format != 'urdf':
+        raise InputError('--prefix is for --format urdf')
+    machine = load_scene(options.scene, overrides_of(options))
+    if options.format == 'urdf':
+        text, missing = urdf.to_urdf(machine, options.prefix), urdf.left_out(machine)
+    elif options.format == 'mjcf':
+        text, missing = mjcf.to_mjcf(machine), mjcf.left_out(machine)
+    else:
+        text, missing = sdf.to_sdf(machine), sdf.left_out(machine)
+    for sentence in missing:
+        print(f'mechanism-sim: {sentence}', file=sys.stderr)
+    if options.output:
+        markup.save(text, options.output)
+    if options.json:
+        where = {'file': options.output} if options.output else {'text': text}
+        print_json({'scene': machine.name, 'format': options.format, 'left_out': missing, **where})
+    else:
+        print(options.output or text.rstrip())
     return 0
 
 

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.middleware import (
+    InvalidQosOverridesError,
     MiddlewareError,
     Parameter,
+    ParameterException,
     SingleThreadedExecutor,
     init,
     leave,
@@ -80,7 +82,7 @@ def run_nodes(
             executor.spin_once(timeout_sec=0.1)
     except KeyboardInterrupt:
         code = INTERRUPTED
-    except InputError as error:
+    except (InputError, ParameterException, InvalidQosOverridesError) as error:
         code = tell(error, 2)
     except (RunError, MiddlewareError) as error:
         code = tell(error, 1)

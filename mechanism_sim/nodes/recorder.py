@@ -19,8 +19,7 @@ from mechanism_sim.recording import BagWriter, Qos
 
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
-_TRANSFORMS = 'tf2_msgs/msg/TFMessage'
-_IN_ARRAY = _TRANSFORMS, 'visualization_msgs/msg/MarkerArray'
+_IN_ARRAY = 'tf2_msgs/msg/TFMessage', 'visualization_msgs/msg/MarkerArray'
 LOSS_TIMEOUT = 10.0  # [s] to wait for messages that were announced and have not come
 
 
@@ -107,7 +106,7 @@ class Recorder(SimulationNode):
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
         # All machines share /tf: what belongs to another has not the prefix of this one.
-        mark = self.value('frame_prefix').encode() if kind == _TRANSFORMS else b''
+        mark = self.value('frame_prefix').encode() if topic == '/tf' else b''
         latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:

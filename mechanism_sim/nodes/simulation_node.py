@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,8 +21,8 @@ from mechanism_sim.messages import (
     stamp,
     uint64_array,
 )
-from mechanism_sim.middleware import Node, Parameter
-from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
+from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 from mechanism_sim.scene import Machine, load_scene, span
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
@@ -29,6 +30,7 @@ SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was ther
 REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
 DIAGNOSTICS_PERIOD = 1.0  # [s]
+OURS = RESULTS, LATCHED, CLOCK
 
 
 @dataclass
@@ -117,11 +119,22 @@ class SimulationNode(Node):
     def create_publisher(
         self, msg_type: type[Any], topic: str, qos_profile: Any, **how: Any
     ) -> Any:
-        """Publisher on a topic, of which listeners must miss nothing if it carries results."""
-        publisher = super().create_publisher(msg_type, topic, qos_profile, **how)
+        """Publisher on a topic, of which listeners must miss nothing if it carries results.
+
+        Parameters such as ``qos_overrides./topic.publisher.depth`` override its quality of
+        service.
+        """
+        if qos_profile in OURS:
+            how.setdefault('qos_overriding_options', QoSOverridingOptions.with_default_policies())
+        publisher = super().create_publisher(msg_type, topic, copy(qos_profile), **how)
         if qos_profile is RESULTS:
             self._results.append(publisher.topic_name)
         return publisher
+
+    def create_timer(self, *given: Any, **how: Any) -> Any:
+        """Timer of wall time, also if the node's own time is that of the simulation."""
+        how.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
+        return super().create_timer(*given, **how)
 
     def frame(self, link: str) -> str:
         """Name of the frame of a link."""
