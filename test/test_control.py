@@ -80,6 +80,7 @@ STEPS = (
 features = call('GetSimulatorFeatures', 'get_simulator_features').features.features
 found['features'] = sorted(int(f) for f in features)
 found['steps'] = [step(1) for _ in range(99)]
+found['play at the end'] = go(1)
 found['beyond'] = step(1)
 found['state'] = state()
 found['reset'] = call('ResetSimulation', 'reset_simulation', scope=0).result.result
@@ -129,13 +130,15 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
     found, bag = operate(tmp_path, STEPS, SCENE, '--duration', '0.1')
     assert {20, 21, 22, 24, 25, 26, 31, 32, 33} == set(found['features'])
     assert found['steps'] == [[1, '']] * 99  # the first made the operator's loop end
+    assert found['play at the end'][0] == 102
+    assert 'at its end, at 0.1 s: reset it first' in found['play at the end'][1]
     assert found['beyond'][0] == 4
     assert 'steps end at 0.101 s, the run at 0.1 s' in found['beyond'][1]
     assert (found['state'], found['reset'], found['half a reset']) == (2, 1, 0)
     assert found['action'] == [True, 4, 1]
     assert found['feedback'] == [[n, 30 - n] for n in range(1, 31)]
     assert found['play'] == [1, '']
-    assert found['play again'][0] in (1, 101)  # the end of the run may have paused it
+    assert found['play again'][0] in (101, 102)  # playing still, or at its end
     assert found['stop'] == [1, '']
     assert (found['stopped'], found['quit']) == (0, [1, ''])
     alone = run_json('solve', SCENE, '--duration', '0.1')
@@ -180,6 +183,7 @@ def parameter(owner, name):
 found['sim time'] = parameter(linkage, 'use_sim_time')
 found['depth'] = parameter(linkage, 'qos_overrides./joint_states.publisher.depth')
 found['too much'] = set_(linkage, JOINT, 1.5)
+found['no number'] = set_(linkage, JOINT, float('nan'))
 found['wrong type'] = set_(linkage, JOINT, 'much')
 found['read only'] = set_(linkage, 'scene', 'pendulum')
 found['restitution'] = set_(linkage, JOINT, 0.9)
@@ -206,7 +210,7 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
     found, bag = operate(tmp_path, PARAMETERS, *args)
     for case, reason in {
         'too much': 'outside', 'wrong type': 'STRING', 'read only': 'read', 'too fast': 'outside',
-        'pace': 'outside',
+        'pace': 'outside', 'no number': 'finite',
     }.items():  # fmt: skip
         assert not found[case][0]
         assert reason in found[case][1] or 'range' in found[case][1].lower(), found[case]
