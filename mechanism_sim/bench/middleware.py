@@ -92,7 +92,7 @@ class WholeRun:
     ----------
     arrangement : of the nodes in processes
     cpu, wall : of the shorter run, start of all processes included [s]: least and median
-    cpu_per_unit, wall_per_unit : of a revolution [s], by the difference of two lengths
+    cpu_per_unit : CPU time of a revolution [s], by the difference of two lengths
     sent : messages of the shorter run; 0 for the library
     error : messages that are missing in the bag; None without one
     digest : of the shorter run's motion and impacts; None without a bag
@@ -104,7 +104,6 @@ class WholeRun:
     cpu: float
     wall: float
     cpu_per_unit: float
-    wall_per_unit: float
     sent: int
     error: int | None
     digest: str | None
@@ -231,8 +230,7 @@ def _whole_run(
     wall = {n: median(t[1] for t in pairs) for n, pairs in times.items()}
     return WholeRun(
         told.get('middleware', method), arrangement, short, cpu[short], wall[short],
-        (cpu[long] - cpu[short]) / (long - short), (wall[long] - wall[short]) / (long - short),
-        sum(told.get('sent', {}).values()), read['ledger']['lost'] if read else None,
+        (cpu[long] - cpu[short]) / (long - short), sum(told.get('sent', {}).values()), read['ledger']['lost'] if read else None,
         read['digest'] if read else told.get('digest'),
     )  # fmt: skip
 

@@ -25,7 +25,6 @@ from mechanism_sim.messages import (
     float64_array,
     serialize,
 )
-from mechanism_sim.messages.events import drive_law
 from mechanism_sim.middleware import (
     HistoryPolicy,
     Node,
@@ -35,7 +34,6 @@ from mechanism_sim.middleware import (
     init,
     leave,
 )
-from mechanism_sim.scene import load_scene
 
 RESULTS = QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=1000)
 """As the nodes publish results: reliable, and the publisher waits."""
@@ -199,6 +197,10 @@ def credit(scene: str, count: int) -> None:
 
     Told beside it are the times [s] that the integration takes by itself.
     """
+    # The other ends need no machine, and start sooner without.
+    from mechanism_sim.messages.events import drive_law  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
     machine, end = load_scene(scene), End('crank_drive')
     node, law = end.node, machine.laws[0]
     motions, seen = list[Any](), list[Any]()

@@ -28,16 +28,16 @@ def render(figures: Sequence[Figure]) -> str:
             'latency',
             ('middleware', 'what', 'times', 'median [ms]', 'p99 [ms]', 'work alone [ms]',
              'CPU of both [ms]', 'lost'),
-            [(f.method, f.what, f'{f.count}', _ms(f.median), _ms(f.p99), _ms(f.alone),
+            [(f.method, f.what, f'{f.count}', _ms(f.median), _ms(f.p99), _ms(f.alone or None),
               _ms(f.cpu_per_unit), f'{f.error}') for f in delays],
         ),
         _table(
             f'whole runs of {runs[0].revolutions if runs else 0} revolutions',
             ('middleware', 'nodes', 'CPU [s]', 'wall [s]', 'CPU per revolution [ms]',
-             'wall per revolution [ms]', 'sent', 'lost', 'digest'),
+             'sent', 'lost', 'digest'),
             [(f.method, f.arrangement, f'{f.cpu:.2f}', f'{f.wall:.2f}', _ms(f.cpu_per_unit),
-              _ms(f.wall_per_unit), f'{f.sent or ""}', '' if f.error is None else f'{f.error}',
-              (f.digest or '')[:8]) for f in runs],
+              f'{f.sent or ""}', '' if f.error is None else f'{f.error}', (f.digest or '')[:8])
+             for f in runs],
         ),
     ]  # fmt: skip
     return '\n\n'.join(parts)
