@@ -13,7 +13,7 @@ run: install
 	$(BIN)/mechanism-sim analyze $(BAG)
 
 test: install
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --dist worksteal
 
 lint: install
 	$(BIN)/ruff check .

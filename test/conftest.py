@@ -5,9 +5,31 @@ import os
 # Before NumPy is loaded, and for all processes that tests start: threads of BLAS in several
 # processes on few cores wait for each other, ten times as long as the work takes.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+# This process reads and compares without ROS; what runs on rclpy runs in processes of its own.
+os.environ.setdefault('MECHANISM_SIM_MIDDLEWARE', 'zenoh')
 
+from collections.abc import Iterator
+
+import pytest
+import running
 from hypothesis import settings
+
+from mechanism_sim.numerics import code_cache
 
 # Wall time says nothing on a shared machine, and a test that fails must fail again.
 settings.register_profile('house', deadline=None, derandomize=True)
 settings.load_profile('house')
+
+# Tests compile more than a user's cache holds, and open theirs once in a worker: heyoka's folder
+# with its usual limit. To compile all anew would be most of the work of many tests.
+code_cache.FOLDER, code_cache.LIMIT = 'heyoka', 20 * 2**30
+
+
+@pytest.fixture(scope='module', params=running.BACKENDS)
+def backend(request: pytest.FixtureRequest) -> Iterator[str]:
+    """The middleware of the processes that a test starts: each that is found, one by one."""
+    if request.param == 'rclpy' and not running.ros_found():
+        pytest.skip('no ROS 2 here with this package built for it (docs/ros2.md)')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, 'middleware', request.param)
+        yield request.param

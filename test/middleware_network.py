@@ -98,11 +98,11 @@ class Process:
 class Network:
     """A router port and a domain that no other test has."""
 
-    def __init__(self) -> None:
+    def __init__(self, middleware: str = 'zenoh') -> None:
         self.port = free_port()
         self.settings = {
             'MECHANISM_SIM_ROUTER': f'tcp/127.0.0.1:{self.port}',
-            'MECHANISM_SIM_MIDDLEWARE': 'zenoh',
+            'MECHANISM_SIM_MIDDLEWARE': middleware,
             'ROS_DOMAIN_ID': str(self.port % 200),
             'PYTHONUNBUFFERED': '1',
         }

@@ -13,6 +13,7 @@ from running import run, run_json
 from scipy.integrate import DOP853, solve_ivp
 
 from mechanism_sim.bench import measure as measuring
+from mechanism_sim.bench import middleware as lines
 from mechanism_sim.bench import scaling as sizes
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
 from mechanism_sim.bench.hard import cases
@@ -287,6 +288,38 @@ def test_costs_by_size(monkeypatch):
     assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 4
 
 
+def test_nodes_on_a_middleware(monkeypatch, tmp_path):
+    """One measurement of each kind between real processes."""
+    monkeypatch.setattr(lines, 'backends', lambda: ['zenoh'])
+    monkeypatch.setattr(lines, 'BURSTS', {'Motion': 40})
+    monkeypatch.setattr(lines, 'ROUNDS', 20)
+    monkeypatch.setattr(lines, 'CREDITS', 20)
+    monkeypatch.setattr(lines, 'REVOLUTIONS', (1, 2))
+    monkeypatch.setattr(lines, 'ARRANGEMENTS', {'recorded': ('--record',)})
+    said = []
+    figures = lines.middleware(1, said.append)
+    pages = report.Pages(str(tmp_path))
+    pages.add_middleware(figures, machine())
+    rows = pages.to_json(machine())['rows']
+    keys = {'problem', 'method', 'tolerance', 'cpu_per_unit', 'error', 'error_unit', 'unit'}
+    assert all(set(row) >= keys for row in rows)
+    assert json.loads((tmp_path / 'middleware.json').read_text())['rows'] == rows
+    stream, there_and_back, credit, alone, nodes = rows
+    assert stream['size'] > 30_000
+    assert 0.0 < stream['rate'] <= stream['fastest']
+    assert 0.0 < there_and_back['median'] <= there_and_back['p99']
+    assert 0.0 < credit['alone'] < credit['median']
+    assert {row['error'] for row in (stream, there_and_back, credit, nodes)} == {0}
+    assert (alone['sent'], alone['error']) == (0, None)
+    assert nodes['sent'] > 50
+    assert len(nodes['digest']) == 64
+    assert nodes['digest'] == alone['digest']
+    assert said[-1] == 'middleware: recorded, on zenoh'
+    text = (tmp_path / 'middleware.txt').read_text()
+    assert text.startswith(pages.text[0])
+    assert nodes['digest'][:8] in text
+
+
 def test_what_an_instrument_shows_agrees_with_power_series_of_its_state_equations():
     run = Measured(2)
     channel = Channel(run.source(), run.instrument, 'x')
@@ -321,6 +354,7 @@ def test_bench_without_a_name_lists_what_there_is():
     text = run('bench').stdout
     assert 'four_bar_clearance' in text
     assert 'scaling' in text
+    assert 'middleware' in text
 
 
 def test_every_hard_case_is_on_its_page():

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from running import run, run_json
+from running import environment, run, run_json
 
 import mechanism_sim as ms
 
@@ -68,6 +68,17 @@ def test_solve_keeps_its_contract():
         'initial', 'final', 'drive_work', 'dissipated', 'residual',
     }  # fmt: skip
     assert abs(result['energy']['residual']) < 1e-12
+
+
+def test_a_process_of_its_own_says_what_this_one_does():
+    args = ('solve', 'four_bar_clearance')
+    apart, here = run_json(*args, env=environment()), run_json(*args)
+    assert apart.keys() == here.keys()
+    assert apart['digest'] == here['digest']
+    refused = [run('check', 'four_bar_clearence', env=env) for env in (environment(), None)]
+    assert [(r.returncode, r.stdout, r.stderr) for r in refused] == 2 * [
+        (2, '', refused[0].stderr)
+    ]
 
 
 def test_scenes_as_json():

@@ -6,7 +6,7 @@ from middleware_network import Network, eventually
 from mechanism_sim.messages import Clock, Log, SetParametersResult, Trigger
 from mechanism_sim.middleware import (
     HistoryPolicy,
-    InvalidParameterValueException,
+    InvalidParameterTypeException,
     InvalidQosOverridesError,
     MiddlewareError,
     Node,
@@ -65,6 +65,10 @@ def test_a_process_heeds_its_command_line(network, tmp_path):
 other:
   ros__parameters: {gain: 7.0}
 """)
+    line = (
+        '--other x --ros-args -r chatter:__node:=talker -r __ns:=/machine -r out:=/in -p speed:=3'
+        f' --params-file {file} --log-level machine.talker:=debug -- --more'
+    )
     process = network.start(
         """
         from mechanism_sim.middleware import *
@@ -79,18 +83,7 @@ other:
             node.get_logger().debug('seen')
         shutdown()
         """,
-        *[
-            '--other',
-            'x',
-            '--ros-args',
-            '-r',
-            'chatter:__node:=talker',
-            '-r',
-            '__ns:=/machine',
-            '-r',
-            'out:=/in',
-        ],
-        *f'-p speed:=3 --params-file {file} --log-level machine.talker:=debug -- --more'.split(),
+        *line.split(),
     )
     assert process.expect('is') == '/machine/talker /in 1.5 1e-09 8 True 3'
     assert process.expect('is') == '/machine/listener /in 0.5 1e-09 8 None 3'
@@ -105,10 +98,10 @@ other:
         ('3', 3), ('-0x1F', -31), ('010', 8), ('09', 9.0), ('1e-9', 1e-9), ('1.', 1.0),
         ('.5', 0.5), ('-.inf', -float('inf')), ('inf', float('inf')),
         ('99999999999999999999', 1e20), ('true', True), ('Off', False), ('y', True),
-        ('tRUE', 'tRUE'), ("'3'", '3'), ('"y"', 'y'),
-        ('1:30', '1:30'), ('2020-01-01', '2020-01-01'), ('null', 'null'), ('1_000', '1_000'),
-        ('!!str 5', '5'), ('[1, 2]', [1, 2]), ("['a', b]", ['a', 'b']),
-        ('[1.0, 2e1]', [1.0, 20.0]), ('four_bar clearance', 'four_bar clearance'), ("''", ''),
+        ('tRUE', 'tRUE'), ("'3'", '3'), ('"y"', 'y'), ('1:30', '1:30'),
+        ('2020-01-01', '2020-01-01'), ('null', 'null'), ('1_000', '1_000'), ('!!str 5', '5'),
+        ('[1, 2]', [1, 2]), ("['a', b]", ['a', 'b']), ('[1.0, 2e1]', [1.0, 20.0]),
+        ('four_bar clearance', 'four_bar clearance'), ("''", ''),
     ],
 )  # fmt: skip
 def test_values_are_what_ros_takes_them_for(text, value):
@@ -150,7 +143,7 @@ def test_the_last_word_on_a_parameter(make):
     assert gain('-p other:gain:=2.0') == 0.0
     assert gain('-p /n/talker:gain:=2.0', namespace='n') == 2.0
     assert gain('-p gain:=1.0', parameter_overrides=[Parameter('gain', value=4.0)]) == 4.0
-    with pytest.raises(InvalidParameterValueException, match='gain=1 is INTEGER, not DOUBLE'):
+    with pytest.raises(InvalidParameterTypeException, match='gain=1 is INTEGER, not DOUBLE'):
         gain('-p gain:=1')
 
 
@@ -263,7 +256,7 @@ def test_quality_of_service_that_is_none_is_refused(make):
         create('a')
     with pytest.raises(InvalidQosOverridesError, match='depth=-1 is negative'):
         create('b')
-    with pytest.raises(InvalidParameterValueException, match='STRING, not INTEGER'):
+    with pytest.raises(InvalidParameterTypeException, match='STRING, not INTEGER'):
         create('c')
     picky = QoSOverridingOptions.with_default_policies(
         callback=lambda qos: SetParametersResult(successful=qos.depth > 10, reason='too short')

@@ -5,10 +5,12 @@ import time
 import pytest
 from middleware_network import PATIENCE, Network, eventually
 
+from mechanism_sim import middleware
 from mechanism_sim.messages import (
     Clock,
     FloatingPointRange,
     GetParameters,
+    IntegerRange,
     ListParameters,
     Log,
     ParameterDescriptor,
@@ -25,12 +27,15 @@ from mechanism_sim.messages import (
 )
 from mechanism_sim.middleware import (
     Duration,
+    InvalidParameterTypeException,
     InvalidParameterValueException,
     MiddlewareError,
     Node,
     Parameter,
     ParameterAlreadyDeclaredException,
+    ParameterImmutableException,
     ParameterNotDeclaredException,
+    ParameterUninitializedException,
     SingleThreadedExecutor,
     Time,
     init,
@@ -147,10 +152,9 @@ def test_parameters_are_read_and_set_from_another_process(joined):
     assert ask(ListParameters, 'list_parameters', prefixes=['solver']).result.names == [
         'solver.rtol'
     ]
-    speed, names, unknown = ask(
-        GetParameters, 'get_parameters', names=['speed', 'names', 'none']
-    ).values
-    assert (speed.double_value, names.string_array_value, unknown.type) == (3.0, ['a', 'b'], 0)
+    speed, names = ask(GetParameters, 'get_parameters', names=['speed', 'names']).values
+    assert (speed.double_value, names.string_array_value) == (3.0, ['a', 'b'])
+    assert ask(GetParameters, 'get_parameters', names=['speed', 'none']).values == []
 
     def assign(name, **value):
         return ParameterMessage(name=name, value=ParameterValue(**value))
@@ -296,11 +300,115 @@ def test_logs_go_to_standard_error_and_to_rosout(capfd):
     node.create_subscription(Log, '/rosout', lambda log: heard.append((log.name, log.msg)), 10)
     logger = node.get_logger()
     logger.debug('unheard')
-    for _ in range(3):
+    for number in range(3):
         logger.warning('careful', once=True)
-        logger.info('again', throttle_duration_sec=100.0)
+        logger.info('again' + number * '!', throttle_duration_sec=100.0)
     spin_until(node, lambda: len(heard) == 2)
     assert heard == [('ns.talker', 'careful'), ('ns.talker', 'again')]
     lines = capfd.readouterr().err.splitlines()
     assert [line.split('] ')[0] for line in lines] == ['[WARN', '[INFO']
     assert lines[0].endswith('[ns.talker]: careful')
+
+
+@pytest.mark.usefixtures('joined')
+def test_timers_start_over_when_simulated_time_is_set_back():
+    node = Node('node', parameter_overrides=[Parameter('use_sim_time', value=True)])
+    source = Node('source')
+    publisher = source.create_publisher(Clock, '/clock', 10)
+    calls, wall = [], []
+    timer = node.create_timer(0.5, lambda: calls.append(node.get_clock().now().nanoseconds / 1e9))
+    node.create_timer(0.01, lambda: wall.append(1), clock=middleware.Clock())
+    assert node.get_clock().ros_time_is_active
+
+    def show(time):
+        publisher.publish(Clock(clock=Time(seconds=time).to_msg()))
+        spin_until(node, lambda: node.get_clock().now() == Time(seconds=time))
+        for _ in range(3):
+            spin_once(node, timeout_sec=0.0)
+
+    for tick in (10.0, 10.2, 10.5, 0.0, 0.4, 0.6, 5.7, 5.9, 6.0):
+        show(tick)
+    # The four periods that a leap of the clock skips are left out.
+    assert calls == [10.0, 10.5, 0.6, 5.7, 6.0]
+    assert timer.time_since_last_call() == 0
+    assert timer.time_until_next_call() == timer.timer_period_ns == 500_000_000
+    spin_until(node, lambda: wall)
+
+
+@pytest.mark.usefixtures('joined')
+def test_ranges_have_steps_and_reasons():
+    node = Node('owner')
+    gain = ParameterDescriptor(
+        floating_point_range=[FloatingPointRange(from_value=10.0, to_value=0.0, step=0.1)],
+        additional_constraints='tenths only',
+    )
+    count = ParameterDescriptor(integer_range=[IntegerRange(from_value=1, to_value=10, step=4)])
+    node.declare_parameter('gain', 0.3, gain)
+    node.declare_parameter('count', 5, count)
+
+    def reason(name, value):
+        return node.set_parameters([Parameter(name, value=value)])[0].reason
+
+    assert [reason('gain', value) for value in (0.7, 10.0, 0.0, 10.000001)] == [''] * 4
+    assert reason('gain', 0.75) == 'gain=0.75 is no step of 0.1 from 0.0 on; tenths only'
+    assert reason('gain', 10.1) == 'gain=10.1 is outside [0.0, 10.0]; tenths only'
+    assert 'outside' in reason('gain', float('nan'))
+    assert [reason('count', value) for value in (1, 9, 10)] == [''] * 3
+    assert reason('count', 8) == 'count=8 is no step of 4 from 1 on'
+
+
+@pytest.mark.usefixtures('joined')
+def test_parameters_as_rclpy_has_them():
+    node = Node('owner', parameter_overrides=[Parameter('a.size', value=3)])
+    told, heard = [], []
+    node.create_subscription(ParameterEvent, '/parameter_events', heard.append, 100)
+    node.add_post_set_parameters_callback(lambda changed: told.append([p.name for p in changed]))
+    declared = node.declare_parameters(
+        'a', [('size', 1), ('kind', Parameter.Type.STRING), ('any',)]
+    )
+    assert [p.value for p in declared] == [3, None, None]
+    assert told == [['a.size'], ['a.kind'], ['a.any']]
+    assert node.declare_parameter('b', 1, None, ignore_override=True).value == 1
+    with pytest.raises(ParameterUninitializedException, match=r'a\.kind was given no value'):
+        node.get_parameter('a.kind')
+    assert node.get_parameter_or('a.kind', Parameter('x', value=7)).value == 7
+    assert node.get_parameter_or('none').value is None
+    assert list(node.get_parameters_by_prefix('a')) == ['size', 'kind', 'any']
+    assert node.get_parameter_types(['a.size', 'a.kind']) == [2, 0]
+    assert node.describe_parameter('a.kind').type == Parameter.Type.STRING
+    assert node.list_parameters(['a'], 1).names == ['a.size', 'a.kind', 'a.any']
+    assert node.list_parameters([], 1).names == ['use_sim_time', 'b']
+    with pytest.raises(ParameterNotDeclaredException, match="no parameter 'none'"):
+        node.set_parameters([Parameter('b', value=2), Parameter('none', value=2)])
+    assert node.get_parameter('b').value == 2
+    with pytest.raises(InvalidParameterTypeException, match='INTEGER, not DOUBLE'):
+        Node('two', parameter_overrides=[Parameter('x', value=1)]).declare_parameter('x', 1.0)
+    with pytest.raises(ValueError, match='neither a type nor a default'):
+        node.declare_parameter('c', None, ParameterDescriptor())
+    both = [Parameter('a.kind', value='s'), Parameter('a.any', value=1)]
+    assert node.set_parameters_atomically(both).successful
+    assert not node.set_parameters([Parameter('a.kind')])[0].successful
+    assert node.set_parameters([Parameter('a.any')])[0].successful  # unset: gone
+    assert not node.has_parameter('a.any')
+    spin_until(node, lambda: heard and heard[-1].deleted_parameters)
+    events = [
+        [[p.name for p in names] for names in (e.new_parameters, e.changed_parameters)]
+        for e in heard
+        if e.node == '/owner'
+    ]
+    assert events[-3:] == [[[], ['b']], [['a.kind', 'a.any'], []], [[], []]]
+
+    def halve(parameters):
+        return [Parameter(p.name, value=p.value // 2) for p in parameters]
+
+    node.add_pre_set_parameters_callback(halve)
+    assert node.set_parameters([Parameter('b', value=8)])[0].successful
+    assert node.get_parameter('b').value == 4
+    node.remove_pre_set_parameters_callback(halve)
+    node.add_pre_set_parameters_callback(lambda _: [])
+    assert 'No parameter is left' in node.set_parameters([Parameter('b', value=8)])[0].reason
+    node.undeclare_parameter('b')
+    assert not node.has_parameter('b')
+    node.declare_parameter('fixed', 1, ParameterDescriptor(read_only=True))
+    with pytest.raises(ParameterImmutableException, match='fixed is read-only'):
+        node.undeclare_parameter('fixed')

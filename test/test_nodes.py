@@ -35,14 +35,14 @@ def solved() -> dict:
     ('processes', 'rate'), [(False, '50 Hz'), (False, '500 Hz'), (True, '50 Hz'), (True, '500 Hz')]
 )
 def test_motion_and_impacts_are_bit_identical_however_they_are_published(
-    tmp_path, solved, processes, rate
+    backend, tmp_path, solved, processes, rate
 ):
     bag = tmp_path / 'run.mcap'
     settings = [f'outputs.{topic}={rate}' for topic in ('joint_states', 'linkage_state')]
     args = [part for text in settings for part in ('--set', text)]
     args += ['--processes'] if processes else []
     outcome = run_json('run', SCENE, '--revolutions', TURNS, '--record', str(bag), *args)
-    assert outcome['code'] == 0
+    assert (outcome['code'], outcome['middleware']) == (0, backend)
     summary = analyze(bag)
     assert summary.digest == solved['digest']
     assert outcome['impacts'] == len(solved['impacts'])
@@ -60,6 +60,7 @@ DRIVES = {
 }
 
 
+@pytest.mark.usefixtures('backend')
 @pytest.mark.parametrize('name', DRIVES)
 def test_every_drive_moves_the_nodes_as_it_moves_the_solution(tmp_path, name):
     args = [part for text in DRIVES[name] for part in ('--set', text)]
@@ -80,9 +81,10 @@ def test_the_digest_tells_different_runs_apart(solved):
 
 
 @pytest.fixture(scope='module')
-def recorded(tmp_path_factory) -> tuple[Path, dict]:
+def recorded(backend, tmp_path_factory) -> tuple[Path, dict]:
     bag = tmp_path_factory.mktemp('bags') / 'run.mcap'
     outcome = run_json('run', SCENE, '--revolutions', TURNS, '--processes', '--record', str(bag))
+    assert outcome['middleware'] == backend
     return bag, outcome
 
 
@@ -174,6 +176,7 @@ shutdown()
 """
 
 
+@pytest.mark.usefixtures('backend')
 def test_a_slow_subscriber_loses_nothing(tmp_path):
     env = environment()
     listener = subprocess.Popen(
@@ -259,6 +262,7 @@ def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_state
         assert abs(position[0] - 36.6519 * t) < 1e-7
 
 
+@pytest.mark.usefixtures('backend')
 def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
     env, bag = environment(), tmp_path / 'killed.mcap'
     running = start(
@@ -298,6 +302,7 @@ def _wait_for_child(parent: int, node: str) -> int:
     raise AssertionError(f'{node} never started')
 
 
+@pytest.mark.usefixtures('backend')
 @pytest.mark.parametrize(('processes', 'number'), [(True, signal.SIGINT), (False, signal.SIGTERM)])
 def test_a_signal_ends_the_run_with_the_bag_finished(tmp_path, processes, number):
     env, bag = environment(), tmp_path / 'run.mcap'
@@ -313,6 +318,7 @@ def test_a_signal_ends_the_run_with_the_bag_finished(tmp_path, processes, number
     assert found.topics['/motion'].count > 0
 
 
+@pytest.mark.usefixtures('backend')
 def test_a_partner_that_never_comes_is_named():
     done = run(
         'node', 'linkage', '--scene', SCENE, '--partners', 'crank_drive', '--partner-timeout', '1'
@@ -337,6 +343,7 @@ shutdown()
 """
 
 
+@pytest.mark.usefixtures('backend')
 def test_a_partner_that_leaves_is_named(tmp_path):
     env = environment()
     watcher = subprocess.Popen(
@@ -362,6 +369,7 @@ def test_a_partner_that_leaves_is_named(tmp_path):
     drive.communicate()
 
 
+@pytest.mark.usefixtures('backend')
 def test_two_runs_on_one_network_are_kept_apart():
     env = environment()
     first = start('run', SCENE, '--revolutions', '100000', '--realtime-factor', '1', env=env)
@@ -375,6 +383,7 @@ def test_two_runs_on_one_network_are_kept_apart():
     assert 'is running in this domain' in second.stderr
 
 
+@pytest.mark.usefixtures('backend')
 def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
     bag = tmp_path / 'nominal.mcap'
     outcome = run_json('run', 'four_bar_nominal', '--processes', '--record', str(bag))
@@ -383,6 +392,7 @@ def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
     assert analyze(bag).digest == solved['digest']
 
 
+@pytest.mark.usefixtures('backend')
 @pytest.mark.parametrize('scene', ['loader', 'slider_crank_piston_driven', 'geneva', 'pendulum'])
 def test_linkages_run_as_nodes_bit_by_bit_as_without(tmp_path, scene):
     """Two drives that slide, one, a drive with switches, and none."""

@@ -459,7 +459,7 @@ def test_paths_that_cannot_be_written_or_read(tmp_path):
         read_bag(tmp_path / 'a.mcap')
     with pytest.raises(InputError, match='is not an MCAP file'):
         read_bag(tmp_path / 'text')
-    with pytest.raises(InputError, match='cannot be read: Is a directory'):
+    with pytest.raises(InputError, match='has to hold one MCAP file: none'):
         read_bag(tmp_path)
 
 

@@ -21,6 +21,24 @@ else:
     print('nothing is kept')
 """
 
+IMPORTS = """
+import sys
+
+heavy = {'matplotlib', 'numba', 'pint', 'pyarrow', 'scipy.integrate', 'scipy.interpolate',
+         'scipy.linalg', 'scipy.optimize', 'scipy.signal', 'scipy.spatial', 'scipy.stats'}
+import mechanism_sim.cli.entry
+assert not {'heyoka', 'numpy', 'pydantic', 'yaml', *heavy} & set(sys.modules)
+import mechanism_sim.analysis, mechanism_sim.nodes.run, mechanism_sim.study.statistics
+print(*heavy & set(sys.modules))
+"""
+
+
+def test_nothing_heavy_is_imported_before_it_is_needed() -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', IMPORTS], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, '\n', '')
+
 
 def first_steps(**environment: str) -> str:
     """What a process says that compiles something."""

@@ -10,11 +10,11 @@ from mechanism_sim.bench.problem import Problem, problems
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.files import nearest
 
-SCALING = 'scaling'
+SCALING, MIDDLEWARE = 'scaling', 'middleware'
 
 
-def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], bool]:
-    """Problems, hard cases and whether scaling is wanted, by their names; ``hard``: all cases.
+def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], set[str]]:
+    """Problems, hard cases and which other measurements, by their names; ``hard``: all cases.
 
     Raises
     ------
@@ -22,18 +22,19 @@ def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], bool]:
         For an unknown name, with the nearest, or for hard cases beside anything else.
     """
     hard, known = {case.name: case for case in cases()}, problems()
-    words = ('hard', SCALING, *known, *hard)
+    tables = (SCALING, MIDDLEWARE)
+    words = ('hard', *tables, *known, *hard)
     for name in names:
         if name not in words:
             raise InputError(
                 f"there is no problem or case '{name}'{nearest(name, words)}; known are: "
-                f'{", ".join((*known, SCALING))}, hard (all cases), {", ".join(hard)}'
+                f'{", ".join((*known, *tables))}, hard (all cases), {", ".join(hard)}'
             )
     chosen = list(hard.values()) if 'hard' in names else [hard[n] for n in names if n in hard]
-    others = [n for n in dict.fromkeys(names) if n in known or n == SCALING]
+    others = [n for n in dict.fromkeys(names) if n in known or n in tables]
     if chosen and others:
         raise InputError(f"hard cases are run by themselves: leave out '{others[0]}'")
-    return [known[n] for n in others if n in known], chosen, SCALING in others
+    return [known[n] for n in others if n in known], chosen, {n for n in others if n in tables}
 
 
 def methods(chosen: Sequence[Problem], text: str | None) -> set[str] | None:

@@ -23,9 +23,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from mechanism_sim.cams.piecewise import Piece, Piecewise, from_spline
 from mechanism_sim.errors import InputError
@@ -117,6 +117,6 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
     if not (np.diff(x) > 0.0).all():
         raise InputError('the places of a spline increase')
     try:
-        return from_spline(CubicSpline(x, y, bc_type=ends))
+        return from_spline(scipy.interpolate.CubicSpline(x, y, bc_type=ends))
     except ValueError as error:
         raise InputError(f'no spline goes through these points: {error}') from error

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from mechanism_sim.cams.laws import spelled
 from mechanism_sim.cams.profiles import Cam, drawing_angles, extent
@@ -73,7 +73,7 @@ def find_cut_away(cam: Cam, step: float | None = None) -> list[CutAway]:
 
 def _distance(touch: Touch) -> Array:
     """Of points of contact from the nearest centre of the roller, (N,) [m]."""
-    return np.asarray(KDTree(touch.pitch.T).query(touch.profile.T)[0])
+    return np.asarray(scipy.spatial.KDTree(touch.pitch.T).query(touch.profile.T)[0])
 
 
 def _beyond_faces(touch: Touch) -> Array:

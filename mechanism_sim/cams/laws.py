@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
+import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PPoly, make_interp_spline
 
 from mechanism_sim.cams.piecewise import Piece, Piecewise, from_spline
 from mechanism_sim.errors import InputError
@@ -202,10 +202,12 @@ class Measured:
         self.reciprocating = reciprocating
         if not reciprocating:
             x, y = np.append(x, x[0] + TURN), np.append(y, y[0])
-        spline = make_interp_spline(x, y, k=degree, bc_type=None if reciprocating else 'periodic')
-        whole = PPoly.from_spline(spline)
+        spline = scipy.interpolate.make_interp_spline(
+            x, y, k=degree, bc_type=None if reciprocating else 'periodic'
+        )
+        whole = scipy.interpolate.PPoly.from_spline(spline)
         inside = slice(degree, -degree)
-        self.function = from_spline(PPoly(whole.c[:, inside], whole.x[inside]))
+        self.function = from_spline(scipy.interpolate.PPoly(whole.c[:, inside], whole.x[inside]))
 
     @property
     def breaks(self) -> Array:

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
 
@@ -66,10 +67,13 @@ class Piecewise:
     def __init__(self, start: float, pieces: Sequence[Piece]) -> None:
         self.pieces = tuple(pieces)
         self.breaks: Array = start + np.cumsum([0.0, *(p.length for p in pieces)])
-        size = max(len(p.polynomial) for p in pieces)
-        rows = [np.pad(p.polynomial.coef, (0, size - len(p.polynomial))) for p in pieces]
-        self._polynomials = PPoly(np.array(rows).T[::-1], self.breaks)
         self._waves: Array = np.array([(p.amplitude, p.frequency, p.phase) for p in pieces]).T
+
+    @cached_property
+    def _polynomials(self) -> scipy.interpolate.PPoly:
+        size = max(len(p.polynomial) for p in self.pieces)
+        rows = [np.pad(p.polynomial.coef, (0, size - len(p.polynomial))) for p in self.pieces]
+        return scipy.interpolate.PPoly(np.array(rows).T[::-1], self.breaks)
 
     def __call__(self, x: ArrayLike, order: int = 0, left: bool = False) -> Array:
         """The derivative of an order from 0 up at x, in the shape of x.
@@ -93,7 +97,7 @@ class Piecewise:
         return Piecewise(float(self.breaks[0]), [p.mirrored() for p in reversed(self.pieces)])
 
 
-def from_spline(spline: PPoly) -> Piecewise:
+def from_spline(spline: scipy.interpolate.PPoly) -> Piecewise:
     """The pieces of a polynomial spline."""
     parts = zip(np.diff(spline.x), spline.c[::-1].T, strict=True)
     return Piecewise(float(spline.x[0]), [Piece(float(h), Polynomial(c)) for h, c in parts])

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize_scalar
 
 from mechanism_sim.cams.followers import Follower, Oscillating, Translating
 from mechanism_sim.cams.laws import Law, spelled
@@ -245,7 +245,7 @@ def _sampled(function: Callable[[Array], Array], start: float, end: float) -> Ar
     y = function(x)
     i = int(np.argmax(y))
     if 0 < i < SAMPLES - 1:
-        best = minimize_scalar(
+        best = scipy.optimize.minimize_scalar(
             lambda a: -float(function(np.array([a]))[0]),
             bounds=(x[i - 1], x[i + 1]),
             method='bounded',

@@ -1,8 +1,9 @@
-"""Cycles, pictures, cams and gears for the workshop."""
+"""Cycles, pictures, cams and gears for the workshop, machines for other programs."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 
 from mechanism_sim.cli.options import Command, overrides_of, print_json, quantity, scene_options
 from mechanism_sim.errors import InputError
@@ -35,6 +36,12 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
+    sub = command('layout', _layout, 'a layout for Foxglove, or a configuration for RViz')
+    scene_options(sub)
+    sub.add_argument('--for', choices=('foxglove', 'rviz'), required=True, dest='viewer')
+    sub.add_argument('-o', '--output', metavar='FILE', help='SCENE.json or SCENE.rviz if not')
+    sub.add_argument('--namespace', default='', metavar='NAME', help='of the nodes')
+    sub.add_argument('--frame-prefix', default='', metavar='TEXT', help='before names of links')
     sub = command(
         'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
     )
@@ -43,6 +50,11 @@ def add(command: Command) -> None:
     sub.add_argument('-o', '--output', metavar='FILE', help='.svg or .dxf for the outlines')
     sub.add_argument('--gear', metavar='NAME', help='the outline of this gear only')
     sub.add_argument('--friction', type=float, default=0.05, metavar='MU', help='between teeth')
+    sub = command('export', _export, 'a machine for viewers and for other simulators')
+    scene_options(sub)
+    sub.add_argument('--format', required=True, choices=('urdf', 'mjcf', 'sdf'), help='of what')
+    sub.add_argument('-o', '--output', metavar='FILE', help='standard output if not given')
+    sub.add_argument('--prefix', default='', help='of the names of frames, in a URDF')
     sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
     sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
     sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs in series')
@@ -113,6 +125,29 @@ def _draw(options: argparse.Namespace) -> int:
     return 0
 
 
+def _layout(options: argparse.Namespace) -> int:
+    from pathlib import Path  # noqa: PLC0415
+
+    from mechanism_sim.nodes.force_markers import preview  # noqa: PLC0415
+    from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
+    from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    machine = load_scene(options.scene, overrides_of(options))
+    to, ending = (to_foxglove, 'json') if options.viewer == 'foxglove' else (to_rviz, 'rviz')
+    file = Path(options.output or f'{machine.name}.{ending}')
+    text = to(preview(machine), options.namespace, options.frame_prefix)
+    try:
+        file.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    if options.json:
+        print_json({'scene': machine.name, 'file': str(file)})
+    else:
+        print(file)
+    return 0
+
+
 def _profile(options: argparse.Namespace) -> int:
     from mechanism_sim.report import profile  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
@@ -127,6 +162,31 @@ def _profile(options: argparse.Namespace) -> int:
         print_json({'scene': machine.name, 'joint': options.joint, **sheet.to_json(), **where})
     else:
         print(sheet.render())
+    return 0
+
+
+def _export(options: argparse.Namespace) -> int:
+    from mechanism_sim.export import markup, mjcf, sdf, urdf  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+    if options.prefix and options.format != 'urdf':
+        raise InputError('--prefix is for --format urdf')
+    machine = load_scene(options.scene, overrides_of(options))
+    if options.format == 'urdf':
+        text, missing = urdf.to_urdf(machine, options.prefix), urdf.left_out(machine)
+    elif options.format == 'mjcf':
+        text, missing = mjcf.to_mjcf(machine), mjcf.left_out(machine)
+    else:
+        text, missing = sdf.to_sdf(machine), sdf.left_out(machine)
+    for sentence in missing:
+        print(f'mechanism-sim: {sentence}', file=sys.stderr)
+    if options.output:
+        markup.save(text, options.output)
+    if options.json:
+        where = {'file': options.output} if options.output else {'text': text}
+        print_json({'scene': machine.name, 'format': options.format, 'left_out': missing, **where})
+    else:
+        print(options.output or text.rstrip())
     return 0
 
 

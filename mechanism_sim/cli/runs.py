@@ -46,6 +46,10 @@ def add(command: Command) -> None:
     sub.add_argument('--processes', action='store_true', help='each node in its own process')
     sub.add_argument('--paused', action='store_true', help='begin paused, to be played or stepped')
     sub.add_argument('--hold', action='store_true', help='pause at the end instead of ending')
+    sub.add_argument(
+        '--listeners', default='', metavar='NAMES',
+        help='other nodes that must hear everything, separated by commas',
+    )  # fmt: skip
     sub.add_argument('--namespace', metavar='NS', help='of all nodes and topics of the run')
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
     sub.add_argument('name', nargs='?', metavar='NAME', help=', '.join(NODE_NAMES))
@@ -106,6 +110,7 @@ def _run(options: argparse.Namespace) -> int:
     plan = Plan(
         machine, options.scene, overrides, end, options.record, options.overwrite,
         options.realtime_factor, options.paused, options.hold, _ros_args(options),
+        options.display, tuple(name for name in options.listeners.split(',') if name),
     )  # fmt: skip
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)

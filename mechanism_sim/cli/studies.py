@@ -46,7 +46,7 @@ def add(command: Command) -> None:
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
-        help='problems; scaling; hard, or names of hard cases; nothing lists what there is',
+        help='problems; scaling; middleware; hard, or hard cases; nothing lists what there is',
     )  # fmt: skip
     sub.add_argument('--output', metavar='DIR', help='write picture, JSON and table there')
     sub.add_argument('--repeats', type=int, default=7, metavar='N', help='of every run')
@@ -167,6 +167,7 @@ def _sweep(options: argparse.Namespace) -> int:
 def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.bench import choose  # noqa: PLC0415
     from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
+    from mechanism_sim.bench.middleware import middleware  # noqa: PLC0415
     from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
     from mechanism_sim.report import bench  # noqa: PLC0415
 
@@ -177,7 +178,7 @@ def _bench(options: argparse.Namespace) -> int:
         else:
             print(bench.listing(listed))
         return 0
-    problems, cases, costs = choose.choose(options.names)
+    problems, cases, tables = choose.choose(options.names)
     if cases:
         return _bench_hard(options, cases)
     methods = choose.methods(problems, options.methods)
@@ -190,8 +191,12 @@ def _bench(options: argparse.Namespace) -> int:
         content.add(found, here)
         if not options.json:
             print(content.text[-1], flush=True)
-    if costs:
+    if choose.SCALING in tables:
         content.add_scaling(scaling(_say), here)
+        if not options.json:
+            print(content.text[-1], flush=True)
+    if choose.MIDDLEWARE in tables:
+        content.add_middleware(middleware(options.repeats, _say), here)
         if not options.json:
             print(content.text[-1], flush=True)
     if options.json:

@@ -1,7 +1,15 @@
-"""Cams and gears for the workshop: outlines in true size as SVG and DXF.
+"""Machines and their parts for other programs.
+
+Cams and gears for the workshop: outlines in true size as SVG and DXF.
 
 For a cam of `mechanism_sim.cams.profiles` and a gear of `mechanism_sim.gears.involute`::
 
     Path('cam.dxf').write_text(to_dxf(cam_outline(cam)))
     Path('gear.svg').write_text(to_svg(gear_outline(gear)))
+
+Machines for viewers and simulators: URDF, MJCF and SDF::
+
+    Path('machine.urdf').write_text(to_urdf(machine))
+    Path('machine.xml').write_text(to_mjcf(machine))
+    Path('machine.sdf').write_text(to_sdf(machine))
 """

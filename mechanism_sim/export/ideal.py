@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.linkages.slot import PinInSlot
@@ -33,6 +34,8 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.scene.machine import Machine
 
 Array = NDArray[np.float64]
+
+WORLD = 'world'
 
 #: mass of a block in a slot, and of links without mass, as a share of the heaviest link's
 LIGHT = 1e-4
@@ -212,6 +215,21 @@ class Coupling:
     carrier: str
     factors: tuple[float, ...]
     racks: tuple[Prismatic | None, ...]
+
+
+def check_names(machine: Machine) -> None:
+    """Refuse a link whose name other programs have for the ground.
+
+    Raises
+    ------
+    InputError
+        If a link is named `world`.
+    """
+    if any(body.name == WORLD for body in machine.plan.bodies):
+        raise InputError(
+            f"{machine.name}: a link named '{WORLD}' cannot be exported, that is the ground of "
+            'other programs: rename it'
+        )
 
 
 def way(joint: Prismatic, link: str) -> Vector2:

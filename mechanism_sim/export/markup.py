@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from xml.etree import ElementTree
+
+from mechanism_sim.errors import InputError
 
 Element = ElementTree.Element
 
@@ -21,4 +24,18 @@ def comment(parent: Element, sentence: str) -> None:
 def written(root: Element) -> str:
     """The text of a file, indented."""
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding='unicode', xml_declaration=True) + '\n'
+    return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def save(content: str, file: str) -> None:
+    """Write a text into a file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written there.
+    """
+    try:
+        Path(file).write_text(content, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error

@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import cached_property
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import Coupling, Ideal, steady, time_step, way
+from mechanism_sim.export.ideal import WORLD, Coupling, Ideal, check_names, steady, time_step, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce, Spring, TorsionSpring
@@ -36,8 +36,9 @@ def to_mjcf(machine: Machine) -> str:
     Raises
     ------
     InputError
-        If the mechanism cannot be assembled.
+        If the mechanism cannot be assembled, or a link is named `world`.
     """
+    check_names(machine)
     return written(_Writer(Ideal(machine)).root)
 
 
@@ -193,7 +194,7 @@ class _Writer:
         if one == GROUND:
             one, other, at = other, one, joint.on_second
         SubElement(self._equality, 'connect', name=joint.name, body1=one, anchor=text(*at, 0.0),
-                   body2='world' if other == GROUND else other)  # fmt: skip
+                   body2=WORLD if other == GROUND else other)  # fmt: skip
 
     def _couple(self, coupling: Coupling) -> None:
         """A sum of coordinates that stays what it is at the start."""

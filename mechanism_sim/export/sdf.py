@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import Coupling, Ideal, time_step, way
+from mechanism_sim.export.ideal import WORLD, Coupling, Ideal, check_names, time_step, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Prismatic, Revolute, Vector2
@@ -20,14 +20,16 @@ VERSION = '1.7'
 def to_sdf(machine: Machine) -> str:
     """The text of an SDF file: a world with the scene's gravity and the machine at its start.
 
-    Links and joints are named as those of the scene; `ground` is a link fixed to the world. The
+    Links and joints are named as those of the scene, a joint named as a link is has `_joint`
+    added; `ground` is a link fixed to the world. The
     coordinates of joints count from the start. What is left out is in comments, see `left_out`.
 
     Raises
     ------
     InputError
-        If the mechanism cannot be assembled.
+        If the mechanism cannot be assembled, or a link is named `world`.
     """
+    check_names(machine)
     ideal = Ideal(machine)
     root = Element('sdf', version=VERSION)
     comment(root, machine.scene.title)
@@ -41,7 +43,7 @@ def to_sdf(machine: Machine) -> str:
     model = SubElement(world, 'model', name=machine.name)
     drawn = solids(machine)
     _link(model, ideal, Body(GROUND, 1.0, 1.0, (0.0, 0.0)), drawn, COLOURS[0])
-    fixed = _joint(model, 'world_ground', 'fixed', 'world', GROUND)
+    fixed = _joint(model, f'{WORLD}_{GROUND}', 'fixed', WORLD, GROUND)
     _leaf(fixed, 'pose', '0 0 0 0 0 0')
     for k, body in enumerate(ideal.mechanism.bodies):
         _link(model, ideal, body, drawn, COLOURS[1 + k % (len(COLOURS) - 1)])
@@ -66,8 +68,9 @@ def left_out(machine: Machine) -> list[str]:
     ]
     found += [f'{element.name}: left out: forces are for plugins' for element in
               plan.elements(plan.ideal)]  # fmt: skip
-    drives = ', '.join(plan.laws)
-    return [*found, f'{drives}: left out: drives are for plugins, and all starts at rest']
+    drives = [c for c, (law, *_) in plan.laws.items() if any(law.coefficients)]
+    found += [f'{c}: its drive is left out: drives are for plugins' for c in drives]
+    return [*found, 'all links start at rest']
 
 
 def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid], colour: str) -> None:
@@ -120,6 +123,9 @@ def _gearbox(model: Element, coupling: Coupling) -> None:
 
 
 def _joint(model: Element, name: str, kind: str, parent: str, child: str) -> Element:
+    taken = {part.get('name') for part in model}
+    while name in taken:  # a joint may not be named as a link, as in scenes
+        name += '_joint'
     joint = SubElement(model, 'joint', name=name, type=kind)
     _leaf(joint, 'parent', parent)
     _leaf(joint, 'child', child)

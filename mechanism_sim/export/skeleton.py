@@ -74,7 +74,8 @@ class Skeleton:
 
     Attributes
     ----------
-    symbol : size of a joint [m], a sixtieth of what joints and the longest link cover
+    size : what joints, cams and the longest link cover [m]
+    symbol : size of a joint, a sixtieth of it [m]
     shapes : in the order in which they are painted
     """
 
@@ -89,8 +90,12 @@ class Skeleton:
         self._poses = Poses(mechanism, q)
         joints = mechanism.joints
         places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
+        springs, cams = list(springs), [j for j in joints if isinstance(j, CamPair)]
+        places += [end for ends in springs for end in ends]
+        places += [place for joint in cams for line in cam_outlines(joint) for place in line[::15]]
         covered = np.ptp([self._poses.at(place) for place in places], axis=(0, 2))
-        self.symbol = max(float(covered.max()), mechanism.size) / 60.0
+        self.size = max(float(covered.max()), mechanism.longest) or 1.0
+        self.symbol = self.size / 60.0
         self._corners: dict[str, list[Vector2]] = {b.name: [] for b in mechanism.bodies}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.linkages.indexing import Geneva
 from mechanism_sim.planar.mechanism import GROUND, Joint, Prismatic, Revolute, Vector2, rotate
@@ -53,10 +54,17 @@ def solids(machine: Machine) -> list[Solid]:
     """What is there to see, of the ground and of all links.
 
     Links are bars between their joints, in layers; revolute joints pins, sliders blocks on their
-    rails, gears, cams and Geneva wheels discs: a gear of its pitch radius, a cam of its base
-    circle, a Geneva wheel as far as its slots reach.
+    rails, which are as long as the machine is large around where the sliders start; gears, cams
+    and Geneva wheels are discs: a gear of its pitch radius, a cam of its base circle, a Geneva
+    wheel as far as its slots reach.
+
+    Raises
+    ------
+    InputError
+        If the mechanism cannot be assembled.
     """
-    mechanism = machine.plan.ideal
+    ideal = Ideal(machine)
+    mechanism = ideal.mechanism
     thick = WIDTH * mechanism.size
     layers = {GROUND: 0.0} | {
         body.name: (k + 1) * 0.5 * thick for k, body in enumerate(mechanism.bodies)
@@ -72,7 +80,7 @@ def solids(machine: Machine) -> list[Solid]:
             size = (0.4 * thick, height)
             found.append(Solid(joint.first, 'cylinder', size, (*joint.on_first, middle)))
         elif isinstance(joint, Prismatic):
-            found += _guide(joint, layers, thick, mechanism.size)
+            found += _guide(joint, layers, thick, mechanism.size, ideal.guided(joint)[0])
         else:
             found += _discs(joint, layers, thick)
     return list(dict.fromkeys(found))  # a gear in two meshes is one disc
@@ -99,14 +107,16 @@ def _bars(link: str, corners: Array, layer: float, thick: float) -> Iterator[Sol
 
 
 def _guide(
-    joint: Prismatic, layers: dict[str, float], thick: float, size: float
+    joint: Prismatic, layers: dict[str, float], thick: float, size: float, start: float
 ) -> Iterator[Solid]:
-    """A block on `second`, a rail on `first`; how far it goes depends on the motion."""
+    """A block on `second`, a rail on `first`."""
     block = (2.4 * thick, 1.6 * thick, 0.8 * thick)
     at = (*joint.on_second, layers[joint.second])
     yield Solid(joint.second, 'box', block, at, joint.axis - joint.angle)
-    rail = (2.0 * size, 0.3 * thick, 0.3 * thick)
-    yield Solid(joint.first, 'box', rail, (*joint.on_first, layers[joint.first]), joint.axis)
+    rail = (size, 0.3 * thick, 0.3 * thick)
+    way = rotate((start, 0.0), joint.axis)
+    middle = joint.on_first[0] + way[0], joint.on_first[1] + way[1], layers[joint.first]
+    yield Solid(joint.first, 'box', rail, middle, joint.axis)
 
 
 def _discs(joint: Joint, layers: dict[str, float], thick: float) -> Iterator[Solid]:

@@ -12,13 +12,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.etree import ElementTree
 
-from mechanism_sim.export.ideal import way
+from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.export.ideal import WORLD, check_names, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
+from mechanism_sim.linkages.indexing import Geneva
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Vector2
 from mechanism_sim.scene.machine import Machine
-
-WORLD = 'world'
 
 
 def to_urdf(machine: Machine, prefix: str = '') -> str:
@@ -31,18 +31,21 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
 
     Parameters
     ----------
-    prefix : of the names of frames but the world, for several machines in one world
+    prefix : of the names of all frames, as `frame_prefix` of the nodes
 
     Raises
     ------
     InputError
-        If the mechanism cannot be assembled.
+        If the mechanism cannot be assembled, or a link is named `world`.
     """
+    check_names(machine)
     mechanism = machine.mechanism
     robot = Element('robot', name=machine.name)
     comment(robot, machine.scene.title)
+    for sentence in left_out(machine):
+        comment(robot, sentence)
     drawn = solids(machine)
-    _link(robot, WORLD, None, drawn, COLOURS[0])
+    _link(robot, prefix + WORLD, None, drawn, COLOURS[0])
     tree = _Tree(robot, mechanism, prefix)
     for k, body in enumerate(mechanism.bodies):
         colour = COLOURS[1 + k % (len(COLOURS) - 1)]
@@ -52,6 +55,15 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
         else:
             tree.carry(body.name)
     return written(robot)
+
+
+def left_out(machine: Machine) -> list[str]:
+    """What URDF cannot show of a machine, in sentences."""
+    return [
+        f'{joint.name}: its profile is drawn as a circle'
+        for joint in machine.plan.joints
+        if isinstance(joint, CamPair | Geneva)
+    ]
 
 
 class _Tree:
@@ -119,7 +131,7 @@ class _Tree:
     ) -> Element:
         """A joint; a prismatic one moves its child `along` a direction."""
         joint = ElementTree.SubElement(self._robot, 'joint', name=name, type=kind)
-        parent = WORLD if parent == GROUND else self._prefix + parent
+        parent = self._prefix + (WORLD if parent == GROUND else parent)
         ElementTree.SubElement(joint, 'parent', link=parent)
         ElementTree.SubElement(joint, 'child', link=self._prefix + child)
         _origin(joint, (*at, 0.0), turn)

@@ -48,10 +48,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import DOP853
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import brentq, minimize_scalar
 
 from mechanism_sim.linkages.four_bar import FourBar
 
@@ -624,7 +622,7 @@ def follow(
         return Following(0.0, start % TURN, least)
     # A link that starts aligned and at rest does not show how fast it will swing.
     period = abs(speed) * math.sqrt(link.radial * float(np.trace(m)) / math.hypot(*force))
-    solver = DOP853(
+    solver = scipy.integrate.DOP853(
         lambda x, y: swing(np.array([x]), y[:, None])[1][:, 0], 0.0, state, TURN * turns,
         rtol=1e-10, atol=1e-10 * np.array([1.0, abs(speed)]),
         first_step=min(0.1 * period, TURN * turns),
@@ -694,7 +692,7 @@ class _Spline:
 
     def __init__(self, angle: Array, values: Array) -> None:
         self._first = angle[0]
-        self._spline = make_interp_spline(
+        self._spline = scipy.interpolate.make_interp_spline(
             np.append(angle, angle[0] + TURN),
             np.column_stack([values, values[:, 0]]).T,
             k=5,
@@ -761,12 +759,12 @@ def _root(function: Callable[[Array], Array], a: float, b: float) -> float:
     ends = value(a), value(b)
     if ends[0] * ends[1] >= 0.0 or not all(map(math.isfinite, ends)):
         return float(a) if abs(ends[0]) < abs(ends[1]) else float(b)
-    return float(brentq(value, a, b, xtol=1e-300, rtol=4.0 * _EPS))
+    return float(scipy.optimize.brentq(value, a, b, xtol=1e-300, rtol=4.0 * _EPS))
 
 
 def _tip(function: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
     """Place and value of the maximum between two places."""
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         lambda x: -float(function(np.array([x]))[0]),
         bounds=(a, b),
         method='bounded',

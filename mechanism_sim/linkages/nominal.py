@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Impact, ModeChange
@@ -205,7 +205,9 @@ class NominalRun:
                 return float(edges.left(place(np.array([t])), present)[i, 0])
 
             a, b = times[over[0] - 1], times[over[0]]
-            ends.append(float(brentq(guard, a, b, xtol=rounding) if guard(b) < 0.0 else b))
+            ends.append(
+                float(scipy.optimize.brentq(guard, a, b, xtol=rounding) if guard(b) < 0.0 else b)
+            )
         return min(ends) if min(ends) > rounding else h
 
     def _values(self, times: Array) -> Array:

@@ -23,16 +23,36 @@ class InvalidQosOverridesError(MiddlewareError, InputError):
     """A quality of service given by parameters is none, or is refused."""
 
 
-class ParameterNotDeclaredException(MiddlewareError, KeyError):  # noqa: N818
+class ParameterException(MiddlewareError):  # noqa: N818
+    """Something is wrong with a parameter."""
+
+
+class ParameterNotDeclaredException(ParameterException, KeyError):  # noqa: N818
     """A parameter is used that its node has not declared."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
-class ParameterAlreadyDeclaredException(MiddlewareError):  # noqa: N818
+class ParameterAlreadyDeclaredException(ParameterException):
     """A parameter is declared twice."""
 
 
-class InvalidParameterValueException(MiddlewareError, InputError):  # noqa: N818
+class ParameterUninitializedException(ParameterException):
+    """A parameter is read that was declared with a type only, and was given no value."""
+
+
+class ParameterImmutableException(ParameterException):
+    """A parameter that is read-only is to be undeclared."""
+
+
+class InvalidParameterException(ParameterException):
+    """The name of a parameter is none."""
+
+
+class InvalidParameterTypeException(ParameterException, InputError):  # noqa: N818
+    """The first value of a parameter is of another type than its default."""
+
+
+class InvalidParameterValueException(ParameterException, InputError):  # noqa: N818
     """The first value of a parameter is refused."""

@@ -167,7 +167,7 @@ def spin_once(node: Node, *, timeout_sec: float | None = None) -> None:
 
 
 def spin_until_future_complete(
-    node: Node, future: Future, timeout_sec: float | None = None
+    node: Node, future: Future, *, timeout_sec: float | None = None
 ) -> None:
     """Run the callbacks of a node until a future is done or ``timeout_sec`` [s] have passed."""
     _alone(node).spin_until_future_complete(future, timeout_sec)

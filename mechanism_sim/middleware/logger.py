@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable
 from enum import IntEnum
+from types import CodeType
 from typing import Any
 
 from mechanism_sim.messages import message_class
@@ -33,7 +34,7 @@ class Logger:
         self._publish = publish
         self._written = written
         self._level = LoggingSeverity.INFO
-        self._said: dict[str, float] = {}
+        self._said: dict[tuple[CodeType, int], float] = {}
 
     def get_child(self, name: str) -> 'Logger':
         """Logger of a part of the node, with the level of the whole."""
@@ -44,6 +45,18 @@ class Logger:
     def set_level(self, level: LoggingSeverity) -> None:
         """Say nothing below this level."""
         self._level = LoggingSeverity(level)
+
+    def get_effective_level(self) -> LoggingSeverity:
+        """The level below which nothing is said."""
+        return self._level
+
+    def is_enabled_for(self, severity: LoggingSeverity) -> bool:
+        """Whether what is so bad is said."""
+        return severity >= self._level
+
+    def log(self, message: str, severity: LoggingSeverity, **how: Any) -> bool:
+        """Say it; ``once``, or every ``throttle_duration_sec``, for each line that calls this."""
+        return self._say(LoggingSeverity(severity), message, **how)
 
     def debug(self, message: str, **how: Any) -> bool:
         """For those who look for an error."""
@@ -78,11 +91,13 @@ class Logger:
         if level < self._level:
             return False
         now = time.time_ns()
-        last = self._said.get(message)
+        caller = sys._getframe(2)
+        place = caller.f_code, caller.f_lineno
+        last = self._said.get(place)
         if last is not None and (once or now - last < throttle_duration_sec * 1e9):
             return False
         if once or throttle_duration_sec:
-            self._said[message] = now
+            self._said[place] = now
         seconds, nanoseconds = divmod(now, 1_000_000_000)
         line = f'[{level.name}] [{seconds}.{nanoseconds:09d}] [{self.name}]: {message}'
         if self._written:

@@ -10,13 +10,15 @@ from mechanism_sim.middleware.callback_groups import (
     CallbackGroup,
     MutuallyExclusiveCallbackGroup,
 )
-from mechanism_sim.middleware.clock import Clock, Time
+from mechanism_sim.middleware.clock import Clock, ClockType, Time
 from mechanism_sim.middleware.context import default_context
 from mechanism_sim.middleware.inbox import Ready
 from mechanism_sim.middleware.logger import Logger
 from mechanism_sim.middleware.node_graph import NodeGraph
-from mechanism_sim.middleware.parameter_services import serve_parameters
-from mechanism_sim.middleware.parameters import Parameter, Parameters
+from mechanism_sim.middleware.node_parameters import NodeParameters
+from mechanism_sim.middleware.parameter import Parameter
+from mechanism_sim.middleware.parameter_services import publish_events, serve_parameters
+from mechanism_sim.middleware.parameters import Parameters
 from mechanism_sim.middleware.publisher import Publisher
 from mechanism_sim.middleware.qos import (
     QoSProfile,
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
 E = TypeVar('E', Subscription, Service, Client)
 
 
-class Node(NodeGraph):
+class Node(NodeGraph, NodeParameters):
     """A node: publishers, subscriptions, timers, services and parameters under one name.
 
     Raises InvalidNameError for a name that is none, MiddlewareError without ``init``.
@@ -67,7 +69,7 @@ class Node(NodeGraph):
         self.tasks = Tasks(self.context)
         self._entities: list[Publisher | Subscription | Service | Client | Tasks] = [self.tasks]
         self._ready: Ready | None = None
-        self._clock = Clock()
+        self._clock = Clock(clock_type=ClockType.ROS_TIME)
         self._clock_subscription: Subscription | None = None
         self._token = self.context.announce(self._describe(wire.NODE, self._id))
         rosout = None
@@ -80,10 +82,11 @@ class Node(NodeGraph):
         self._logger.set_level(arguments.level(logger_name))
         given = [Parameter(n, value=v) for n, v in arguments.parameters_of(full_name).items()]
         self._parameters = Parameters(full_name, [*given, *(parameter_overrides or ())])
-        self._parameters.add_post_set_callback(self._follow_sim_time)
-        if start_parameter_services:
-            serve_parameters(self, self._parameters)
+        publish_events(self, self._parameters)
+        self.add_post_set_parameters_callback(self._follow_sim_time)
         self.declare_parameter('use_sim_time', False)
+        if start_parameter_services:
+            serve_parameters(self)
 
     # Endpoints
 
@@ -151,12 +154,14 @@ class Node(NodeGraph):
         timer_period_sec: float,
         callback: Callable[[], Any],
         callback_group: CallbackGroup | None = None,
-        *,
+        clock: Clock | None = None,
         autostart: bool = True,
     ) -> Timer:
-        """Timer on the clock of the node."""
+        """Timer on the clock of the node, or on another."""
         group = callback_group or self.default_callback_group
-        timer = Timer(timer_period_sec, self.tasks.plain(callback, group), self._clock, group)
+        timer = Timer(
+            timer_period_sec, self.tasks.plain(callback, group), clock or self._clock, group
+        )
         if not autostart:
             timer.cancel()
         self.timers.append(timer)
@@ -198,41 +203,7 @@ class Node(NodeGraph):
         self._entities.clear()
         self.context.retract(self._token)
 
-    # Parameters, clock, log
-
-    def declare_parameter(self, name: str, value: Any = None, descriptor: Any = None) -> Parameter:
-        """Declare a parameter with its default, which ``parameter_overrides`` may replace."""
-        return self._parameters.declare(name, value, descriptor)
-
-    def has_parameter(self, name: str) -> bool:
-        """Whether the parameter is declared."""
-        return self._parameters.has(name)
-
-    def get_parameter(self, name: str) -> Parameter:
-        """A declared parameter."""
-        return self._parameters.get(name)
-
-    def get_parameters(self, wanted: Iterable[str]) -> list[Parameter]:
-        """Declared parameters."""
-        return [self._parameters.get(name) for name in wanted]
-
-    def set_parameters(self, parameters: Iterable[Parameter]) -> list[Any]:
-        """Set parameters one by one; ``rcl_interfaces/msg/SetParametersResult`` for each."""
-        return [self._parameters.set([parameter]) for parameter in parameters]
-
-    def set_parameters_atomically(self, parameters: Iterable[Parameter]) -> Any:
-        """Set all of the parameters or none."""
-        return self._parameters.set(list(parameters))
-
-    def add_on_set_parameters_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
-        """Have a say: the callback gives back a SetParametersResult, with a reason to refuse."""
-        self._parameters.add_on_set_callback(callback)
-
-    def add_post_set_parameters_callback(
-        self, callback: Callable[[list[Parameter]], None]
-    ) -> None:
-        """Be told of the parameters that have been set."""
-        self._parameters.add_post_set_callback(callback)
+    # Clock, log
 
     def get_clock(self) -> Clock:
         """Clock of the node, simulated if its parameter ``use_sim_time`` says so."""

@@ -1,126 +1,35 @@
-"""Parameters of a node: declared with a default, of one type for life, changed with consent."""
+"""Parameters of a node: declared with a default, of one type for life, changed with consent.
 
-from collections.abc import Callable, Iterable, Sequence
+Behaviour as in rclpy's ``node.py``.
+"""
+
+from collections.abc import Callable, Iterable
+from copy import copy
 from dataclasses import dataclass
-from enum import IntEnum
+from math import isclose
 from typing import Any
 
-import numpy as np
-
-from mechanism_sim.messages import float64_array, int64_array, message_class
+from mechanism_sim.messages import message_class
 from mechanism_sim.middleware.errors import (
+    InvalidParameterException,
+    InvalidParameterTypeException,
     InvalidParameterValueException,
     ParameterAlreadyDeclaredException,
+    ParameterImmutableException,
     ParameterNotDeclaredException,
+    ParameterUninitializedException,
 )
+from mechanism_sim.middleware.parameter import Parameter, ParameterKind
 
+TOLERANCE = 1e-6  # relative, of values at the edges and on the steps of a range
 
-class ParameterKind(IntEnum):
-    """Types of parameters; the numbers are those of ``rcl_interfaces/msg/ParameterType``."""
-
-    NOT_SET = 0
-    BOOL = 1
-    INTEGER = 2
-    DOUBLE = 3
-    STRING = 4
-    BYTE_ARRAY = 5
-    BOOL_ARRAY = 6
-    INTEGER_ARRAY = 7
-    DOUBLE_ARRAY = 8
-    STRING_ARRAY = 9
-
-    @classmethod
-    def from_parameter_value(cls, value: Any) -> 'ParameterKind':
-        """Type of a Python value; TypeError if a parameter cannot hold it."""
-        if value is None:
-            return cls.NOT_SET
-        if type(value) in _SCALARS:
-            return _SCALARS[type(value)]
-        if isinstance(value, Sequence):
-            kinds = {type(item) for item in value}
-            if len(kinds) == 1 and (kind := kinds.pop()) in _ARRAYS:
-                return _ARRAYS[kind]
-            if not kinds:
-                return cls.BYTE_ARRAY  # what rclpy takes an empty list for
-        raise TypeError(f'A parameter cannot hold {value!r}')
-
-
-_SCALARS = {
-    bool: ParameterKind.BOOL,
-    int: ParameterKind.INTEGER,
-    float: ParameterKind.DOUBLE,
-    str: ParameterKind.STRING,
-}
-_ARRAYS = {
-    bytes: ParameterKind.BYTE_ARRAY,
-    bool: ParameterKind.BOOL_ARRAY,
-    int: ParameterKind.INTEGER_ARRAY,
-    float: ParameterKind.DOUBLE_ARRAY,
-    str: ParameterKind.STRING_ARRAY,
-}
-# Field of ParameterValue, and how its value becomes the field's; by type.
-_FIELDS: dict[ParameterKind, tuple[str, Callable[[Any], Any]]] = {
-    ParameterKind.BOOL: ('bool_value', bool),
-    ParameterKind.INTEGER: ('integer_value', int),
-    ParameterKind.DOUBLE: ('double_value', float),
-    ParameterKind.STRING: ('string_value', str),
-    ParameterKind.BYTE_ARRAY: (
-        'byte_array_value',
-        lambda value: np.frombuffer(b''.join(value), 'B'),
-    ),
-    ParameterKind.BOOL_ARRAY: ('bool_array_value', list),
-    ParameterKind.INTEGER_ARRAY: ('integer_array_value', int64_array),
-    ParameterKind.DOUBLE_ARRAY: ('double_array_value', float64_array),
-    ParameterKind.STRING_ARRAY: ('string_array_value', list),
-}
-
-
-class Parameter:
-    """A name with a value; ``type_`` follows from the value unless it is given."""
-
-    Type = ParameterKind
-
-    def __init__(self, name: str, type_: ParameterKind | None = None, value: Any = None) -> None:
-        found = ParameterKind.from_parameter_value(value)
-        empty = isinstance(value, Sequence) and not value and not isinstance(value, str)
-        if type_ is not None and type_ != found and value is not None and not empty:
-            raise ValueError(f'{name}={value!r} is {found.name}, not {type_.name}')
-        self.name = name
-        self.type_ = found if type_ is None else type_
-        self.value = value
-
-    def __repr__(self) -> str:
-        return f'Parameter({self.name!r}, {self.type_.name}, {self.value!r})'
-
-    def get_parameter_value(self) -> Any:
-        """``rcl_interfaces/msg/ParameterValue``."""
-        message = message_class('rcl_interfaces/msg/ParameterValue')(type=int(self.type_))
-        if self.value is not None:
-            field, convert = _FIELDS[self.type_]
-            setattr(message, field, convert(self.value))
-        return message
-
-    def to_parameter_msg(self) -> Any:
-        """``rcl_interfaces/msg/Parameter``."""
-        value = self.get_parameter_value()
-        return message_class('rcl_interfaces/msg/Parameter')(name=self.name, value=value)
-
-    @classmethod
-    def from_parameter_msg(cls, message: Any) -> 'Parameter':
-        """Parameter of a ``rcl_interfaces/msg/Parameter``."""
-        kind = ParameterKind(message.value.type)
-        if kind == ParameterKind.NOT_SET:
-            return cls(message.name)
-        value = getattr(message.value, _FIELDS[kind][0])
-        if kind == ParameterKind.BYTE_ARRAY:
-            value = [bytes([item]) for item in value]
-        elif kind >= ParameterKind.BYTE_ARRAY:
-            value = value.tolist() if isinstance(value, np.ndarray) else list(value)
-        return cls(message.name, kind, value)
+Listed = list[Parameter]
 
 
 @dataclass
-class _Declared:
+class Declared:
+    """A parameter and its ``rcl_interfaces/msg/ParameterDescriptor``."""
+
     parameter: Parameter
     descriptor: Any
 
@@ -129,33 +38,54 @@ class Parameters:
     """The parameters of one node."""
 
     def __init__(self, node: str, overrides: Iterable[Parameter]) -> None:
+        #: asked before the rest, may change what is set; have a say; are told; all newest first
+        self.before: list[Callable[[Listed], Listed]] = []
+        self.consents: list[Callable[[Listed], Any]] = []
+        self.after: list[Callable[[Listed], Any]] = []
+        #: told what is new, what has changed and what is gone
+        self.publish: Callable[[Listed, Listed, Listed], Any] = lambda *_: None
         self._node = node
         self._overrides = {parameter.name: parameter for parameter in overrides}
-        self._declared: dict[str, _Declared] = {}
-        self._consents: list[Callable[[list[Parameter]], Any]] = []
-        self._followers: list[Callable[[list[Parameter]], Any]] = []
-        self._remarks: list[str] = []  # of those who consented last
+        self._declared: dict[str, Declared] = {}
 
-    def declare(self, name: str, value: Any, descriptor: Any) -> Parameter:
-        """Declare a parameter; raises InvalidParameterValueException if its value is refused."""
+    def declare(
+        self, name: str, value: Any, descriptor: Any = None, ignore_override: bool = False
+    ) -> Parameter:
+        """Declare a parameter; raises a ParameterException or ValueError if it is refused."""
+        if not name:
+            raise InvalidParameterException(f'{self._node}: a parameter has a name')
         if name in self._declared:
             raise ParameterAlreadyDeclaredException(f'{self._node} has declared {name!r} already')
-        described = descriptor or message_class('rcl_interfaces/msg/ParameterDescriptor')()
+        described = copy(descriptor or message_class('rcl_interfaces/msg/ParameterDescriptor')())
         typed = isinstance(value, ParameterKind)
         default = Parameter(name, value if typed else None, None if typed else value)
         described.name = name
         described.type = int(default.type_)
-        if default.type_ == ParameterKind.NOT_SET:
+        if value is None and descriptor is None:
             described.dynamic_typing = True
-        initial = self._overrides.get(name, default)
-        declared = self._declared[name] = _Declared(default, described)
-        reason = self._refusal([initial], declaring=True)
+        if default.type_ == ParameterKind.NOT_SET and (typed or not described.dynamic_typing):
+            raise ValueError(f'{self._node}: {name} has neither a type nor a default')
+        if typed and described.dynamic_typing:
+            raise ValueError(f'{self._node}: {name} has a type, or one that may change; not both')
+        if typed:
+            default = Parameter(name)
+        overridden = name in self._overrides and not ignore_override
+        initial = self._overrides[name] if overridden else default
+        missing = initial.type_ == ParameterKind.NOT_SET
+        if not missing and (reason := _mismatch(initial, described)):
+            raise InvalidParameterTypeException(f'{self._node}: {reason}')
+        reason = _out_of_range(initial, described) or self._objection([initial])
         if reason:
-            del self._declared[name]
             raise InvalidParameterValueException(f'{self._node}: {name}: {reason}')
-        declared.parameter = initial
-        self._tell([initial])
+        self._declared[name] = Declared(initial, described)
+        self._tell([initial], [initial], [], [])
         return initial
+
+    def undeclare(self, name: str) -> None:
+        """Forget a parameter; ParameterImmutableException if it is read-only."""
+        if self.find(name).descriptor.read_only:
+            raise ParameterImmutableException(f'{self._node}: {name} is read-only')
+        del self._declared[name]
 
     def has(self, name: str) -> bool:
         """Whether a parameter is declared."""
@@ -166,32 +96,15 @@ class Parameters:
         return list(self._declared)
 
     def get(self, name: str) -> Parameter:
-        """A parameter; raises ParameterNotDeclaredException."""
-        return self._find(name).parameter
+        """A parameter; raises a ParameterException if it is not declared or has no value."""
+        found = self.find(name)
+        unset = found.parameter.type_ == ParameterKind.NOT_SET
+        if unset and not found.descriptor.dynamic_typing:
+            raise ParameterUninitializedException(f'{self._node}: {name} was given no value')
+        return found.parameter
 
-    def descriptor(self, name: str) -> Any:
-        """``rcl_interfaces/msg/ParameterDescriptor``; raises ParameterNotDeclaredException."""
-        return self._find(name).descriptor
-
-    def set(self, parameters: list[Parameter]) -> Any:
-        """Set all or none; a ``SetParametersResult`` that says why not."""
-        reason, remarks = self._refusal(parameters), list(self._remarks)
-        if not reason:
-            for parameter in parameters:
-                self._declared[parameter.name].parameter = parameter
-            self._tell(parameters)
-        result = message_class('rcl_interfaces/msg/SetParametersResult')
-        return result(successful=not reason, reason=reason or '; '.join(remarks))
-
-    def add_on_set_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
-        """Ask before a change."""
-        self._consents.insert(0, callback)
-
-    def add_post_set_callback(self, callback: Callable[[list[Parameter]], Any]) -> None:
-        """Tell after a change."""
-        self._followers.append(callback)
-
-    def _find(self, name: str) -> _Declared:
+    def find(self, name: str) -> Declared:
+        """A parameter with its descriptor; raises ParameterNotDeclaredException."""
         if name not in self._declared:
             known = ', '.join(self._declared)
             raise ParameterNotDeclaredException(
@@ -199,28 +112,57 @@ class Parameters:
             )
         return self._declared[name]
 
-    def _tell(self, parameters: list[Parameter]) -> None:
-        for follow in self._followers:
+    def set(self, parameters: Listed) -> Any:
+        """Set all or none; a ``SetParametersResult`` that says why not.
+
+        Raises ParameterNotDeclaredException.
+        """
+        result = message_class('rcl_interfaces/msg/SetParametersResult')
+        if self.before:
+            parameters = [made for change in self.before for made in change(parameters)]
+            if not parameters:
+                return result(successful=False, reason='No parameter is left to be set')
+        for parameter in parameters:
+            self.find(parameter.name)
+        reason = next(filter(None, map(self._refusal, parameters)), '')
+        reason = reason or self._objection(parameters)
+        if reason:
+            return result(successful=False, reason=reason)
+        new: Listed = []
+        changed: Listed = []
+        gone: Listed = []
+        for parameter in parameters:
+            known = self._declared[parameter.name]
+            if parameter.type_ == ParameterKind.NOT_SET:
+                gone.append(parameter)
+                del self._declared[parameter.name]
+                continue
+            fresh = known.parameter.type_ == ParameterKind.NOT_SET
+            (new if fresh else changed).append(parameter)
+            known.descriptor.type = int(parameter.type_)
+            known.parameter = parameter
+        self._tell(parameters, new, changed, gone)
+        return result(successful=True)
+
+    def _tell(self, parameters: Listed, new: Listed, changed: Listed, gone: Listed) -> None:
+        self.publish(new, changed, gone)
+        for follow in self.after:
             follow(parameters)
 
-    def _refusal(self, parameters: list[Parameter], *, declaring: bool = False) -> str:
-        """Why the parameters cannot be set; empty if they can."""
-        for parameter in parameters:
-            if parameter.name not in self._declared:
-                return f'{self._node} has no parameter {parameter.name!r}'
-            descriptor = self._declared[parameter.name].descriptor
-            if descriptor.read_only and not declaring:
-                return f'{parameter.name} is read-only'
-            reason = _mismatch(parameter, descriptor) or _out_of_range(parameter, descriptor)
-            if reason:
-                return reason
-        self._remarks.clear()
-        for consent in self._consents:
+    def _objection(self, parameters: Listed) -> str:
+        """What the node has against it; empty if it agrees."""
+        for consent in self.consents:
             result = consent(parameters)
             if not result.successful:
                 return str(result.reason) or 'refused without a reason'
-            self._remarks += [result.reason] if result.reason else []
         return ''
+
+    def _refusal(self, parameter: Parameter) -> str:
+        """Why the parameter cannot be set; empty if it can."""
+        descriptor = self._declared[parameter.name].descriptor
+        if descriptor.read_only:
+            return f'{parameter.name} is read-only'
+        return _mismatch(parameter, descriptor) or _out_of_range(parameter, descriptor)
 
 
 def _mismatch(parameter: Parameter, descriptor: Any) -> str:
@@ -231,14 +173,25 @@ def _mismatch(parameter: Parameter, descriptor: Any) -> str:
 
 
 def _out_of_range(parameter: Parameter, descriptor: Any) -> str:
-    ranges = {
-        ParameterKind.INTEGER: descriptor.integer_range,
-        ParameterKind.DOUBLE: descriptor.floating_point_range,
-    }.get(parameter.type_, ())
-    for allowed in ranges:
-        if not allowed.from_value <= parameter.value <= allowed.to_value:
-            return (
-                f'{parameter.name}={parameter.value!r} is outside'
-                f' [{allowed.from_value}, {allowed.to_value}]'
-            )
-    return ''
+    whole = parameter.type_ == ParameterKind.INTEGER
+    ranges = descriptor.integer_range if whole else descriptor.floating_point_range
+    if parameter.type_ not in {ParameterKind.INTEGER, ParameterKind.DOUBLE} or not ranges:
+        return ''
+    low, high = sorted((ranges[0].from_value, ranges[0].to_value))
+    step, value = ranges[0].step, parameter.value
+
+    def same(one: float, other: float) -> bool:
+        return one == other if whole else isclose(one, other, rel_tol=TOLERANCE)
+
+    reason = ''
+    if not (low < value < high or same(value, low) or same(value, high)):
+        reason = f'{parameter.name}={value!r} is outside [{low}, {high}]'
+    elif (
+        step
+        and not same(value, high)
+        and not same(low + round((value - low) / step) * step, value)
+    ):
+        reason = f'{parameter.name}={value!r} is no step of {step} from {low} on'
+    if reason and descriptor.additional_constraints:
+        reason += f'; {descriptor.additional_constraints}'
+    return reason

@@ -4,6 +4,8 @@ What differs from rclpy:
 
 - ``init`` leaves signals alone that the program handles itself.
 - A response of ``call`` needs an executor that spins the node in another thread.
+- ``qos_overriding_options`` change the profile that is given with them: give each endpoint a copy.
+- The future of a service that goes away is never done.
 """
 
 import signal
@@ -25,12 +27,17 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.client import Client
-from rclpy.clock import Clock
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import (
+    InvalidParameterException,
+    InvalidParameterTypeException,
     InvalidParameterValueException,
     ParameterAlreadyDeclaredException,
+    ParameterException,
+    ParameterImmutableException,
     ParameterNotDeclaredException,
+    ParameterUninitializedException,
 )
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity
@@ -63,12 +70,15 @@ __all__ = [
     'Client',
     'ClientGoalHandle',
     'Clock',
+    'ClockType',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
     'GoalResponse',
     'HistoryPolicy',
+    'InvalidParameterException',
+    'InvalidParameterTypeException',
     'InvalidParameterValueException',
     'InvalidQosOverridesError',
     'LoggingSeverity',
@@ -76,7 +86,10 @@ __all__ = [
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
+    'ParameterException',
+    'ParameterImmutableException',
     'ParameterNotDeclaredException',
+    'ParameterUninitializedException',
     'Publisher',
     'QoSOverridingOptions',
     'QoSPolicyKind',
@@ -102,7 +115,7 @@ __all__ = [
 ]
 
 
-_USUAL = {
+_USUAL: dict[signal.Signals, tuple[Any, SignalHandlerOptions]] = {
     signal.SIGINT: (signal.default_int_handler, SignalHandlerOptions.SIGINT),
     signal.SIGTERM: (signal.SIG_DFL, SignalHandlerOptions.SIGTERM),
 }

@@ -80,6 +80,11 @@ class Service:
                 attachment=wire.pack_attachment(asked.sequence, time.time_ns(), asked.gid),
             )
 
+    @property
+    def service_name(self) -> str:
+        """Full name."""
+        return self.srv_name
+
     def destroy(self) -> None:
         """Take the service off the network."""
         self._context.retract(self._token)
@@ -110,6 +115,11 @@ class Client:
             congestion_control=zenoh.CongestionControl.BLOCK,
         )
         self._token = context.announce(token)
+
+    @property
+    def service_name(self) -> str:
+        """Full name of the service."""
+        return self.srv_name
 
     def service_is_ready(self) -> bool:
         """Whether somebody serves this name with this type."""

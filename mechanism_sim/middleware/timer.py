@@ -20,8 +20,18 @@ class Timer:
         self.callback_group = group
         self._clock = clock
         self._cancelled = False
+        self._last = self._next = 0
         self._simulated = clock.simulated is not None
-        self._next = clock.ticks() + self._period
+        self.reset()
+
+    @property
+    def timer_period_ns(self) -> int:
+        """The period [ns]."""
+        return self._period
+
+    def time_since_last_call(self) -> int:
+        """Nanoseconds of the node's clock since the last call, or since the start."""
+        return self._clock.ticks() - self._last
 
     def cancel(self) -> None:
         """Do not call back until ``reset``."""
@@ -30,7 +40,7 @@ class Timer:
     def reset(self) -> None:
         """Start over: the next call is one period away."""
         self._cancelled = False
-        self._next = self._clock.ticks() + self._period
+        self._start_over()
 
     def is_canceled(self) -> bool:
         """Whether the timer stands still."""
@@ -41,10 +51,15 @@ class Timer:
         return not self._cancelled and self.time_until_next_call() <= 0
 
     def time_until_next_call(self) -> int:
-        """Nanoseconds of the node's clock to the next call; negative if it is late."""
+        """Nanoseconds of the node's clock to the next call; negative if it is late.
+
+        A clock that is another now, or was set back to before the last call, starts it over.
+        """
         if self._simulated != (self._clock.simulated is not None):
             self._simulated = not self._simulated
-            self._next = self._clock.ticks() + self._period
+            self._start_over()
+        elif self._clock.ticks() < self._last:
+            self._start_over()
         return self._next - self._clock.ticks()
 
     def wall_wait(self) -> float | None:
@@ -56,5 +71,10 @@ class Timer:
     def execute(self) -> None:
         """Call back, and take the next call that is still to come."""
         late = -self.time_until_next_call()
+        self._last = self._clock.ticks()
         self._next += self._period * (1 + late // self._period if self._period else 1)
         self._callback()
+
+    def _start_over(self) -> None:
+        self._last = self._clock.ticks()
+        self._next = self._last + self._period

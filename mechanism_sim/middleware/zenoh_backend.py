@@ -12,14 +12,19 @@ from mechanism_sim.middleware.callback_groups import (
     MutuallyExclusiveCallbackGroup,
     ReentrantCallbackGroup,
 )
-from mechanism_sim.middleware.clock import Clock, Duration, Time
+from mechanism_sim.middleware.clock import Clock, ClockType, Duration, Time
 from mechanism_sim.middleware.context import init, leave, ok, shutdown, try_shutdown
 from mechanism_sim.middleware.errors import (
     ExternalShutdownException,
+    InvalidParameterException,
+    InvalidParameterTypeException,
     InvalidParameterValueException,
     InvalidQosOverridesError,
     ParameterAlreadyDeclaredException,
+    ParameterException,
+    ParameterImmutableException,
     ParameterNotDeclaredException,
+    ParameterUninitializedException,
 )
 from mechanism_sim.middleware.executor import (
     SingleThreadedExecutor,
@@ -30,7 +35,7 @@ from mechanism_sim.middleware.executor import (
 from mechanism_sim.middleware.future import Future
 from mechanism_sim.middleware.logger import LoggingSeverity
 from mechanism_sim.middleware.node import Node
-from mechanism_sim.middleware.parameters import Parameter
+from mechanism_sim.middleware.parameter import Parameter
 from mechanism_sim.middleware.publisher import Publisher
 from mechanism_sim.middleware.qos import (
     DurabilityPolicy,
@@ -51,12 +56,15 @@ __all__ = [
     'Client',
     'ClientGoalHandle',
     'Clock',
+    'ClockType',
     'DurabilityPolicy',
     'Duration',
     'ExternalShutdownException',
     'Future',
     'GoalResponse',
     'HistoryPolicy',
+    'InvalidParameterException',
+    'InvalidParameterTypeException',
     'InvalidParameterValueException',
     'InvalidQosOverridesError',
     'LoggingSeverity',
@@ -64,7 +72,10 @@ __all__ = [
     'Node',
     'Parameter',
     'ParameterAlreadyDeclaredException',
+    'ParameterException',
+    'ParameterImmutableException',
     'ParameterNotDeclaredException',
+    'ParameterUninitializedException',
     'Publisher',
     'QoSOverridingOptions',
     'QoSPolicyKind',

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Float64
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.simulation_node import SETTLE
 from mechanism_sim.planar.drive import DriveLaw
 
 if TYPE_CHECKING:
@@ -26,8 +28,9 @@ class Commands:
     ``command/velocity`` (std_msgs/Float64), and a parameter.
 
     With a parameter ``command_period`` [s] > 0 there is one command for each period, and time does
-    not go on without: the first period runs by the scene, the n-th by the n-th command. A
-    controller that answers each state with one command then sees the same run every time.
+    not go on without: the first period runs by the scene, the one after the n-th command by that.
+    A controller that answers each state with one command then sees the same run every time. Time
+    begins when there is a publisher of commands.
     """
 
     def __init__(self, drive: CrankDrive) -> None:
@@ -38,6 +41,7 @@ class Commands:
         )  # fmt: skip
         self._taken = 0
         self._early: deque[float] = deque()
+        self._since: float | None = None  # [s] of wall time when a controller was first seen
         self._name = ''
         commanded = drive.machine.commands
         if isinstance(law, DriveLaw):
@@ -55,14 +59,19 @@ class Commands:
         self._name, self._given, self._limit = name, given, limit
         about = f'Commanded {name} of the drive, SI'
         self._launched = self._present = drive.declare(name, given, about, (-limit, limit))
-        drive.announce_changes([name], lambda: drive.announced)
         drive.add_post_set_parameters_callback(self._follow)
-        drive.create_subscription(Float64, f'command/{name}', self._hear, RESULTS)
+        heard = drive.create_subscription(Float64, f'command/{name}', self._hear, RESULTS)
+        self._topic = heard.topic_name
 
     @property
     def horizon(self) -> float:
-        """Time [s] up to which commands are there."""
-        return (self._taken + 1) * self._period if self._period else math.inf
+        """Time [s] up to which commands are there; 0 until there is somebody who commands."""
+        if not self._period:
+            return math.inf
+        if self._since is None and self._drive.get_publishers_info_by_topic(self._topic):
+            self._since = time.monotonic()
+        there = self._since is not None and time.monotonic() > self._since + SETTLE
+        return (self._taken + 1) * self._period if there else 0.0
 
     def begin(self) -> None:
         """A run begins, or begins anew: as it was launched."""
@@ -84,6 +93,7 @@ class Commands:
         for parameter in parameters:
             if parameter.name == self._name and parameter.value != self._present:
                 self._present = parameter.value
+                self._drive.announce(self._name, self._present, self._drive.announced)
                 self._command(float(parameter.value))
 
     def _hear(self, message: Any) -> None:

@@ -97,6 +97,7 @@ class CrankDrive(SimulationNode):
 
     async def arrive(self, goal: float) -> None:
         """Let a paused simulation go on to `goal` [s], and wait until all partners are there."""
+        goal = min(goal, self.duration)
         self._goal = max(self._goal, goal)
         self.extend()
         await self._all_at(goal)
@@ -190,7 +191,9 @@ class CrankDrive(SimulationNode):
         while True:
             later = self._laws[self._law + 1 :]
             change = later[0].valid_from if later else math.inf
-            self._announce(min(horizon, change), final and horizon <= change)
+            last = final and horizon <= change
+            if last or min(horizon, change) > max(self.announced, self.law.valid_from):
+                self._announce(min(horizon, change), last)
             if horizon <= change:
                 break
             self._law += 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.errors import InputError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages import Impact, MarkerArray, String
@@ -18,7 +17,11 @@ from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
-SCALES = 'force_scale', 'clearance_magnification'
+SCALES = {
+    'force_scale': 'Length of arrows per force [m/N]; 0: the largest fits half the machine',
+    'clearance_magnification': 'How much larger clearances are shown; 0: well visible',
+}
+"""Parameters that choose sizes, and what they are about."""
 
 
 class Display(SimulationNode):
@@ -31,31 +34,32 @@ class Display(SimulationNode):
     Raises
     ------
     InputError
-        If one of these is negative.
+        If one of these is negative or not finite.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('display', parameters)
-        for name in SCALES:
-            self.declare_parameter(name, 0.0)
-            if not self.value(name) >= 0.0:
-                raise InputError(f'display: {name} must not be negative; 0 chooses it')
+        sizes = [self.declare(x, 0.0, about, read_only=True) for x, about in SCALES.items()]
         self._prefix = self.value('frame_prefix')
         self._preview = preview(self.machine, self.duration)
-        self._picture = Picture(self._preview, self._prefix, *map(self.value, SCALES))
+        self._picture = Picture(self._preview, self._prefix, *sizes)
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
         self._shapes = self.create_publisher(MarkerArray, 'markers', LATCHED)
         self._forces = self.create_publisher(MarkerArray, 'force_markers', RESULTS)
+        self._impacts = 0
         self._start_over()
         impacts = self.create_subscription(
             Impact, 'impacts', self.once_ready(self._struck), RESULTS
         )
         self._topic = impacts.topic_name
-        self._following = _Following(self, self._take, reset=self._start_over)
+        self._following = _Following(self, self._take, self._rest, self._start_over)
         self.join()
 
     def _start_over(self) -> None:
         self._schedule = Schedule(self.machine.scene.outputs.markers)
+
+    def _rest(self) -> None:
+        # All have come: the next one is of another run, and may come before its motion.
         self._impacts = 0
 
     def on_ready(self) -> None:
@@ -72,6 +76,7 @@ class Display(SimulationNode):
         announced = (
             dict(zip(p.topics, p.counts, strict=True)).get(self._topic, 0)
             for p in self.progress_of.values()
+            if p.run == self.run
         )
         return self._impacts >= sum(map(int, announced))
 

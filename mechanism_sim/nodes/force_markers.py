@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -10,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of, zigzag
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
-from mechanism_sim.nodes.publications import WORLD
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -34,7 +35,7 @@ SHORTEST = 1e-3
 _LENS = 0.12  # radius of a lens, of the machine's size
 _PLAY = 1.0 / 3.0  # of that radius, the clearance as it is shown
 _FLASH = 100_000_000  # [ns] how long an impact is shown
-_HEIGHT = 1.5  # of forces and lenses above the plane of motion, in units of symbols
+_HEIGHT = 5.0  # of forces and lenses above the plane of motion, in units of symbols
 
 
 @dataclass(frozen=True)
@@ -104,14 +105,26 @@ class Picture:
     prefix : of the frames of links
     force_scale : length of arrows per force [m/N]; 0: the largest fits half the machine
     magnification : of clearances; 0: they are a third of the bushing's radius
+
+    Raises
+    ------
+    InputError
+        If one of these is negative or not finite.
     """
 
     def __init__(
         self, seen: Preview, prefix: str = '', force_scale: float = 0.0, magnification: float = 0.0
     ) -> None:
+        for name, value in (
+            ('force_scale', force_scale),
+            ('clearance_magnification', magnification),
+        ):
+            if not 0.0 <= value < math.inf:
+                raise InputError(f'display: {name} must be finite and not negative; 0 chooses it')
         machine = self._machine = seen.machine
         self._prefix, self._symbol = prefix, seen.skeleton.symbol
-        self._size = machine.mechanism.size
+        self._world = frame_of(GROUND, prefix)
+        self._size = seen.skeleton.size
         self._forces = machine.physics.has_forces and machine.scene.outputs.forces
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
@@ -193,7 +206,7 @@ class Picture:
             tip = foot + self.force_scale * force
             shown = np.sqrt(square) * self.force_scale > SHORTEST * self._size
             arrow = marker(
-                'reactions', k, WORLD, Marker.ARROW, FORCE, (0.5 * s, 1.2 * s, 1.8 * s),
+                'reactions', k, self._world, Marker.ARROW, FORCE, (0.5 * s, 1.2 * s, 1.8 * s),
                 [(0.0, 0.0), (0.0, 0.0)], _HEIGHT * s,
             )  # fmt: skip
 
@@ -219,18 +232,17 @@ class Picture:
             carried = np.ones(pin.shape[1], bool)
             closed = carried if gap is None else modes[gap] > Mode.FREE_FLIGHT
             small = lens.radius - lens.magnification * lens.radial
-            heights = _HEIGHT * s, (_HEIGHT + 0.2) * s
-            yield self._moving(
-                disc('lenses', 2 * k, WORLD, GLASS, lens.radius, (0.0, 0.0), heights[0], 0.1 * s),
-                middle,
-            )
-            made = disc('lenses', 2 * k + 1, WORLD, STEEL, small, (0.0, 0.0), heights[1], 0.1 * s)
+            heights = _HEIGHT * s, (_HEIGHT + 0.5) * s
+            flat = ((0.0, 0.0), heights[0], 0.1 * s), ((0.0, 0.0), heights[1], 0.1 * s)
+            made = disc('lenses', 2 * k, self._world, GLASS, lens.radius, *flat[0])
+            yield self._moving(made, middle)
+            made = disc('lenses', 2 * k + 1, self._world, STEEL, small, *flat[1])
             yield self._moving(made, pin, [FLYING if not c else TOUCHING for c in closed.tolist()])
             if gap is None:
                 continue
             far = np.hypot(*out)
             touch = bushing + lens.arm * np.divide(out, far, out=np.zeros_like(out), where=far > 0)
-            dot = marker('contacts', k, WORLD, Marker.SPHERE, TOUCHING, (s, s, s))
+            dot = marker('contacts', k, self._world, Marker.SPHERE, TOUCHING, (s, s, s))
             dot.pose.position.z = heights[1]
             yield self._moving(dot, touch, shown=closed)
 
@@ -255,7 +267,7 @@ class Picture:
         locate, s = self._machine.mechanism.locate_all, self._symbol
         for k, places in enumerate(self._springs):
             ends = np.array([locate(link, o.position, at) for link, at in places])
-            coil = marker('springs', k, WORLD, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
+            coil = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
 
             def write(i: int, coil: Any = coil, ends: Any = ends) -> None:
                 line = zigzag(ends[:, :, i], 0.9 * s).T

@@ -66,7 +66,7 @@ class Integration:
         self._physics = self._machine.physics
         self._machine.prepare()
         self._known = 0.0
-        self._restitutions = Restitutions(node, self._change, lambda: self._known)
+        self._restitutions = Restitutions(node, self._change)
         self._start_over()
         node.create_subscription(DriveLaw, 'drive', node.once_ready(self._follow), RESULTS)
 
@@ -145,6 +145,7 @@ class Integration:
         if self._run is not None:
             self._run.change_restitution(path.split('.')[1], value)
             self._node.send(self._changes, events.scene_change(path, value, self._known))
+            self._node.announce(path, value, self._known)
 
     def _publish(
         self, motion: MotionBatch, impacts: list[ImpactEvent], changes: list[ModeChangeEvent]

@@ -38,13 +38,13 @@ NAMESPACES: dict[Kind, str] = {
 }
 """Of the kinds of shapes; springs, which change their shape, are not among them."""
 
-_LAYER = 0.1  # between kinds of shapes, in units of the drawing's symbols
+_LAYER = 0.5  # between kinds of shapes, in units of the drawing's symbols
 _TURN = np.linspace(0.0, 2.0 * math.pi, 49)
 
 
 def frame_of(link: str, prefix: str) -> str:
     """The frame of a link in ``/tf``; that of the ground is the world."""
-    return WORLD if link == GROUND else f'{prefix}{link}'
+    return f'{prefix}{WORLD if link == GROUND else link}'
 
 
 def marker(

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.middleware import (
+    InvalidQosOverridesError,
     MiddlewareError,
     Parameter,
+    ParameterException,
     SingleThreadedExecutor,
     init,
     leave,
@@ -80,7 +82,7 @@ def run_nodes(
             executor.spin_once(timeout_sec=0.1)
     except KeyboardInterrupt:
         code = INTERRUPTED
-    except InputError as error:
+    except (InputError, ParameterException, InvalidQosOverridesError) as error:
         code = tell(error, 2)
     except (RunError, MiddlewareError) as error:
         code = tell(error, 1)
@@ -127,6 +129,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--duration', type=float, help='length of the run [s]')
     parser.add_argument('--partners', help='the other nodes of the run, separated by commas')
+    parser.add_argument('--listeners', help='others that must hear everything, likewise')
     parser.add_argument('--partner-timeout', type=float, help='how long to wait for them [s]')
     parser.add_argument('--lead', type=float, help='crank_drive: credit ahead of the slowest [s]')
     parser.add_argument(

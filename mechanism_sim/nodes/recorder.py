@@ -12,6 +12,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.process import main_of
+from mechanism_sim.nodes.publications import WORLD
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
 from mechanism_sim.nodes.topics import topics_of
@@ -20,6 +21,7 @@ from mechanism_sim.recording import BagWriter, Qos
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
 _IN_ARRAY = 'tf2_msgs/msg/TFMessage', 'visualization_msgs/msg/MarkerArray'
+_PARENT = 20  # where the first frame of a TFMessage begins to say in which it is
 LOSS_TIMEOUT = 10.0  # [s] to wait for messages that were announced and have not come
 
 
@@ -105,9 +107,13 @@ class Recorder(SimulationNode):
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
+        # All machines share /tf: what belongs to another is in another world.
+        world = f'{self.frame(WORLD)}\0'.encode() if topic == '/tf' else b''
         latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
+            if world and not data.startswith(world, _PARENT):
+                return
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
                 seconds, nanoseconds = _STAMP.unpack_from(data, offset)
                 self._now = seconds * 1_000_000_000 + nanoseconds

@@ -14,19 +14,13 @@ class Restitutions:
     Parameters
     ----------
     change : changes one, by its path
-    known : time [s] from which on a change would hold
 
     Attributes
     ----------
     changed : those that are not what the scene says, by their paths
     """
 
-    def __init__(
-        self,
-        node: SimulationNode,
-        change: Callable[[str, float], None],
-        known: Callable[[], float],
-    ) -> None:
+    def __init__(self, node: SimulationNode, change: Callable[[str, float], None]) -> None:
         self.changed: dict[str, float] = {}
         self._change = change
         self._node = node
@@ -42,7 +36,6 @@ class Restitutions:
         }
         self.start_over()
         if self._scene:
-            node.announce_changes(self._scene, known)
             node.add_post_set_parameters_callback(self._take)
 
     def start_over(self) -> None:

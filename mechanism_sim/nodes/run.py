@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.middleware import Parameter, backend
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
@@ -40,7 +40,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
 START_PATIENCE = 120.0
 """[s] nodes wait for each other where this process has started them: it sees those that fail."""
 
-END_PATIENCE = 5.0
+END_PATIENCE = 15.0
 """[s] other processes get to end by themselves once one has failed or the run is interrupted."""
 
 
@@ -58,6 +58,7 @@ class Plan:
     hold : pause at the end instead of ending
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
     display : whether viewers are to be served
+    listeners : other nodes that have to hear everything
     """
 
     machine: Machine
@@ -71,6 +72,7 @@ class Plan:
     hold: bool = False
     ros_args: Sequence[str] = ()
     display: bool = False
+    listeners: Sequence[str] = ()
 
     @property
     def nodes(self) -> list[str]:
@@ -93,6 +95,8 @@ class Plan:
         }
         if self.overrides:
             options['overrides'] = '\n'.join(self.overrides)
+        if self.listeners:
+            options['listeners'] = ','.join(self.listeners)
         if node == 'crank_drive':
             options['realtime_factor'] = self.realtime_factor
             options['paused'], options['hold'] = self.paused, self.hold
@@ -119,6 +123,7 @@ class Outcome:
     impacts: int
     sent: dict[str, int]  #: messages by topic, as the nodes counted them
     bag: str | None
+    middleware: str  #: 'rclpy' or 'zenoh'
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
@@ -156,6 +161,7 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
         monitor.impacts if monitor else 0,
         sent,
         plan.record,
+        backend(),
     )
 
 

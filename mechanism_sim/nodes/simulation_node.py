@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,8 +23,8 @@ from mechanism_sim.messages import (
     stamp,
     uint64_array,
 )
-from mechanism_sim.middleware import Node, Parameter
-from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
+from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 from mechanism_sim.scene import Machine, load_scene, span
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
@@ -30,6 +32,7 @@ SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was ther
 REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
 DIAGNOSTICS_PERIOD = 1.0  # [s]
+OURS = RESULTS, LATCHED, CLOCK
 
 
 @dataclass
@@ -46,8 +49,9 @@ class SimulationNode(Node):
 
     Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line),
     ``duration`` [s] (0: one revolution), ``partners`` (names of the other nodes of the run,
-    separated by commas), ``partner_timeout`` [s], ``frame_prefix``, put before the name of every
-    frame (the namespace, if it is not given).
+    separated by commas), ``listeners`` (names of other nodes that have to hear all of this one's
+    results from the first on, such as that of ``ros2 bag record``), ``partner_timeout`` [s],
+    ``frame_prefix``, put before the name of every frame (the namespace, if it is not given).
 
     Subclasses make their endpoints in their constructor, the results first, and end it with
     `join`; they work in `on_ready` and after. A node is `done` when it has nothing left to do.
@@ -61,6 +65,7 @@ class SimulationNode(Node):
     """
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
+        self._results: list[str] = []  # names of topics
         super().__init__(name, parameter_overrides=list(parameters))
         self.done = False
         self.ready = False
@@ -73,16 +78,18 @@ class SimulationNode(Node):
             ('overrides', '', 'PATH=VALUE each, one a line'),
             ('duration', 0.0, 'Length of the run [s]; 0: that of the scene, or one revolution'),
             ('partners', '', 'Names of the other nodes of the run, separated by commas'),
+            ('listeners', '', 'Names of nodes that must hear all results, separated by commas'),
             ('partner_timeout', 20.0, 'How long to wait for them [s]'),
             ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
             self.declare(key, default, about, read_only=True)
-        listed = self.value('partners').split(',')
-        self.partners = [p.strip() for p in listed if p.strip() and p.strip() != name]
+        self.partners = [p for p in self._names('partners') if p != name]
+        self._listeners = self._names('listeners')
         self._deadline = time.monotonic() + self.value('partner_timeout')
         self._missing_since: dict[str, float] = {}
         self._seen: set[str] = set()
         self._soon: float | None = None
+        self.add_on_set_parameters_callback(_finite)
         self._early: list[tuple[Callable[[Any], None], Any]] = []
         self._reported = 0.0
 
@@ -101,20 +108,36 @@ class SimulationNode(Node):
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
         return self.declare_parameter(name, default, descriptor).value
 
-    def announce_changes(self, names: Container[str], since: Callable[[], float]) -> None:
-        """Answer who sets one of these parameters with the time [s] from which on it holds."""
-
-        def answer(parameters: list[Parameter]) -> Any:
-            result = SetParametersResult(successful=True)
-            if any(parameter.name in names for parameter in parameters):
-                result.reason = f'holds from t = {since():.9g} s on'
-            return result
-
-        self.add_on_set_parameters_callback(answer)
+    def announce(self, name: str, value: float, since: float) -> None:
+        """Tell in the log from which time [s] on a parameter's new value holds."""
+        self.get_logger().info(f'{name} = {value:g} holds from t = {since:.9g} s on')
 
     def value(self, parameter: str) -> Any:
         """Value of a parameter."""
         return self.get_parameter(parameter).value
+
+    def _names(self, parameter: str) -> list[str]:
+        return [name.strip() for name in self.value(parameter).split(',') if name.strip()]
+
+    def create_publisher(
+        self, msg_type: type[Any], topic: str, qos_profile: Any, **how: Any
+    ) -> Any:
+        """Publisher on a topic, of which listeners must miss nothing if it carries results.
+
+        Parameters such as ``qos_overrides./topic.publisher.depth`` override its quality of
+        service.
+        """
+        if qos_profile in OURS:
+            how.setdefault('qos_overriding_options', QoSOverridingOptions.with_default_policies())
+        publisher = super().create_publisher(msg_type, topic, copy(qos_profile), **how)
+        if qos_profile is RESULTS:
+            self._results.append(publisher.topic_name)
+        return publisher
+
+    def create_timer(self, *given: Any, **how: Any) -> Any:
+        """Timer of wall time, also if the node's own time is that of the simulation."""
+        how.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
+        return super().create_timer(*given, **how)
 
     def frame(self, link: str) -> str:
         """Name of the frame of a link."""
@@ -181,7 +204,8 @@ class SimulationNode(Node):
         self._seen.update(present)
         missing = [p for p in self.partners if p not in (present if self.ready else self._seen)]
         if not self.ready:
-            if not missing and time.monotonic() > self._settled:
+            unheard = self._unheard()
+            if not missing and not unheard and time.monotonic() > self._settled:
                 self.ready = True
                 self.destroy_timer(self._watch)
                 self._watch = self.create_timer(0.5, self._look)
@@ -196,6 +220,13 @@ class SimulationNode(Node):
                     f" start it ('mechanism-sim node {missing[0]} --scene {self.value('scene')}')"
                     ' or take it off the partners'
                 )
+            elif unheard and time.monotonic() > self._deadline:
+                listener, topic = unheard
+                waited = self.value('partner_timeout')
+                raise RunError(
+                    f"{self.get_name()}: waited {waited:g} s for '{listener}' to subscribe to "
+                    f'{topic}; start it, or take it off the listeners'
+                )
             return
         now = time.monotonic()
         for partner in self.partners:
@@ -207,6 +238,15 @@ class SimulationNode(Node):
                     f"{self.get_name()}: '{partner}' left before the run was finished; what came "
                     'until then is kept'
                 )
+
+    def _unheard(self) -> tuple[str, str] | None:
+        """A listener and a topic of results of this node that it has not subscribed to yet."""
+        for topic in self._results if self._listeners else ():
+            hearing = {s.node_name for s in self.get_subscriptions_info_by_topic(topic)}
+            for listener in self._listeners:
+                if listener not in hearing:
+                    return listener, topic
+        return None
 
     def _on_progress(self, message: Any) -> None:
         # One that reports of the run before has not heard yet that it is over.
@@ -298,6 +338,15 @@ class SimulationNode(Node):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+
+def _finite(parameters: list[Parameter]) -> Any:
+    """Refuse what is not a number: ranges let it pass."""
+    result = SetParametersResult(successful=True)
+    for parameter in parameters:
+        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
+            result.successful, result.reason = False, f'{parameter.name} must be finite'
+    return result
 
 
 def _text(value: object) -> str:

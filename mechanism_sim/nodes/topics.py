@@ -17,6 +17,7 @@ from mechanism_sim.messages import (
     ModeChange,
     Motion,
     OscillatorState,
+    SceneChange,
     String,
     TFMessage,
 )
@@ -44,6 +45,7 @@ def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
         Topic('motion', Motion, RESULTS),
         Topic('impacts', Impact, RESULTS),
         Topic('mode_changes', ModeChange, RESULTS),
+        Topic('scene_changes', SceneChange, RESULTS),
         Topic('joint_states', JointState, RESULTS),
         Topic('linkage_state', LinkageState, RESULTS),
         Topic('joint_reactions', JointReactions, RESULTS),

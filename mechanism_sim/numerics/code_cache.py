@@ -11,20 +11,22 @@ from functools import cache
 
 from heyoka import llvm_state
 
+FOLDER = 'mechanism_sim'
+
 LIMIT = 128 * 2**20
-"""[B] Some 40 scenes; verified in 40 ms. What was used last is kept."""
+"""[B] Some dozens of scenes; verified in 40 ms. What was used last is kept."""
 
 
 @cache
 def bound_cache() -> None:
-    """Take the folder ``mechanism_sim`` beside heyoka's, and bound its size.
+    """Take `FOLDER`, beside that of heyoka, and bound its size to `LIMIT`.
 
     Once in a process, before the first compilation. Whoever sets ``HEYOKA_CACHE_DIR`` has chosen
     folder and size already. Without a folder to write in, nothing is kept.
     """
     if os.environ.get('HEYOKA_CACHE_DIR'):
         return
-    folder = llvm_state.get_diskcache_path().parent / 'mechanism_sim'
+    folder = llvm_state.get_diskcache_path().parent / FOLDER
     try:
         if not folder.is_absolute():
             raise RuntimeError('there is no home')

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import heyoka as hy
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.known import Known
@@ -95,7 +95,7 @@ class JointImpulses:
         presses, free = rows[: self._presses].T, rows[self._presses :].T
         columns = np.concatenate([presses, free, self._driven, -free, -self._driven], axis=1)
         scale = np.linalg.norm(columns, axis=0)
-        found = nnls(columns / scale, gained)[0] / scale
+        found = scipy.optimize.nnls(columns / scale, gained)[0] / scale
         k = self._presses + free.shape[1]
         result = found[:k]
         start = k + self._driven.shape[1]

@@ -157,12 +157,17 @@ class Mechanism:
         """The link of that name."""
         return next(b for b in self.bodies if b.name == name)
 
-    @cached_property
+    @property
     def size(self) -> float:
+        """The longest distance of a link [m], see `longest`; 1 m if all points coincide."""
+        return self.longest or 1.0
+
+    @cached_property
+    def longest(self) -> float:
         """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; a higher pair may reach
-        farther. 1 m if all coincide.
+        farther. 0 if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
@@ -175,7 +180,7 @@ class Mechanism:
             for b in points
         )
         extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        return max(longest, *extents, 0.0) or 1.0
+        return max(longest, *extents, 0.0)
 
     @cached_property
     def reach(self) -> float:

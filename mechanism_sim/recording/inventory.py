@@ -102,10 +102,12 @@ def scene_text(bag: Bag, namespace: str | None = None) -> str | None:
 
 def render_info(bag: BagInfo) -> str:
     """Return the text that the command line shows."""
+    # Others log by the wall clock.
+    kind = 'simulated' if bag.library == 'mechanism_sim' else 'log time'
     head = {
         'bag': f'{bag.path} ({bag.size / 1e6:.3g} MB, {bag.compression})',
         'scene': bag.scene or 'not recorded',
-        'simulated': f'{bag.duration:.6g} s, from {bag.start:.6g} s to {bag.end:.6g} s',
+        kind: f'{bag.duration:.6g} s, from {bag.start:.6g} s to {bag.end:.6g} s',
         'messages': f'{bag.messages} on {len(bag.topics)} topics',
         'complete': 'yes' if bag.complete else 'NO: cut short; what could be read is listed',
         'written by': bag.library or 'unknown',

@@ -122,13 +122,20 @@ class Bag:
 
 
 def read_bag(path: Path | str) -> Bag:
-    """Open a bag for reading.
+    """Open a bag for reading: a file, or a folder that `ros2 bag record -s mcap` made.
 
     Raises:
-        InputError: No such file, not an MCAP, or its index is damaged.
+        InputError: No such file, not an MCAP, or its index is damaged; a folder with other than
+            one file.
 
     """
     path = Path(path)
+    if path.is_dir():
+        found = sorted(path.glob('*.mcap'))
+        if len(found) != 1:
+            names = ', '.join(file.name for file in found) or 'none'
+            raise InputError(f'{path} is a folder, which has to hold one MCAP file: {names}.')
+        path = found[0]
     return Bag(path, survey(path))
 
 

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim.bench.measure import Measurement, Row
+from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
 from mechanism_sim.bench.scaling import Cost
 from mechanism_sim.errors import InputError
+from mechanism_sim.report import middleware
 
 _PREFIXES = ((1.0, 's'), (1e-3, 'ms'), (1e-6, 'us'), (1e-9, 'ns'))
 _MARKERS = 'osD^vPX*<>phd+x1234'
@@ -121,6 +123,7 @@ class Pages:
         self.found: list[Measurement] = []
         self.text: list[str] = []
         self._costs: list[Cost] = []
+        self._figures: list[Figure] = []
         self._folder = Path(folder) if folder else None
         if self._folder:
             try:
@@ -144,6 +147,14 @@ class Pages:
             self._write('scaling', {'machine': dict(machine), 'scaling': scaling_json(costs)})
             _plot_costs(costs, machine, self._folder / 'scaling.svg')
 
+    def add_middleware(self, figures: Sequence[Figure], machine: Mapping[str, Any]) -> None:
+        """Add figures of the middleware, and write middleware.json and middleware.txt."""
+        self._figures += figures
+        self.text.append(f'{middleware.render(figures)}\n\n{footer(machine)}')
+        if self._folder:
+            rows = middleware.to_json(figures)
+            self._write('middleware', {'machine': dict(machine), 'rows': rows})
+
     def _write(self, name: str, content: object) -> None:
         text = json.dumps(content, indent=1, allow_nan=False)
         if self._folder:
@@ -152,8 +163,8 @@ class Pages:
 
     def to_json(self, machine: Mapping[str, Any]) -> dict[str, object]:
         """All of it."""
-        costs = {'scaling': scaling_json(self._costs)} if self._costs else {}
-        return to_json(self.found, machine) | costs
+        found = to_json(self.found, machine, middleware.to_json(self._figures))
+        return found | ({'scaling': scaling_json(self._costs)} if self._costs else {})
 
 
 def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -168,6 +179,7 @@ def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     lines.append(
         'scaling: cost against links, loose joints, sample rate, sensors and length of the run'
     )
+    lines.append('middleware: messages, round trips and runs of nodes on every middleware found')
     lines.append("hard: the hard cases, see 'mechanism-sim bench hard'")
     return '\n'.join(lines)
 
@@ -191,7 +203,11 @@ def scaling_json(costs: Sequence[Cost]) -> list[dict[str, object]]:
     return [asdict(c) for c in costs]
 
 
-def to_json(found: Sequence[Measurement], machine: Mapping[str, Any]) -> dict[str, object]:
+def to_json(
+    found: Sequence[Measurement],
+    machine: Mapping[str, Any],
+    more: Sequence[Mapping[str, object]] = (),
+) -> dict[str, object]:
     """Rows ``method, tolerance, cpu_per_unit, error, unit`` and more; times in seconds."""
     return {
         'machine': dict(machine),
@@ -207,7 +223,7 @@ def to_json(found: Sequence[Measurement], machine: Mapping[str, Any]) -> dict[st
             }
             for m in found
         ],
-        'rows': [_row(m, row) for m in found for row in m.rows],
+        'rows': [*(_row(m, row) for m in found for row in m.rows), *more],
     }
 
 

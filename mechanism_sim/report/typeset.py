@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +44,9 @@ class Typesetter:
         self.equations = equations
         moving = [s for triple in equations.coordinates for s in triple]
         listed = (*moving, *equations.parameters, *equations.variables)
-        self._text = _Text().doprint
-        self._latex = _Latex({'symbol_names': {s.symbol: s.latex for s in listed}}).doprint
+        # every form needs the text, if only for its length; a law of a cam takes seconds
+        self._text = cache(_Text().doprint)
+        self._latex = cache(_Latex({'symbol_names': {s.symbol: s.latex for s in listed}}).doprint)
 
     def equation_text(self, equation: Equation) -> str:
         """``left = right``."""

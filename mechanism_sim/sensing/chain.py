@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import scipy
+
 from mechanism_sim.numerics.rational import Rational
 
 TWO_PI = 2.0 * math.pi
@@ -172,9 +174,8 @@ def butterworth(frequency: float | None, order: int, kind: str) -> Rational:
     """A Butterworth filter, ``kind`` 'lowpass' or 'highpass', with its corner [Hz]; or nothing."""
     if frequency is None:
         return Rational()
-    from scipy import signal  # noqa: PLC0415 - costs half a second, and few nodes need it
-
-    return Rational.of(*signal.butter(order, TWO_PI * frequency, kind, analog=True, output='zpk'))
+    corner = TWO_PI * frequency
+    return Rational.of(*scipy.signal.butter(order, corner, kind, analog=True, output='zpk'))
 
 
 def half_sine(duration: float) -> Rational:

@@ -10,8 +10,8 @@ signals.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal as dsp
 
 from mechanism_sim.sensing.spectra import envelope, power
 
@@ -66,7 +66,7 @@ def _of_stretch(x: Array, bursts: Array) -> Array:
     spectrum = power([x], 2.0, _SEGMENT)
     edges = np.searchsorted(spectrum.frequency, _BANDS)
     bands = np.add.reduceat(spectrum.values[: edges[-1] + 1], edges[:-1])
-    heights = np.sort(bursts[dsp.find_peaks(bursts)[0]])[::-1]
+    heights = np.sort(bursts[scipy.signal.find_peaks(bursts)[0]])[::-1]
     rank = np.minimum((_HIGHEST * len(x)).astype(int), max(len(heights) - 1, 0))
     level = _log(bursts)
     level -= level.mean()

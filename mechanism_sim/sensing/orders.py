@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from mechanism_sim.sensing.spectra import Spectrum, amplitude
 
@@ -97,7 +97,7 @@ def at_equal_angles(
         if end <= begin:
             continue
         grid = np.arange(begin * n, end * n) / n
-        spline = make_interp_spline(run, x, k=_DEGREE)
+        spline = scipy.interpolate.make_interp_spline(run, x, k=_DEGREE)
         rows.append(spline(grid).reshape(-1, n))
         first.append(np.arange(begin, end))
     if not rows:

@@ -7,10 +7,10 @@ import zlib
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
@@ -165,7 +165,7 @@ def _root(powers: Array, value: int, begin: float, end: float) -> float:
     first, last = excess(begin), excess(end)
     if first * last >= 0.0:
         return begin if abs(first) <= abs(last) else end
-    return float(brentq(excess, begin, end, xtol=1e-300, rtol=8.9e-16))
+    return float(scipy.optimize.brentq(excess, begin, end, xtol=1e-300, rtol=8.9e-16))
 
 
 class Converted(NamedTuple):

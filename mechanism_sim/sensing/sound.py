@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import beta
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact
@@ -134,7 +134,7 @@ def contact_time(mass: float, radius: float, speed: float, material: Material = 
     """
     modulus = material.modulus / (2.0 * (1.0 - material.poisson**2))
     deepest = (15.0 * mass * speed**2 / (16.0 * modulus * math.sqrt(radius))) ** 0.4
-    return float(0.8 * beta(0.4, 0.5) * deepest / speed)
+    return float(0.8 * scipy.special.beta(0.4, 0.5) * deepest / speed)
 
 
 class Strike(NamedTuple):

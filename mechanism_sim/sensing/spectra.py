@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal as dsp
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Spectrum:
         A line at the upper end is a peak if it tops its one neighbour.
         """
         around = np.concatenate([[np.inf], self.values[1:], [-np.inf]])
-        peaks, _ = dsp.find_peaks(around)
+        peaks, _ = scipy.signal.find_peaks(around)
         chosen = peaks[np.argsort(self.values[peaks])[::-1][:count]]
         return [(float(self.frequency[k]), float(self.values[k])) for k in chosen]
 
@@ -68,7 +68,7 @@ def power(
     for x in signals:
         if len(x) >= length:
             count = 1 + (len(x) - length) // (length - length // 2)
-            sums += count * dsp.welch(x, rate, window, length)[1]
+            sums += count * scipy.signal.welch(x, rate, window, length)[1]
             weight += count
     return Spectrum(_lines(length, rate), sums / weight)
 
@@ -85,7 +85,7 @@ def amplitude(x: Array, rate: float, window: str = 'boxcar') -> Spectrum:
     whole periods in the signal a 'boxcar' has no leakage; otherwise take 'hann', or 'flattop'
     where amplitudes matter more than frequencies.
     """
-    w = dsp.get_window(window, len(x))
+    w = scipy.signal.get_window(window, len(x))
     values = np.abs(np.fft.rfft(w * x)) * (2.0 / w.sum())
     values[0] *= 0.5
     if len(x) % 2 == 0:
@@ -128,7 +128,7 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> Spectrum:
     ----------
     segment : samples of each: shorter than the time between shocks, longer than their ringing
     """
-    window = dsp.get_window('hann', segment)
+    window = scipy.signal.get_window('hann', segment)
     cut = np.lib.stride_tricks.sliding_window_view(x, segment)[:: max(1, segment // 4)]
     square = np.abs(np.fft.rfft(window * cut, axis=1)) ** 2
     mean = (square**2).mean(axis=0), square.mean(axis=0) ** 2

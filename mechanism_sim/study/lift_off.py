@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError
@@ -151,5 +151,7 @@ def _lift_off(cycle: _Cycle, pair: CamPair) -> LiftOff:
         low, high = high, _FACTOR * high
         if high > _RANGE:
             return LiftOff(pair.name, least, None, None)
-    factor = brentq(lambda x: cycle.least(pair, x).force, low, high, xtol=1e-15, rtol=1e-15)
+    factor = scipy.optimize.brentq(
+        lambda x: cycle.least(pair, x).force, low, high, xtol=1e-15, rtol=1e-15
+    )
     return LiftOff(pair.name, least, factor * abs(cycle.speed), cycle.least(pair, factor))

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
@@ -113,7 +113,7 @@ def ratio(x: Array, per: Array) -> tuple[float, float]:
     if count == 1:
         return float(R), math.nan
     spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
-    return float(R), float(student.ppf(0.975, count - 1) * spread / D.mean())
+    return float(R), float(scipy.stats.t.ppf(0.975, count - 1) * spread / D.mean())
 
 
 def statistics(

@@ -7,8 +7,8 @@ harmonic force is made by further states, so that the exponential is the exact s
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import block_diag, expm, matrix_balance
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -31,10 +31,10 @@ def input_vector(mass: Array, force: ArrayLike) -> ComplexArray:
 
 def free(A: Array, t: ArrayLike, start: ArrayLike) -> Array:
     """States (2n, N) at times t (N,) [s] from the state `start` (2n,) at t = 0."""
-    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     times = np.atleast_1d(np.asarray(t, np.float64))
     x0 = np.asarray(start, np.float64) / scale
-    return np.asarray(scale[:, None] * (expm(balanced * times[:, None, None]) @ x0).T)
+    return np.asarray(scale[:, None] * (scipy.linalg.expm(balanced * times[:, None, None]) @ x0).T)
 
 
 def forced(
@@ -53,7 +53,7 @@ def forced(
     b, w = np.atleast_2d(np.asarray(inputs, complex)), np.atleast_1d(frequencies)
     n = len(A)
     generators = [np.array([[0.0, -f], [f, 0.0]]) for f in w]  # of (cos, sin)
-    whole = block_diag(A, *generators)
+    whole = scipy.linalg.block_diag(A, *generators)
     whole[:n, n::2], whole[:n, n + 1 :: 2] = b.real.T, -b.imag.T
     x0 = np.concatenate([np.asarray(start, np.float64), np.tile([1.0, 0.0], len(w))])
     return free(whole, t, x0)[:n]

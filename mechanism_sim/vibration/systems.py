@@ -13,8 +13,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve_triangular
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.vibration import state_space
@@ -92,8 +92,8 @@ class System:
                 raise InputError(f'the {name} matrix is not symmetric')
             object.__setattr__(self, name, matrix)
         try:
-            cholesky(self.mass)
-        except LinAlgError:
+            scipy.linalg.cholesky(self.mass)
+        except np.linalg.LinAlgError:
             raise InputError('the mass matrix is not positive definite') from None
         if (least := self._principal[0].min()) < 0.0:
             raise InputError(f'the stiffness matrix has a negative eigenvalue, {least:.3g}')
@@ -106,30 +106,32 @@ class System:
         can be.
         """
         squares, Q, loss = self._principal
-        L = cholesky(self.mass, lower=True)
-        shapes = solve_triangular(L.T, Q)
+        L = scipy.linalg.cholesky(self.mass, lower=True)
+        shapes = scipy.linalg.solve_triangular(L.T, Q)
         shapes = shapes * np.where(shapes[np.abs(shapes).argmax(axis=0), range(len(L))] < 0, -1, 1)
         return Modes(np.sqrt(squares), shapes, None if loss is None else loss / 2.0)
 
     @cached_property
     def _principal(self) -> tuple[Array, Array, Array | None]:
         """Eigenvalues of M^-1 K; eigenvectors in mass-normalised coordinates; those of M^-1 C."""
-        L = cholesky(self.mass, lower=True)
+        L = scipy.linalg.cholesky(self.mass, lower=True)
         K, C = (
-            solve_triangular(L, solve_triangular(L, matrix, lower=True).T, lower=True)
+            scipy.linalg.solve_triangular(
+                L, scipy.linalg.solve_triangular(L, matrix, lower=True).T, lower=True
+            )
             for matrix in (self.stiffness, self.damping.T)
         )
         K = (K + K.T) / 2.0
         stiffest, strongest = (float(np.linalg.norm(matrix, 2)) or 1.0 for matrix in (K, C))
         # a mixture of both, with an odd share so that no eigenvalues meet by accident
-        Q = eigh(K / stiffest + 0.6180339887498949 * (C + C.T) / 2.0 / strongest)[1]
+        Q = scipy.linalg.eigh(K / stiffest + 0.6180339887498949 * (C + C.T) / 2.0 / strongest)[1]
         K_modal, C_modal = Q.T @ K @ Q, Q.T @ C @ Q
         order = np.argsort(np.diag(K_modal))
         squares, Q, loss = np.diag(K_modal)[order], Q[:, order], np.diag(C_modal)[order]
         coupling = max(_coupling(K_modal) / stiffest, _coupling(C_modal) / strongest)
         proportional = max(coupling, -loss.min() / strongest) < ROUNDING * len(L)
         if not proportional:
-            squares, Q = eigh(K)
+            squares, Q = scipy.linalg.eigh(K)
         squares = np.where(np.abs(squares) < ROUNDING * stiffest, 0.0, squares)
         loss = np.where(loss < np.finfo(np.float64).eps * strongest, 0.0, loss)
         return squares, Q, loss if proportional else None
@@ -142,7 +144,7 @@ class System:
     @property
     def damped_modes(self) -> DampedModes:
         """Roots of the characteristic equation and their amplitude vectors, largest entry 1."""
-        roots, vectors = eig(self.state_matrix)
+        roots, vectors = scipy.linalg.eig(self.state_matrix)
         order = np.lexsort((roots.real, roots.imag))
         shapes = vectors[: len(self.mass), order]
         largest = shapes[np.abs(shapes).argmax(axis=0), range(shapes.shape[1])]

@@ -1,0 +1,155 @@
+"""What is worth plotting of a run of a machine, as paths into its topics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.errors import InputError
+from mechanism_sim.gears.transmission import Transmission
+from mechanism_sim.middleware.errors import InvalidNameError
+from mechanism_sim.middleware.names import resolve_namespace
+from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.scene import Machine
+
+UNITS = {'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm'}
+"""Of what a sensor may give."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot over time.
+
+    Attributes
+    ----------
+    group : what it is about
+    title : the quantity with its unit
+    paths : ``TOPIC.FIELD`` by the label of each line, in the syntax of Foxglove's message paths
+    style : lines; dots for events; or the values of an array in the latest message
+    """
+
+    group: str
+    title: str
+    paths: dict[str, str] = field(default_factory=dict)
+    style: Literal['line', 'dots', 'array'] = 'line'
+
+
+def resolve(namespace: str, topic: str) -> str:
+    """The full name of a topic, or path into it, in a namespace, which may be empty.
+
+    Raises
+    ------
+    InputError
+        If that is no namespace.
+    """
+    try:
+        home = resolve_namespace(namespace).rstrip('/')
+    except InvalidNameError as error:
+        raise InputError(str(error)) from error
+    return topic if topic.startswith('/') else f'{home}/{topic}'
+
+
+def plots(machine: Machine, namespace: str = '') -> list[Plot]:
+    """The plots of a machine that have at least one line."""
+    made = (*_motion(machine), *_forces(machine), *_contacts(machine), *_parts(machine))
+    return [
+        Plot(p.group, p.title, {label: resolve(namespace, x) for label, x in p.paths.items()},
+             p.style)
+        for p in (*made, *_sensors(machine))
+        if p.paths
+    ]  # fmt: skip
+
+
+def _numbered(
+    names: tuple[str, ...], path: str, only: tuple[str, ...] | None = None
+) -> dict[str, str]:
+    """One line for each name, or `only` for these, from an array in the order of the names."""
+    return {n: f'{path}[{i}]' for i, n in enumerate(names) if only is None or n in only}
+
+
+def _motion(machine: Machine) -> Iterator[Plot]:
+    physics = machine.physics
+    straight = physics.displacements
+    turning = tuple(c for c in physics.coordinates if c not in straight)
+    for title, array, only in (
+        ('Angles [rad]', 'position', turning),
+        ('Angular velocities [rad/s]', 'velocity', turning),
+        ('Displacements [m]', 'position', straight),
+        ('Velocities [m/s]', 'velocity', straight),
+    ):
+        lines = _numbered(physics.coordinates, f'joint_states.{array}', only)
+        yield Plot('Motion', title, lines)
+
+
+def _forces(machine: Machine) -> Iterator[Plot]:
+    physics = machine.physics
+    if not (physics.has_forces and machine.scene.outputs.forces):
+        return
+    for axis in 'xy':
+        lines = _numbered(physics.joints, f'joint_reactions.force_{axis}')
+        yield Plot('Forces', f'Joint reactions, {axis} [N]', lines)
+    if physics.driven:
+        straight = physics.driven[0] in physics.displacements
+        title = 'Drive force [N]' if straight else 'Drive torque [N m]'
+        yield Plot('Forces', title, {physics.driven[0]: 'joint_reactions.drive_torque'})
+    energies = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
+    lines = {e.replace('_', ' '): f'linkage_state.{e}' for e in energies}
+    yield Plot('Forces', 'Energies [J]', lines)
+
+
+def _contacts(machine: Machine) -> Iterator[Plot]:
+    gaps = machine.physics.clearances
+    yield Plot('Contacts', 'Gaps [m]', _numbered(gaps, 'linkage_state.gaps'))
+    forces = _numbered(gaps, 'linkage_state.normal_forces')
+    yield Plot('Contacts', 'Normal forces [N]', forces)
+    impulses = {gap: _of('impacts', gap, 'normal_impulse') for gap in gaps}
+    yield Plot('Contacts', 'Impacts, normal impulse [N s]', impulses, 'dots')
+
+
+def _parts(machine: Machine) -> Iterator[Plot]:
+    forces = machine.physics.has_forces
+    for node, kind in kinds_of(machine).items():
+        for joint in kind.joints(machine):
+            name, group = joint.name, node.replace('_', ' ').capitalize()
+            if isinstance(joint, CamPair):
+                unit = 'rad' if joint.distance.swings else 'm'
+                fields = {'law': 'lift', 'follower': 'follower_position'}
+                yield _part(group, f'{name}: lift [{unit}]', kind.topic, name, fields)
+                if forces:
+                    fields = {'force': 'contact_force'}
+                    yield _part(group, f'{name}: contact force [N]', kind.topic, name, fields)
+            elif node == 'geneva':
+                fields = {'velocity': 'driven_velocity'}
+                unit = 'm/s' if joint.second in machine.mechanism.sliding else 'rad/s'
+                yield _part(group, f'{name}: driven velocity [{unit}]', kind.topic, name, fields)
+            elif not isinstance(joint, Transmission):
+                fields = {'error': 'transmission_error'}
+                title = f'{name}: transmission error [m]'
+                yield _part(group, title, kind.topic, name, fields)
+                if forces:
+                    fields = {'force': 'tooth_force'}
+                    yield _part(group, f'{name}: tooth force [N]', kind.topic, name, fields)
+    for name in machine.scene.oscillators:
+        lines = {x: _of('oscillator_state', name, x, 'oscillator') for x in 'xy'}
+        yield Plot('Oscillators', f'{name}: displacement [m]', lines)
+
+
+def _part(group: str, title: str, topic: str, joint: str, fields: dict[str, str]) -> Plot:
+    return Plot(group, title, {label: _of(topic, joint, f) for label, f in fields.items()})
+
+
+def _of(topic: str, name: str, value: str, key: str = 'joint') -> str:
+    """A field of the messages about one joint."""
+    return f'{topic}{{{key}=="{name}"}}.{value}'
+
+
+def _sensors(machine: Machine) -> Iterator[Plot]:
+    for name, sensor in machine.scene.sensors.items():
+        what = sensor.quantity
+        title = f'{name}: {what} [{UNITS[what]}], latest samples'
+        yield Plot('Sensors', title, {name: f'accelerometer/{name}.{what}[:]'}, 'array')
+        if sensor.imu:
+            axes = {x: f'imu/{name}.linear_acceleration.{x}' for x in 'xy'}
+            yield Plot('Sensors', f'{name} as inertial unit [m/s^2]', axes)

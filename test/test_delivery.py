@@ -1,0 +1,172 @@
+"""What reaches whom: slow subscribers, late joiners, machines side by side, on every back end."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from running import environment, run_json, script, start
+
+import mechanism_sim as ms
+from mechanism_sim import middleware
+from mechanism_sim.analysis import analyze
+from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.recording import read_bag
+
+MESSAGES = 2000
+PAUSE = 3e-3  # [s] of the subscriber after each message
+
+MEMORY = """
+def held():
+    text = open('/proc/self/status').read()
+    return int(text.partition('VmRSS:')[2].split()[0]) / 1024  # [MiB]
+"""
+
+SOURCE = (
+    MEMORY
+    + f"""
+import json, time
+from mechanism_sim.bench.traffic import End, RESULTS, motion
+from mechanism_sim.messages import Motion, serialize
+end = End('source')
+publisher = end.node.create_publisher(Motion, 'motion', RESULTS)
+burst = [serialize(motion(i)) for i in range({MESSAGES})]
+end.expect(publisher.get_subscription_count)
+before, began = held(), time.process_time()
+for data in burst:
+    publisher.publish(data)
+spent = (time.process_time() - began) / {MESSAGES}
+end.done(spent=spent, size=sum(map(len, burst)) / 2**20, grown=held() - before)
+"""
+)
+
+SLOW = (
+    MEMORY
+    + f"""
+import time
+from mechanism_sim.bench.traffic import End, RESULTS
+from mechanism_sim.messages import Motion
+end, got, most = End('slow'), [], [0.0]
+def take(message):
+    got.append(int(message.run))
+    most[0] = max(most[0], held())
+    time.sleep({PAUSE})
+end.node.create_subscription(Motion, 'motion', take, RESULTS)
+before = held()
+print('listening', flush=True)
+end.until(lambda: len(got) == {MESSAGES})
+end.done(in_order=got == list(range({MESSAGES})), grown=most[0] - before)
+"""
+)
+
+
+@contextmanager
+def program(path: Path, text: str, env: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """A script in the background, ended at last."""
+    process = subprocess.Popen(
+        [sys.executable, str(script(path, text))], env=env, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_burst_of_motion_reaches_a_far_slower_subscriber_in_bounded_memory(backend, tmp_path):
+    env = environment()
+    with program(tmp_path / 'slow.py', SLOW, env) as slow:
+        assert slow.stdout
+        assert slow.stdout.readline() == 'listening\n'
+        with program(tmp_path / 'source.py', SOURCE, env) as source:
+            sent = json.loads(source.communicate(timeout=60)[0])
+            taken = json.loads(slow.communicate(timeout=60)[0])
+    assert sent['spent'] < PAUSE / 20.0
+    assert taken['in_order']
+    assert sent['size'] > 60.0
+    assert sent['grown'] < 10.0
+    if backend == 'zenoh':  # DDS keeps in the subscriber's process what waits there
+        assert taken['grown'] < 45.0
+
+
+LATE = """
+import json
+from mechanism_sim.bench.traffic import End
+from mechanism_sim.messages import MarkerArray, Progress, String
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
+end, heard, seen = End('late'), {}, []
+node = end.node
+node.create_subscription(Progress, 'progress', lambda m: seen.append(m.time), RESULTS)
+end.expect(lambda: seen and seen[-1] > 0.2)
+def listen(kind, topic, tell):
+    node.create_subscription(kind, topic, lambda m: heard.update({topic: tell(m)}), LATCHED)
+listen(String, 'scene', lambda m: json.loads(m.data))
+listen(String, 'robot_description', lambda m: m.data)
+listen(MarkerArray, 'markers', lambda m: len(m.markers))
+end.expect(lambda: len(heard) == 3)
+end.done(**heard)
+"""
+
+
+@pytest.mark.usefixtures('backend')
+def test_who_joins_a_run_under_way_gets_the_descriptions(tmp_path):
+    env = environment()
+    running = start(
+        'run', 'four_bar_clearance', '--display', '--duration', '600', '--realtime-factor', '1',
+        env=env,
+    )  # fmt: skip
+    try:
+        with program(tmp_path / 'late.py', LATE, env) as late:
+            found = json.loads(late.communicate(timeout=60)[0])
+    finally:
+        running.send_signal(signal.SIGINT)
+        _, said = running.communicate(timeout=60)
+    assert running.returncode == 130, said
+    assert found['scene']['name'] == 'four_bar_clearance'
+    links = ms.load_scene('four_bar_clearance').links
+    assert all(f'<link name="{link}">' in found['robot_description'] for link in links)
+    assert found['markers'] >= len(links)
+
+
+@pytest.mark.usefixtures('backend')
+def test_machines_in_two_namespaces_do_not_disturb_each_other(tmp_path):
+    """They run at once in one domain, and with them one that is in no namespace."""
+    env, machines = environment(), {'left': '300 rpm', 'right': '350 rpm', '': '320 rpm'}
+    running = {}
+    for side, speed in machines.items():
+        home = ['--namespace', side] if side else []
+        running[side] = start(
+            'run', 'four_bar_clearance', '--set', f'drive.speed={speed}', '--duration', '0.5',
+            '--record', str(tmp_path / f'{side}.mcap'), *home, env=env,
+        )  # fmt: skip
+    for side, speed in machines.items():
+        _, said = running[side].communicate(timeout=100)
+        assert running[side].returncode == 0, said
+        args = ['--set', f'drive.speed={speed}', '--duration', '0.5']
+        bag, prefix = tmp_path / f'{side}.mcap', f'{side}/' if side else ''
+        assert analyze(bag).digest == run_json('solve', 'four_bar_clearance', *args)['digest']
+        found = read_bag(bag)
+        frames = [t for _, m, _ in found.messages('/tf') for t in m.transforms]
+        links = {f'{prefix}{link}' for link in ms.load_scene('four_bar_clearance').links}
+        assert {t.child_frame_id for t in frames} == links
+        assert {t.header.frame_id for t in frames} == {f'{prefix}world'}
+        own = {topic for topic in found.topics if topic not in ('/tf', '/clock', '/diagnostics')}
+        assert all(topic.startswith(f'/{prefix}') for topic in own)
+
+
+@pytest.mark.parametrize(('home', 'count'), [('/', 1), ('/left', 0)])
+def test_a_machine_in_a_namespace_leaves_the_clock_alone(monkeypatch, home, count):
+    for name, value in environment().items():
+        monkeypatch.setenv(name, value)
+    middleware.init(['--ros-args', '-r', f'__ns:={home}'])
+    node = CrankDrive()
+    try:
+        assert node.count_publishers('/clock') == count
+    finally:
+        middleware.leave([node])

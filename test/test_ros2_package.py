@@ -1,0 +1,204 @@
+"""The package as ROS 2 sees it: what colcon installs, launch files, bags of both recorders.
+
+What needs ROS is skipped where it is missing; docs/ros2.md says how to run it.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import signal
+import subprocess
+import tomllib
+import xml.etree.ElementTree as ET
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+import running
+from running import environment, ros_found, run_json
+
+from mechanism_sim import nodes
+from mechanism_sim.analysis import analyze
+from mechanism_sim.cli import NODE_NAMES
+from mechanism_sim.messages import PUBLIC, own_messages, type_hash
+from mechanism_sim.recording import read_bag
+
+ROOT = Path(__file__).parents[1]
+NODES = Path(nodes.__file__).parent
+needs_ros = pytest.mark.skipif(not ros_found(), reason='no ROS 2 here with this package built')
+
+
+def executables() -> list[str]:
+    (listed,) = re.findall(r'set\(executables\s+([^)]*)\)', (ROOT / 'CMakeLists.txt').read_text())
+    return listed.split()
+
+
+def test_colcon_pip_and_the_command_line_know_the_same_nodes():
+    assert sorted(executables()) == sorted([*NODE_NAMES, 'mechanism-sim'])
+    tree = ast.parse((ROOT / 'setup.py').read_text())
+    (listed,) = (
+        ast.literal_eval(s.value)
+        for s in tree.body
+        if isinstance(s, ast.Assign) and getattr(s.targets[0], 'id', '') == 'NODES'
+    )
+    assert sorted(listed) == sorted(NODE_NAMES)
+
+
+def test_the_manifest_says_what_pip_says_and_names_every_package_of_messages():
+    manifest = ET.parse(ROOT / 'package.xml').getroot()
+    project = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']
+    assert manifest.findtext('version') == project['version']
+    assert manifest.findtext('export/build_type') == 'ament_cmake'
+    named = {e.text for e in manifest if e.tag in ('depend', 'exec_depend')}
+    assert {package.split('/')[0] for package in PUBLIC.values()} <= named
+    own = set(re.findall(r'^(\w+)/\w+ ', '\n'.join(p.read_text() for p in MESSAGES), re.MULTILINE))
+    built = {e.text for e in manifest if e.tag == 'depend'}
+    assert own == built
+
+
+MESSAGES = sorted((ROOT / 'msg').glob('*.msg'))
+
+
+# --- with ROS ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def ros(monkeypatch) -> dict[str, str]:
+    """Environment of processes on rclpy, in a domain of their own."""
+    monkeypatch.setattr(running, 'middleware', 'rclpy')
+    return environment()
+
+
+def ros2(env: dict[str, str], *args: str, timeout: float = 150.0) -> tuple[int, str]:
+    """Exit code and output of a command ``ros2``."""
+    done = subprocess.run(
+        ['ros2', *args], env=env, capture_output=True, text=True, timeout=timeout, check=False
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def share() -> Path:
+    """Where colcon put what is not code."""
+    prefixes = os.environ['AMENT_PREFIX_PATH'].split(os.pathsep)
+    folders = [Path(prefix, 'share', 'mechanism_sim') for prefix in prefixes]
+    return next(folder for folder in folders if folder.is_dir())
+
+
+@needs_ros
+def test_type_hashes_are_those_of_rosidl():
+    for name in own_messages():
+        full = f'mechanism_sim/msg/{name}'
+        described = json.loads((share() / 'msg' / f'{name}.json').read_text())
+        hashes = {h['type_name']: h['hash_string'] for h in described['type_hashes']}
+        assert type_hash(full) == hashes[full]
+
+
+@needs_ros
+def test_everything_is_installed(ros):
+    assert (share() / 'config' / 'four_bar_clearance.yaml').is_file()
+    assert (share() / 'launch' / 'machine.launch.py').is_file()
+    _, listed = ros2(ros, 'pkg', 'executables', 'mechanism_sim')
+    assert sorted(line.split()[1] for line in listed.splitlines()) == sorted(executables())
+    _, shown = ros2(ros, 'interface', 'show', 'mechanism_sim/msg/Impact')
+    assert 'float64 normal_impulse         # [N s]' in shown
+    code, text = ros2(ros, 'run', 'mechanism_sim', 'mechanism-sim', 'scenes')
+    assert code == 0
+    assert 'four_bar_clearance' in text
+
+
+@needs_ros
+def test_no_node_takes_an_attribute_that_rclpy_uses():
+    spec = find_spec('rclpy.node')
+    assert spec is not None
+    taken = set(re.findall(r'self\.(_[a-z]\w*)\b', Path(str(spec.origin)).read_text()))
+    own = {}
+    for file in NODES.glob('*.py'):
+        for kind in (n for n in ast.walk(ast.parse(file.read_text())) if type(n) is ast.ClassDef):
+            bases = {getattr(base, 'id', '') for base in kind.bases}
+            if bases & {'Node', 'SimulationNode', 'Part'}:
+                own[kind.name] = {
+                    node.attr
+                    for node in ast.walk(kind)
+                    if isinstance(node, ast.Attribute)
+                    and isinstance(node.ctx, ast.Store)
+                    and getattr(node.value, 'id', '') == 'self'
+                } | {f.name for f in kind.body if isinstance(f, ast.FunctionDef)}
+    assert {'CrankDrive', 'Linkage', 'Accelerometer', 'SimulationNode'} <= own.keys()
+    assert not {kind: names & taken for kind, names in own.items() if names & taken}
+
+
+@needs_ros
+def test_a_launched_machine_is_recorded_alike_by_both_recorders(ros, tmp_path):
+    """Every message of every topic, byte for byte, and the motion that `solve` finds."""
+    own, theirs = tmp_path / 'own.mcap', tmp_path / 'theirs'
+    code, text = ros2(
+        ros, 'launch', 'mechanism_sim', 'machine.launch.py', 'scene:=four_bar_clearance',
+        'revolutions:=3', f'record:={own}', f'ros_bag:={theirs}',
+    )  # fmt: skip
+    assert code == 0, text
+    first, second = read_bag(own), read_bag(theirs)
+    assert first.topics.keys() == second.topics.keys()
+    for topic in first.topics.keys() - {'/clock', '/progress'}:
+        assert list(_bytes(first, topic)) == list(_bytes(second, topic)), topic
+    # Our recorder does not hear itself.
+    reports = [m for _, m, _ in second.messages('/progress') if m.node != 'recorder']
+    assert reports == [m for _, m, _ in first.messages('/progress')]
+    solved = run_json('solve', 'four_bar_clearance', '--revolutions', '3')
+    assert analyze(theirs).digest == analyze(own).digest == solved['digest']
+
+
+def _bytes(bag, topic):
+    return (data for _, data, _ in bag.raw(topic))
+
+
+@needs_ros
+def test_two_machines_side_by_side_do_not_disturb_each_other(ros, tmp_path):
+    bags = {side: tmp_path / f'{side}.mcap' for side in ('left', 'right')}
+    code, text = ros2(
+        ros, 'launch', 'mechanism_sim', 'two_machines.launch.py', 'duration:=0.2',
+        'left:=four_bar_clearance', 'right:=geneva',
+        *(f'record_{side}:={bag}' for side, bag in bags.items()),
+    )  # fmt: skip
+    assert code == 0, text
+    for side, scene in (('left', 'four_bar_clearance'), ('right', 'geneva')):
+        solved = run_json('solve', scene, '--duration', '0.2')
+        assert analyze(bags[side]).digest == solved['digest']
+        frames = [t for _, m, _ in read_bag(bags[side]).messages('/tf') for t in m.transforms]
+        assert {t.child_frame_id.split('/')[0] for t in frames} == {side}
+
+
+@needs_ros
+@pytest.mark.parametrize(
+    ('argument', 'said'),
+    [
+        ('scene:=four_bar_clearence', "did you mean 'four_bar_clearance'"),
+        ('duration:=long', 'duration:=long is not a number'),
+    ],
+)
+def test_a_bad_launch_ends_with_one_sentence(ros, argument, said):
+    code, text = ros2(ros, 'launch', 'mechanism_sim', 'machine.launch.py', argument)
+    assert code == 1
+    (line,) = [line for line in text.splitlines() if 'ERROR' in line]
+    assert said in line
+    assert 'Traceback' not in text
+
+
+@needs_ros
+def test_a_bag_of_ours_is_played_by_ros(ros, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    outcome = run_json('run', 'four_bar_clearance', '--record', str(bag), env=ros)
+    assert outcome['middleware'] == 'rclpy'
+    listener = subprocess.Popen(
+        ['ros2', 'topic', 'echo', '/impacts', 'mechanism_sim/msg/Impact', '--field', 'index',
+         '--qos-reliability', 'reliable', '--qos-history', 'keep_all'],
+        env={**ros, 'PYTHONUNBUFFERED': '1'}, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    code, text = ros2(ros, 'bag', 'play', str(bag), '--delay', '4', '--disable-keyboard-controls')
+    assert code == 0, text
+    listener.send_signal(signal.SIGINT)
+    heard, _ = listener.communicate(timeout=30)
+    indices = [int(line) for line in heard.splitlines() if line.isdecimal()]
+    assert indices == list(range(outcome['impacts']))
