@@ -80,6 +80,7 @@ STEPS = (
 features = call('GetSimulatorFeatures', 'get_simulator_features').features.features
 found['features'] = sorted(int(f) for f in features)
 found['steps'] = [step(1) for _ in range(99)]
+found['play at the end'] = go(1)
 found['beyond'] = step(1)
 found['state'] = state()
 found['reset'] = call('ResetSimulation', 'reset_simulation', scope=0).result.result
@@ -129,13 +130,15 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
     found, bag = operate(tmp_path, STEPS, SCENE, '--duration', '0.1')
     assert {20, 21, 22, 24, 25, 26, 31, 32, 33} == set(found['features'])
     assert found['steps'] == [[1, '']] * 99  # the first made the operator's loop end
+    assert found['play at the end'][0] == 102
+    assert 'at its end, at 0.1 s: reset it first' in found['play at the end'][1]
     assert found['beyond'][0] == 4
     assert 'steps end at 0.101 s, the run at 0.1 s' in found['beyond'][1]
     assert (found['state'], found['reset'], found['half a reset']) == (2, 1, 0)
     assert found['action'] == [True, 4, 1]
     assert found['feedback'] == [[n, 30 - n] for n in range(1, 31)]
     assert found['play'] == [1, '']
-    assert found['play again'][0] in (1, 101)  # the end of the run may have paused it
+    assert found['play again'][0] in (101, 102)  # playing still, or at its end
     assert found['stop'] == [1, '']
     assert (found['stopped'], found['quit']) == (0, [1, ''])
     alone = run_json('solve', SCENE, '--duration', '0.1')
@@ -157,8 +160,30 @@ PARAMETERS = (
     + """
 drive, linkage = '/crank_drive', '/linkage'
 JOINT = 'joints.coupler_rocker.clearance.restitution'
+from mechanism_sim.messages import DiagnosticArray
+from mechanism_sim.middleware import spin_once
+statuses = {}
+def hear(message):
+    for status in message.status:
+        known = {pair.key: pair.value for pair in status.values}
+        level = int.from_bytes(bytes([status.level]) if isinstance(status.level, int)
+                               else status.level, 'little')
+        statuses[status.name] = [level, status.message, status.hardware_id, known]
+node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
 found['steps'] = step(299)
+while len(statuses) < 5 or statuses['linkage'][3].get('time [s]') != '0.3':
+    spin_once(node, timeout_sec=0.1)
+found['statuses'] = statuses
+def parameter(owner, name):
+    kind = service_class('rcl_interfaces/srv/GetParameters')
+    client = node.create_client(kind, f'{owner}/get_parameters')
+    assert client.wait_for_service(60)
+    (value,) = wait(client.call_async(kind.Request(names=[name]))).values
+    return [int(value.type), bool(value.bool_value), int(value.integer_value)]
+found['sim time'] = parameter(linkage, 'use_sim_time')
+found['depth'] = parameter(linkage, 'qos_overrides./joint_states.publisher.depth')
 found['too much'] = set_(linkage, JOINT, 1.5)
+found['no number'] = set_(linkage, JOINT, float('nan'))
 found['wrong type'] = set_(linkage, JOINT, 'much')
 found['read only'] = set_(linkage, 'scene', 'pendulum')
 found['restitution'] = set_(linkage, JOINT, 0.9)
@@ -178,15 +203,29 @@ shutdown()
 @pytest.mark.usefixtures('backend')
 def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_announced(tmp_path):
     commands = 'drive.commands={acceleration: 100 rad/s^2, fastest: 60 rad/s}'
-    args = [SCENE, '--duration', '1', '--set', commands]
+    # A clock that stands still while the run is paused must not stop the nodes.
+    ros = 'use_sim_time:=true', 'qos_overrides./joint_states.publisher.depth:=50'
+    args = [SCENE, '--duration', '1', '--set', commands, '--ros-args']
+    args += [part for text in ros for part in ('-p', text)] + ['--']
     found, bag = operate(tmp_path, PARAMETERS, *args)
     for case, reason in {
         'too much': 'outside', 'wrong type': 'STRING', 'read only': 'read', 'too fast': 'outside',
-        'pace': 'outside',
+        'pace': 'outside', 'no number': 'finite',
     }.items():  # fmt: skip
         assert not found[case][0]
         assert reason in found[case][1] or 'range' in found[case][1].lower(), found[case]
     assert found['restitution'] == found['faster'] == [True, '']
+    assert found['sim time'][:2] == [1, True]
+    assert found['depth'] == [2, False, 50]
+    nodes = {'crank_drive', 'linkage', 'accelerometer', 'recorder', 'monitor'}
+    assert set(found['statuses']) == nodes
+    for level, message, scene, values in found['statuses'].values():
+        assert (level, scene, values['run']) == (0, SCENE, '0')
+        assert message in ('running', 'paused')
+    assert found['statuses']['crank_drive'][3]['announced [s]'] == '0.3'
+    assert found['statuses']['recorder'][3]['bag'] == str(bag)
+    books = found['statuses']['linkage'][3]
+    assert abs(float(books['missing in the energy books [J]'])) < 1e-9
     with bag.open('rb') as file:  # read by another's reader
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         messages = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]

@@ -335,6 +335,9 @@ def test_the_commands_of_ros_know_and_control_a_run(graph):
     run = graph.start(COMMAND, 'zenoh', 'run', SCENE, '--duration', DURATION, '--paused')
     standard, look = 'simulation_interfaces', ('--no-daemon', '--spin-time', '2')
 
+    # Until the nodes have found each other the answer is: ask again.
+    action = ('simulate_steps', f'{standard}/action/SimulateSteps', '{steps: 2}', '--feedback')
+    assert eventually(lambda: 'SUCCEEDED' in graph.ros2('action', 'send_goal', *action))
     said = graph.ros2('topic', 'info', '--verbose', *look, '/joint_states')
     assert 'Node name: linkage' in said
     assert f'Topic type hash: {type_hash("sensor_msgs/msg/JointState")}' in said
@@ -349,9 +352,6 @@ def test_the_commands_of_ros_know_and_control_a_run(graph):
     said = graph.ros2('param', 'set', *look, '/crank_drive', 'realtime_factor', '" -1.0"')
     assert 'Setting parameter failed: ' in said
 
-    # Until the nodes have found each other the answer is: ask again.
-    action = ('simulate_steps', f'{standard}/action/SimulateSteps', '{steps: 2}', '--feedback')
-    assert eventually(lambda: 'SUCCEEDED' in graph.ros2('action', 'send_goal', *action))
     play = (f'{standard}/srv/SetSimulationState', '{state: {state: 1}}')
     assert 'result=1' in graph.ros2('service', 'call', 'set_simulation_state', *play)
     run.finish()

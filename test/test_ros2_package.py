@@ -23,7 +23,6 @@ from running import environment, ros_found, run_json
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
 from mechanism_sim.cli import NODE_NAMES
-from mechanism_sim.errors import InputError
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
 from mechanism_sim.recording import read_bag
 
@@ -61,11 +60,6 @@ def test_the_manifest_says_what_pip_says_and_names_every_package_of_messages():
 
 
 MESSAGES = sorted((ROOT / 'msg').glob('*.msg'))
-
-
-def test_a_bag_of_ros_is_a_folder_with_one_file(tmp_path):
-    with pytest.raises(InputError, match='a folder, which has to hold one MCAP file: none'):
-        read_bag(tmp_path)
 
 
 # --- with ROS ---------------------------------------------------------------------------------

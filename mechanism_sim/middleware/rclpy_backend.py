@@ -115,7 +115,7 @@ __all__ = [
 ]
 
 
-_USUAL = {
+_USUAL: dict[signal.Signals, tuple[Any, SignalHandlerOptions]] = {
     signal.SIGINT: (signal.default_int_handler, SignalHandlerOptions.SIGINT),
     signal.SIGTERM: (signal.SIG_DFL, SignalHandlerOptions.SIGTERM),
 }

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 PACKAGE = 'simulation_interfaces'
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
-ALREADY_IN_TARGET_STATE = 101
+ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
+ROUNDING = 1e-12
+"""Of times, relative: steps that end with the run are not beyond it."""
 
 
 class Control:
@@ -83,6 +85,9 @@ class Control:
         if asked == s.STATE_PLAYING:
             if drive.playing:
                 return self._already(response, 'playing')
+            if drive.announced >= drive.duration:
+                reason = f'the run is at its end, at {drive.duration:.9g} s: reset it first'
+                return self._answer(response, reason, STATE_TRANSITION_ERROR)
             self._stopped = False
             drive.play()
         elif asked == s.STATE_PAUSED:
@@ -177,7 +182,7 @@ class Control:
         if drive.playing:
             return 'the simulation is playing: pause it first (set_simulation_state)'
         end = drive.announced + steps * drive.value('step_size')
-        if end > drive.duration:
+        if end > drive.duration * (1.0 + ROUNDING):
             return f'{steps} steps end at {end:.9g} s, the run at {drive.duration:.9g} s already'
         return ''
 

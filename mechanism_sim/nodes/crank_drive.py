@@ -97,6 +97,7 @@ class CrankDrive(SimulationNode):
 
     async def arrive(self, goal: float) -> None:
         """Let a paused simulation go on to `goal` [s], and wait until all partners are there."""
+        goal = min(goal, self.duration)
         self._goal = max(self._goal, goal)
         self.extend()
         await self._all_at(goal)

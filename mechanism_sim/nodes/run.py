@@ -40,7 +40,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
 START_PATIENCE = 120.0
 """[s] nodes wait for each other where this process has started them: it sees those that fail."""
 
-END_PATIENCE = 5.0
+END_PATIENCE = 15.0
 """[s] other processes get to end by themselves once one has failed or the run is interrupted."""
 
 

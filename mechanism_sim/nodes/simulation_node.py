@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ from mechanism_sim.messages import (
     KeyValue,
     ParameterDescriptor,
     Progress,
+    SetParametersResult,
     stamp,
     uint64_array,
 )
@@ -87,6 +89,7 @@ class SimulationNode(Node):
         self._missing_since: dict[str, float] = {}
         self._seen: set[str] = set()
         self._soon: float | None = None
+        self.add_on_set_parameters_callback(_finite)
         self._early: list[tuple[Callable[[Any], None], Any]] = []
         self._reported = 0.0
 
@@ -335,6 +338,15 @@ class SimulationNode(Node):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+
+def _finite(parameters: list[Parameter]) -> Any:
+    """Refuse what is not a number: ranges let it pass."""
+    result = SetParametersResult(successful=True)
+    for parameter in parameters:
+        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
+            result.successful, result.reason = False, f'{parameter.name} must be finite'
+    return result
 
 
 def _text(value: object) -> str:
