@@ -230,8 +230,8 @@ def _whole_run(
     wall = {n: median(t[1] for t in pairs) for n, pairs in times.items()}
     return WholeRun(
         told.get('middleware', method), arrangement, short, cpu[short], wall[short],
-        (cpu[long] - cpu[short]) / (long - short), sum(told.get('sent', {}).values()), read['ledger']['lost'] if read else None,
-        read['digest'] if read else told.get('digest'),
+        (cpu[long] - cpu[short]) / (long - short), sum(told.get('sent', {}).values()),
+        read['ledger']['lost'] if read else None, read['digest'] if read else told.get('digest'),
     )  # fmt: skip
 
 
