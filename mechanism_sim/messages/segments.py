@@ -81,7 +81,12 @@ def motion_of(message: Any) -> Motion:
 
 
 def pack(
-    motion: Motion, coordinates: Sequence[str], joints: Sequence[str], known: float, run: int = 0
+    motion: Motion,
+    coordinates: Sequence[str],
+    joints: Sequence[str],
+    known: float,
+    run: int = 0,
+    after: float = 0.0,
 ) -> Any:
     """A Motion message of a motion of m segments; the names are those of its columns.
 
@@ -89,6 +94,7 @@ def pack(
     ----------
     known : [s] up to which all that is settled is published with this message
     run : number of the run
+    after : [s] end of the motion before, which stamps a message without segments
     """
     curve = motion.curve
     message = message_class('mechanism_sim/msg/Motion')(
@@ -107,5 +113,5 @@ def pack(
         approach_speeds=float64_array(motion.approach.ravel()),
         torque_laws=float64_array(motion.torques.ravel()),
     )
-    message.header.stamp = stamp(float(curve.start[0]) if len(curve) else known)
+    message.header.stamp = stamp(float(curve.start[0]) if len(curve) else after)
     return message

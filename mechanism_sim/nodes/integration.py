@@ -157,7 +157,8 @@ class Integration:
         for change in changes:
             self._node.send(self._modes, events.mode_change(change))
         names = (self._physics.coordinates, self._physics.clearances)
-        self._node.send(self._motion, pack(motion, *names, self._known, self._node.run))
+        message = pack(motion, *names, self._known, self._node.run, self._run.time)
+        self._node.send(self._motion, message)
         ahead = self._run.preview(self._known)
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
         if seen:
