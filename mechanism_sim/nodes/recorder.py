@@ -38,8 +38,8 @@ class Recorder(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('recorder', parameters)
-        self.declare_parameter('file', '')
-        self.declare_parameter('overwrite', False)
+        self.declare('file', '', 'The bag to write', read_only=True)
+        self.declare('overwrite', False, 'Replace bags that exist', read_only=True)
         if not self.value('file'):
             raise InputError('recorder: give the bag to write, for example --record run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
@@ -105,8 +105,10 @@ class Recorder(SimulationNode):
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
-        # All machines share /tf: what belongs to another has not the prefix of this one.
-        mark = self.value('frame_prefix').encode() if topic == '/tf' else b''
+        # All machines share /tf: what belongs to another has not the prefix of this one. Names
+        # follow their length, which ends with a zero: 'my_left/' does not begin with 'left/'.
+        prefix = self.value('frame_prefix').encode()
+        mark = b'\0' + prefix if prefix and topic == '/tf' else b''
         latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
