@@ -155,6 +155,73 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
     assert np.abs(crank - [m.position[1] for m in steps]).max() < 1e-12
 
 
+END = """
+import json
+from mechanism_sim.messages import Float64, Progress, service_class
+from mechanism_sim.middleware import Node, Parameter, SingleThreadedExecutor, init, leave
+from mechanism_sim.nodes.crank_drive import CrankDrive
+from mechanism_sim.nodes.qos import RESULTS
+
+init()
+found = []
+for paused, short, name, fields in (
+    (False, 'ResetSimulation', 'reset_simulation', {}),
+    (True, 'StepSimulation', 'step_simulation', {'steps': 20}),
+):
+    partner, executor = Node('linkage'), SingleThreadedExecutor()
+    partner.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+    progress = partner.create_publisher(Progress, 'progress', RESULTS)
+    commands = partner.create_publisher(Float64, 'command/velocity', RESULTS)
+    given = {'partners': 'linkage', 'duration': 0.02, 'paused': paused,
+             'overrides': 'drive.commands={acceleration: 100 rad/s^2, fastest: 60 rad/s}'}
+    drive = CrankDrive([Parameter(key, value=value) for key, value in given.items()])
+    for node in (partner, drive):
+        executor.add_node(node)
+    kind = service_class(f'simulation_interfaces/srv/{short}')
+    client = partner.create_client(kind, name)
+    while not (drive.ready and client.service_is_ready()):
+        executor.spin_once(timeout_sec=0.1)
+    if paused:
+        commands.publish(Float64(data=50.0))
+        while len(drive._laws) < 2:
+            executor.spin_once(timeout_sec=0.1)
+        drive.set_parameters([drive.get_parameter('velocity')])
+    answer = client.call_async(kind.Request(**fields))
+    while not drive.final or not (paused or answer.done()):
+        executor.spin_once(timeout_sec=0.1)
+    progress.publish(Progress(node='linkage', time=0.02, finished=True))
+    while not drive.done:
+        executor.spin_once(timeout_sec=0.1)
+    steady = drive.law.degree == 1
+    executor.remove_node(drive)  # as where it has a process of its own
+    executor.spin_until_future_complete(answer, timeout_sec=5)
+    result = answer.result().result if answer.done() else None
+    found.append(result and [result.result, result.error_message, steady])
+    executor.remove_node(partner)
+    drive.destroy_node()
+    partner.destroy_node()
+leave()
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.usefixtures('backend')
+def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
+    """Of a run whose end is announced nobody can take that back, and the last step is answered.
+
+    On the way a parameter takes back what a topic commanded, although its value stays the same.
+    """
+    ended = subprocess.run(
+        [sys.executable, str(script(tmp_path / 'end.py', END))],
+        env=environment(), capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr
+    reset, steps = json.loads(ended.stdout.splitlines()[-1])
+    assert reset[0] == 4
+    assert 'the run ends by itself at 0.02 s' in reset[1]
+    assert steps == [1, '', True]
+
+
 PARAMETERS = (
     CONTROL
     + """
@@ -186,6 +253,7 @@ found['too much'] = set_(linkage, JOINT, 1.5)
 found['no number'] = set_(linkage, JOINT, float('nan'))
 found['wrong type'] = set_(linkage, JOINT, 'much')
 found['read only'] = set_(linkage, 'scene', 'pendulum')
+found['another bag'] = set_('/recorder', 'file', 'other.mcap')
 found['restitution'] = set_(linkage, JOINT, 0.9)
 found['too fast'] = set_(drive, 'velocity', 80.0)
 found['faster'] = set_(drive, 'velocity', 50.0)
@@ -210,7 +278,7 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
     found, bag = operate(tmp_path, PARAMETERS, *args)
     for case, reason in {
         'too much': 'outside', 'wrong type': 'STRING', 'read only': 'read', 'too fast': 'outside',
-        'pace': 'outside', 'no number': 'finite',
+        'pace': 'outside', 'no number': JOINT, 'another bag': 'read',
     }.items():  # fmt: skip
         assert not found[case][0]
         assert reason in found[case][1] or 'range' in found[case][1].lower(), found[case]

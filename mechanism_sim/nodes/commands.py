@@ -98,7 +98,9 @@ class Commands:
 
     def _hear(self, message: Any) -> None:
         if abs(message.data) <= self._limit:
-            self._command(float(message.data))
+            # The parameter, set to what it is already, then is a command again.
+            self._present = float(message.data)
+            self._command(self._present)
         else:
             self._drive.get_logger().warning(
                 f'a commanded {self._name} of {message.data:g} is refused: at most '

@@ -22,10 +22,14 @@ class Control:
 
     Where ROS has no package `simulation_interfaces` these services are missing, and the log says
     so.
+
+    Attributes
+    ----------
+    busy : whether steps or a reset are under way
     """
 
     def __init__(self, drive: CrankDrive) -> None:
-        self._drive, self._busy, self._stopped = drive, False, False
+        self._drive, self.busy, self._stopped = drive, False, False
         try:
             self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
         except MessageError as error:
@@ -80,6 +84,8 @@ class Control:
     async def _set_state(self, request: Any, response: Any) -> Any:
         """Play, pause, stop (pause and reset) or quit; answers when all partners are there."""
         s, drive, asked = self._state, self._drive, request.state.state
+        if asked == s.STATE_QUITTING and drive.final:
+            return self._answer(response, '')
         if reason := self._refusal():
             return self._answer(response, reason)
         if asked == s.STATE_PLAYING:
@@ -164,18 +170,21 @@ class Control:
         await drive.arrive(self._origin + self._steps * size)
 
     async def _alone(self, work: Any) -> None:
-        self._busy = True
+        self.busy = True
         try:
             await work
         finally:
-            self._busy = False
+            self.busy = False
 
     def _refusal(self) -> str:
         if not self._drive.ready:
             return 'the nodes of the run have not found each other yet: ask again in a moment'
-        if self._drive.done:
-            return 'the run is over'
-        return 'steps or a reset are under way: wait for their end' if self._busy else ''
+        if self._drive.final:
+            return (
+                f'the run ends by itself at {self._drive.announced:.9g} s, to which the law of '
+                'its drive is promised; begin it with hold if it is to be operated after its end'
+            )
+        return 'steps or a reset are under way: wait for their end' if self.busy else ''
 
     def _no_steps(self, steps: int) -> str:
         drive = self._drive

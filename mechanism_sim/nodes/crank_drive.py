@@ -33,6 +33,7 @@ class CrankDrive(SimulationNode):
     ----------
     announced : [s] up to which the law is promised: what is commanded now holds from then on
     playing : whether time goes on by itself
+    final : whether the law is announced to the end of the run: nothing can be done any more
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
@@ -50,7 +51,8 @@ class CrankDrive(SimulationNode):
         self.announced = 0.0
         self.playing = not paused
         self._hold = hold
-        self._final = False
+        self.final = False
+        self._over = False
         self._quitting = False
         self._goal = 0.0  # [s] to which a paused simulation may go
         self._waiting: list[tuple[float, Future]] = []
@@ -145,7 +147,6 @@ class CrankDrive(SimulationNode):
         self.extend()
         self._commands.look()
         self._look_who_waits()
-        self.done = self._final and self.partners_finished()
 
     def _look_who_waits(self) -> None:
         if self._ending and not self._ending.done() and self.partners_finished():
@@ -158,12 +159,14 @@ class CrankDrive(SimulationNode):
             future.set_result(None)
 
     def _tick(self) -> None:
-        if not self._final:
+        if not self.final:
             if self.value('publish_clock'):
                 self._clock_publisher.publish(Clock(clock=stamp(self.time)))
             self.extend()
-        elif not self.partners:
-            self.done = True
+            return
+        # Who waits for the end of the run gets an answer first, in the time between two ticks.
+        self.done = self._over and not self.control.busy
+        self._over = self.partners_finished()
 
     def _horizon(self) -> float:
         """Time [s] up to which the law may be announced now."""
@@ -177,7 +180,7 @@ class CrankDrive(SimulationNode):
 
     def extend(self) -> None:
         """Announce the law for as long as the slowest partner, the pace and commands allow."""
-        if self._final or not self.ready:
+        if self.final or not self.ready:
             return
         end, horizon = self.duration, self._horizon()
         final = self._quitting or (horizon >= end and not self._hold)
@@ -187,7 +190,7 @@ class CrankDrive(SimulationNode):
             self.playing and horizon < min(end, self._commands.horizon, self._worthwhile())
         ):
             return
-        self._final = final
+        self.final = final
         while True:
             later = self._laws[self._law + 1 :]
             change = later[0].valid_from if later else math.inf
@@ -201,8 +204,6 @@ class CrankDrive(SimulationNode):
         if self._hold and horizon >= end:
             self.pause()
         self.report(horizon, finished=final)
-        if final and math.isfinite(self.partners_time()):
-            self.done = self.partners_finished()
 
     def _worthwhile(self) -> float:
         """Time [s] below which a message would tell too little."""

@@ -40,8 +40,8 @@ class Recorder(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('recorder', parameters)
-        self.declare_parameter('file', '')
-        self.declare_parameter('overwrite', False)
+        self.declare('file', '', 'The bag to write', read_only=True)
+        self.declare('overwrite', False, 'Replace bags that exist', read_only=True)
         if not self.value('file'):
             raise InputError('recorder: give the bag to write, for example --record run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
