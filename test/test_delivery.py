@@ -19,7 +19,7 @@ from mechanism_sim.analysis import analyze
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.recording import read_bag
 
-MESSAGES = 2000
+MESSAGES = 3000
 PAUSE = 3e-3  # [s] of the subscriber after each message
 
 MEMORY = """
@@ -89,10 +89,10 @@ def test_a_burst_of_motion_reaches_a_far_slower_subscriber_in_bounded_memory(bac
             taken = json.loads(slow.communicate(timeout=60)[0])
     assert sent['spent'] < PAUSE / 20.0
     assert taken['in_order']
-    assert sent['size'] > 60.0
+    assert sent['size'] > 90.0
     assert sent['grown'] < 10.0
     if backend == 'zenoh':  # DDS keeps in the subscriber's process what waits there
-        assert taken['grown'] < 45.0
+        assert taken['grown'] < 65.0  # the queue's 32 MB, and what the allocator keeps
 
 
 LATE = """
