@@ -76,7 +76,7 @@ loopback, quality of service of results (reliable, keep all), one executor in ea
   what was sent and is not in the bag; the digest is that of the motion and all impacts.
 
 Some ten other processes wanted the two cores meanwhile: compare CPU times, and read wall times as
-upper bounds. Made with `--repeats 2`. On rclpy a callback costs more the more endpoints its
+upper bounds. Made with `--repeats 3`. On rclpy a callback costs more the more endpoints its
 executor waits for (0.09 ms with one subscription, 0.3 ms with 20, 1.2 ms with 80); on Zenoh it
 does not. That is what a recorder adds on rclpy.
 

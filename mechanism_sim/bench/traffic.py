@@ -55,9 +55,9 @@ def joint_states(i: int) -> Any:
     return message
 
 
-def motion(i: int) -> Any:
-    """Motion of 64 segments of three coordinates of degree 19, 32 kB."""
-    m, n, d = 64, 3, 19
+def motion(i: int, m: int = 64) -> Any:
+    """Motion of m segments of three coordinates of degree 19; 64 of them are 32 kB."""
+    n, d = 3, 19
     message = Motion(run=i, coordinates=['crank', 'coupler', 'rocker'], segments=m, degree=d)
     message.coefficients = float64_array(np.full(m * n * (d + 1), float(i)))
     for field in ('start', 'start_low', 'duration'):
