@@ -62,7 +62,10 @@ class Publisher:
         """Take the publisher off the network."""
         self._context.retract(self._token)
         self._context.gids.discard(self._gid)
-        self._context.undeclare(self._publisher)
+        if isinstance(self._publisher, zenoh.Publisher):
+            self._context.undeclare(self._publisher)
+        else:
+            self._context.drop_at_the_end(self._publisher)
 
 
 def _declare(

@@ -49,6 +49,7 @@ class Context:
         self.is_open = True
         self.gids: set[bytes] = set()
         self.inboxes: set[Closable] = set()
+        self._kept: list[Any] = []
         self.waits = Waits()
         self._hashed = config.has_type_hashes()
         self._ids = count()
@@ -93,6 +94,14 @@ class Context:
         if self.is_open:
             entity.undeclare()
 
+    def drop_at_the_end(self, publisher: Any) -> None:
+        """Keep a publisher with a heartbeat until the session has ended.
+
+        To undeclare it takes Python's lock and waits, up to 10 s, for a thread of Zenoh, which may
+        wait for the lock to call us (eclipse-zenoh 1.10). Without a session it calls nobody.
+        """
+        self._kept.append(publisher)
+
     def flush(self, timeout: float = FLUSH_PATIENCE) -> bool:
         """Wait until every other process has in its queues what was published here.
 
@@ -118,6 +127,8 @@ class Context:
         finally:
             self.is_open = False
             ended = _close(self.session)
+            if ended:
+                self._kept.clear()
             if self.router is not None:
                 _close(self.router)
         if not ended:
