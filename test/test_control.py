@@ -200,6 +200,40 @@ for paused, short, name, fields in (
     executor.remove_node(partner)
     drive.destroy_node()
     partner.destroy_node()
+# Steps that take long, because the partner does, are ended by a pause.
+partner, executor = Node('linkage'), SingleThreadedExecutor()
+partner.create_subscription(Progress, 'progress', lambda _: None, RESULTS)
+progress = partner.create_publisher(Progress, 'progress', RESULTS)
+given = {'partners': 'linkage', 'duration': 10.0, 'paused': True}
+drive = CrankDrive([Parameter(key, value=value) for key, value in given.items()])
+for node in (partner, drive):
+    executor.add_node(node)
+step, state = (service_class(f'simulation_interfaces/srv/{short}')
+               for short in ('StepSimulation', 'SetSimulationState'))
+ask = partner.create_client(step, 'step_simulation')
+stop = partner.create_client(state, 'set_simulation_state')
+while not (drive.ready and ask.service_is_ready() and stop.service_is_ready()):
+    executor.spin_once(timeout_sec=0.1)
+steps = ask.call_async(step.Request(steps=5000))
+while drive.announced < 3.0:
+    executor.spin_once(timeout_sec=0.1)
+second = ask.call_async(step.Request(steps=1))
+executor.spin_until_future_complete(second, timeout_sec=20)
+request = state.Request()
+request.state.state = 2
+paused = stop.call_async(request)
+for _ in range(20):
+    executor.spin_once(timeout_sec=0.02)
+early = [steps.done(), paused.done()]
+progress.publish(Progress(node='linkage', time=3.0))
+for answer in (steps, paused):
+    executor.spin_until_future_complete(answer, timeout_sec=20)
+found.append([early] + [
+    [a.result().result.result, a.result().result.error_message] for a in (second, steps, paused)
+] + [drive.announced])
+for node in (partner, drive):
+    executor.remove_node(node)
+    node.destroy_node()
 leave()
 print(json.dumps(found))
 """
@@ -216,10 +250,17 @@ def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
         env=environment(), capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
-    reset, steps = json.loads(ended.stdout.splitlines()[-1])
+    reset, steps, paused = json.loads(ended.stdout.splitlines()[-1])
     assert reset[0] == 4
     assert 'the run ends by itself at 0.02 s' in reset[1]
     assert steps == [1, '', True]
+    assert paused == [
+        [False, False],
+        [4, 'steps under way: wait for the end'],
+        [4, 'paused meanwhile, at 3 s'],
+        [1, ''],
+        3.0,
+    ]
 
 
 PARAMETERS = (

@@ -15,7 +15,7 @@ class InvalidArgumentsError(MiddlewareError, InputError):
     """What follows ``--ros-args`` makes no sense."""
 
 
-class InvalidNameError(MiddlewareError, ValueError):
+class InvalidNameError(MiddlewareError, InputError):
     """A name is not a ROS name."""
 
 

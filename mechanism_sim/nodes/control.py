@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 PACKAGE = 'simulation_interfaces'
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
+STEPS = 'steps'
 ROUNDING = 1e-12
 """Of times, relative: steps that end with the run are not beyond it."""
 
@@ -25,11 +26,11 @@ class Control:
 
     Attributes
     ----------
-    busy : whether steps or a reset are under way
+    busy : what is under way, steps or a reset; empty for neither
     """
 
     def __init__(self, drive: CrankDrive) -> None:
-        self._drive, self.busy, self._stopped = drive, False, False
+        self._drive, self.busy, self._stopped = drive, '', False
         try:
             self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
         except MessageError as error:
@@ -86,7 +87,8 @@ class Control:
         s, drive, asked = self._state, self._drive, request.state.state
         if asked == s.STATE_QUITTING and drive.final:
             return self._answer(response, '')
-        if reason := self._refusal():
+        ending = asked in (s.STATE_PAUSED, s.STATE_QUITTING)
+        if reason := self._refusal(during_steps=ending):
             return self._answer(response, reason)
         if asked == s.STATE_PLAYING:
             if drive.playing:
@@ -97,18 +99,19 @@ class Control:
             self._stopped = False
             drive.play()
         elif asked == s.STATE_PAUSED:
-            if not drive.playing and not self._stopped:
+            if not drive.playing and not self._stopped and not self.busy:
                 return self._already(response, 'paused')
             self._stopped = False
             drive.pause()
-            await self._alone(drive.arrive(drive.announced))
+            await drive.arrive(drive.announced)
         elif asked == s.STATE_STOPPED:
             if self._stopped:
                 return self._already(response, 'stopped')
             drive.pause()
-            await self._alone(drive.start_over())
+            await self._alone('a reset', drive.start_over())
             self._stopped = True
         elif asked == s.STATE_QUITTING:
+            drive.pause()
             drive.quit()
         else:
             reason = (
@@ -123,8 +126,7 @@ class Control:
         steps = int(request.steps)
         if reason := self._refusal() or self._no_steps(steps):
             return self._answer(response, reason)
-        await self._alone(self._go(steps))
-        return self._answer(response, '')
+        return self._answer(response, await self._alone(STEPS, self._go(steps)))
 
     async def _reset(self, request: Any, response: Any) -> Any:
         """Back to time 0, in a run of its own; what was recorded stays in its bag."""
@@ -134,7 +136,7 @@ class Control:
             return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         if reason := self._refusal():
             return self._answer(response, reason)
-        await self._alone(self._drive.start_over())
+        await self._alone('a reset', self._drive.start_over())
         return self._answer(response, '')
 
     async def _simulate_steps(self, goal: Any) -> Any:
@@ -148,7 +150,9 @@ class Control:
             if goal.is_cancel_requested:
                 goal.canceled()
                 return self._answer(result, f'cancelled after {done - 1} steps')
-            await self._alone(self._go(1))
+            if reason := await self._alone(STEPS, self._go(1)):
+                goal.abort()
+                return self._answer(result, reason)
             goal.publish_feedback(
                 kind.Feedback(completed_steps=done, remaining_steps=steps - done)
             )
@@ -157,26 +161,29 @@ class Control:
 
     # --- what they have in common -------------------------------------------------------------
 
-    async def _go(self, steps: int) -> None:
+    async def _go(self, steps: int) -> str:
         """So many steps on a grid that begins where the simulation was paused.
 
-        Its times are products, not sums: a hundred steps of 1 ms end at 0.1 s.
+        Gives back why they are not done; empty if they are. Its times are products, not sums: a
+        hundred steps of 1 ms end at 0.1 s.
         """
         drive, size = self._drive, self._drive.value('step_size')
         if drive.announced != self._origin + self._steps * size:
             self._origin, self._steps = drive.announced, 0
         self._steps += steps
         self._stopped = False
-        await drive.arrive(self._origin + self._steps * size)
+        if await drive.arrive(self._origin + self._steps * size):
+            return ''
+        return f'paused meanwhile, at {drive.announced:.9g} s'
 
-    async def _alone(self, work: Any) -> None:
-        self.busy = True
+    async def _alone(self, what: str, work: Any) -> Any:
+        self.busy = what
         try:
-            await work
+            return await work
         finally:
-            self.busy = False
+            self.busy = ''
 
-    def _refusal(self) -> str:
+    def _refusal(self, during_steps: bool = False) -> str:
         if not self._drive.ready:
             return 'the nodes of the run have not found each other yet: ask again in a moment'
         if self._drive.final:
@@ -184,7 +191,9 @@ class Control:
                 f'the run ends by itself at {self._drive.announced:.9g} s, to which the law of '
                 'its drive is promised; begin it with hold if it is to be operated after its end'
             )
-        return 'steps or a reset are under way: wait for their end' if self.busy else ''
+        if self.busy and not (during_steps and self.busy == STEPS):
+            return f'{self.busy} under way: wait for the end'
+        return ''
 
     def _no_steps(self, steps: int) -> str:
         drive = self._drive

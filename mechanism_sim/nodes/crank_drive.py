@@ -93,16 +93,21 @@ class CrankDrive(SimulationNode):
         self.extend()
 
     def pause(self) -> None:
-        """Stop where the law is announced to."""
+        """Stop where the law is announced to; who waits for more waits for that."""
         self.playing = False
         self._goal = self.announced
+        self._waiting = [(min(goal, self._goal), future) for goal, future in self._waiting]
 
-    async def arrive(self, goal: float) -> None:
-        """Let a paused simulation go on to `goal` [s], and wait until all partners are there."""
+    async def arrive(self, goal: float) -> bool:
+        """Let a paused simulation go on to `goal` [s], and wait until all partners are there.
+
+        False if it was paused again before.
+        """
         goal = min(goal, self.duration)
         self._goal = max(self._goal, goal)
         self.extend()
         await self._all_at(goal)
+        return self.announced >= goal
 
     async def _all_at(self, goal: float) -> None:
         """Wait until all partners are in this run, and there."""

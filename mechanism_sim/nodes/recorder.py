@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +67,10 @@ class Recorder(SimulationNode):
         """Go on with a bag of its own."""
         super().begin_run(number)
         self.writer.close()
-        first = Path(self.value('file'))
-        path = first.with_name(f'{first.stem}-{number + 1}{first.suffix}')
-        self.writer = BagWriter(path, overwrite=self.value('overwrite'))
+        first, overwrite = Path(self.value('file')), self.value('overwrite')
+        names = (first.with_name(f'{first.stem}-{n}{first.suffix}') for n in count(number + 1))
+        path = next(name for name in names if overwrite or not name.exists())
+        self.writer = BagWriter(path, overwrite=overwrite)
         self._add_topics()
         self._now = 0
         for topic, data in self._latched.items():

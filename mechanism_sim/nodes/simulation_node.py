@@ -33,6 +33,7 @@ REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
 DIAGNOSTICS_PERIOD = 1.0  # [s]
 OURS = RESULTS, LATCHED, CLOCK
+LONG = 0.0, 1e12  # [s]
 
 
 @dataclass
@@ -76,13 +77,16 @@ class SimulationNode(Node):
         for key, default, about in (
             ('scene', 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
             ('overrides', '', 'PATH=VALUE each, one a line'),
-            ('duration', 0.0, 'Length of the run [s]; 0: that of the scene, or one revolution'),
             ('partners', '', 'Names of the other nodes of the run, separated by commas'),
             ('listeners', '', 'Names of nodes that must hear all results, separated by commas'),
-            ('partner_timeout', 20.0, 'How long to wait for them [s]'),
             ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
             self.declare(key, default, about, read_only=True)
+        for key, length, about in (
+            ('duration', 0.0, 'Length of the run [s]; 0: that of the scene, or one revolution'),
+            ('partner_timeout', 20.0, 'How long to wait for partners [s]'),
+        ):
+            self.declare(key, length, about, LONG, read_only=True)
         self.partners = [p for p in self._names('partners') if p != name]
         self._listeners = self._names('listeners')
         self._deadline = time.monotonic() + self.value('partner_timeout')
