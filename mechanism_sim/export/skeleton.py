@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.cycles.points import Place, Poses
@@ -353,4 +353,4 @@ def _around(corners: Sequence[Vector2], thin: float) -> tuple[Vector2, ...]:
     if np.ptp(at @ across) < thin:
         place = at @ along
         return corners[int(place.argmin())], corners[int(place.argmax())]
-    return tuple(corners[i] for i in ConvexHull(at).vertices)
+    return tuple(corners[i] for i in scipy.spatial.ConvexHull(at).vertices)
