@@ -75,10 +75,9 @@ loopback, quality of service of results (reliable, keep all), one executor in ea
   per revolution is the difference of runs of 120 and 20 revolutions, without the start. Lost is
   what was sent and is not in the bag; the digest is that of the motion and all impacts.
 
-Some ten other processes wanted the two cores meanwhile: compare CPU times, and read wall times as
-upper bounds. Made with `--repeats 3`. On rclpy a callback costs more the more endpoints its
-executor waits for (0.09 ms with one subscription, 0.3 ms with 20, 1.2 ms with 80); on Zenoh it
-does not. That is what a recorder adds on rclpy.
+Made with `--repeats 3` on a machine that did nothing else. On rclpy a callback costs more the more endpoints its executor
+waits for (0.09 ms with one subscription, 0.3 ms with 20, 1.2 ms with 80); on Zenoh it does not. That
+is what a recorder adds on rclpy.
 
 """
 
@@ -89,7 +88,7 @@ One executor runs the nodes of a process in one thread, one callback after the o
 let go of the lock of the interpreter: beside steps of heyoka of 27 ms (120 bodies) another Python
 thread ran at 86 % of its speed, beside `sum` of a list, which holds the lock, at 6 %; compiled
 functions of many points let go of it, too. For nodes little follows: stepping is some 0.7 ms of
-the 16 ms of CPU time of a recorded revolution, the rest is Python.
+the 14 ms of CPU time of a recorded revolution, the rest is Python.
 
 Two executors in two threads, the recorder in the second, were tried (Zenoh, 100 revolutions): the
 same digest, up to 8 % more CPU time, and 1.6 to 1.7 s instead of 1.9 s, not counting the time
