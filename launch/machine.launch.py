@@ -6,6 +6,7 @@ not good, or a node that fails, ends it with a sentence and exit code 1.
 
 from __future__ import annotations
 
+import atexit
 import os
 import tempfile
 from collections.abc import Callable
@@ -148,6 +149,7 @@ def _recording(plan: Plan, namespace: str, folder: str, name: str) -> ExecutePro
         }
     profiles[f'{space}/progress'] = profiles[f'{space}/motion']
     handle, file = tempfile.mkstemp(prefix='qos_', suffix='.yaml')
+    atexit.register(Path(file).unlink, missing_ok=True)
     with os.fdopen(handle, 'w', encoding='utf-8') as stream:
         yaml.safe_dump(profiles, stream)
     return ExecuteProcess(
