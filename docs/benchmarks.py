@@ -75,9 +75,9 @@ loopback, quality of service of results (reliable, keep all), one executor in ea
   per revolution is the difference of runs of 120 and 20 revolutions, without the start. Lost is
   what was sent and is not in the bag; the digest is that of the motion and all impacts.
 
-Made with `--repeats 3` on a machine that did nothing else. On rclpy a callback costs more the more endpoints its executor
-waits for (0.09 ms with one subscription, 0.3 ms with 20, 1.2 ms with 80); on Zenoh it does not. That
-is what a recorder adds on rclpy.
+Made with `--repeats 3` on a machine that did nothing else. On rclpy a callback costs more the more
+endpoints its executor waits for (0.09 ms with one subscription, 0.3 ms with 20, 1.2 ms with 80);
+on Zenoh it does not. That is what a recorder adds on rclpy.
 
 """
 
