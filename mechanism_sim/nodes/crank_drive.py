@@ -11,10 +11,11 @@ from mechanism_sim.messages.events import drive_law
 from mechanism_sim.middleware import Future, Parameter
 from mechanism_sim.nodes.commands import Commands
 from mechanism_sim.nodes.control import Control
+from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.pace import Pace
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
-from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
+from mechanism_sim.nodes.simulation_node import SimulationNode
 
 BEHIND = 0.95
 """Share of the real-time factor asked for below which the diagnostics warn."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.process import main_of
-from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
+from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
 class Linkage(SimulationNode):

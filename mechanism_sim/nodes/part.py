@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.parts import States
-from mechanism_sim.nodes.simulation_node import Diagnosis, SimulationNode
+from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
 class Part(SimulationNode):

@@ -2,50 +2,27 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.messages import (
-    DiagnosticArray,
-    DiagnosticStatus,
-    FloatingPointRange,
-    KeyValue,
-    ParameterDescriptor,
-    Progress,
-    SetParametersResult,
-    stamp,
-    uint64_array,
-)
-from mechanism_sim.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
-from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
+from mechanism_sim.messages import DiagnosticStatus, Progress, stamp, uint64_array
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.scene import Machine, load_scene, span
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
 SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
 REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
-DIAGNOSTICS_PERIOD = 1.0  # [s]
-OURS = RESULTS, LATCHED, CLOCK
 LONG = 0.0, 1e12  # [s]
 
 
-@dataclass
-class Diagnosis:
-    """How a node is: a level of ``DiagnosticStatus``, a sentence, and figures."""
-
-    level: Any
-    message: str
-    values: dict[str, object]
-
-
-class SimulationNode(Node):
+class SimulationNode(DescribedNode):
     """A node with a scene that works together with partners.
 
     Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line),
@@ -66,8 +43,7 @@ class SimulationNode(Node):
     """
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
-        self._results: list[str] = []  # names of topics
-        super().__init__(name, parameter_overrides=list(parameters))
+        super().__init__(name, parameters)
         self.done = False
         self.ready = False
         self.run = 0
@@ -87,61 +63,14 @@ class SimulationNode(Node):
             ('partner_timeout', 20.0, 'How long to wait for partners [s]'),
         ):
             self.declare(key, length, about, LONG, read_only=True)
-        self.partners = [p for p in self._names('partners') if p != name]
-        self._listeners = self._names('listeners')
+        self.partners = [p for p in self.names('partners') if p != name]
+        self._listeners = self.names('listeners')
         self._deadline = time.monotonic() + self.value('partner_timeout')
         self._missing_since: dict[str, float] = {}
         self._seen: set[str] = set()
         self._soon: float | None = None
-        self.add_on_set_parameters_callback(_finite)
         self._early: list[tuple[Callable[[Any], None], Any]] = []
         self._reported = 0.0
-
-    def declare(
-        self,
-        name: str,
-        default: Any,
-        about: str,
-        within: tuple[float, float] | None = None,
-        read_only: bool = False,
-    ) -> Any:
-        """Declare a parameter with its description and range; gives back its value."""
-        descriptor = ParameterDescriptor(description=about, read_only=read_only)
-        if within:
-            low, high = within
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        return self.declare_parameter(name, default, descriptor).value
-
-    def announce(self, name: str, value: float, since: float) -> None:
-        """Tell in the log from which time [s] on a parameter's new value holds."""
-        self.get_logger().info(f'{name} = {value:g} holds from t = {since:.9g} s on')
-
-    def value(self, parameter: str) -> Any:
-        """Value of a parameter."""
-        return self.get_parameter(parameter).value
-
-    def _names(self, parameter: str) -> list[str]:
-        return [name.strip() for name in self.value(parameter).split(',') if name.strip()]
-
-    def create_publisher(
-        self, msg_type: type[Any], topic: str, qos_profile: Any, **how: Any
-    ) -> Any:
-        """Publisher on a topic, of which listeners must miss nothing if it carries results.
-
-        Parameters such as ``qos_overrides./topic.publisher.depth`` override its quality of
-        service.
-        """
-        if qos_profile in OURS:
-            how.setdefault('qos_overriding_options', QoSOverridingOptions.with_default_policies())
-        publisher = super().create_publisher(msg_type, topic, copy(qos_profile), **how)
-        if qos_profile is RESULTS:
-            self._results.append(publisher.topic_name)
-        return publisher
-
-    def create_timer(self, *given: Any, **how: Any) -> Any:
-        """Timer of wall time, also if the node's own time is that of the simulation."""
-        how.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
-        return super().create_timer(*given, **how)
 
     def frame(self, link: str) -> str:
         """Name of the frame of a link."""
@@ -165,9 +94,8 @@ class SimulationNode(Node):
         self.create_subscription(Progress, 'progress', self.once_ready(self._on_progress), RESULTS)
         # The last endpoint to be declared: who sees it in the graph can rely on all others.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(REPORT_PERIOD, self._report_if_due)
-        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+        self.publish_diagnostics()
         self._settled = time.monotonic() + SETTLE
         self._watch = self.create_timer(LOOK_PERIOD, self._look)
 
@@ -245,7 +173,7 @@ class SimulationNode(Node):
 
     def _unheard(self) -> tuple[str, str] | None:
         """A listener and a topic of results of this node that it has not subscribed to yet."""
-        for topic in self._results if self._listeners else ():
+        for topic in self.results if self._listeners else ():
             hearing = {s.node_name for s in self.get_subscriptions_info_by_topic(topic)}
             for listener in self._listeners:
                 if listener not in hearing:
@@ -329,29 +257,3 @@ class SimulationNode(Node):
         values = {'run': self.run, 'time [s]': self._reported, 'messages published': sent}
         message = 'finished' if self.done else 'running'
         return Diagnosis(DiagnosticStatus.OK, message, dict(values))
-
-    def _publish_diagnostics(self) -> None:
-        found = self.diagnose()
-        status = DiagnosticStatus(
-            level=found.level,
-            name=self.get_fully_qualified_name().lstrip('/'),
-            message=found.message,
-            hardware_id=self.value('scene'),
-            values=[KeyValue(key=key, value=_text(x)) for key, x in found.values.items()],
-        )
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
-
-
-def _finite(parameters: list[Parameter]) -> Any:
-    """Refuse what is not a number: ranges let it pass."""
-    result = SetParametersResult(successful=True)
-    for parameter in parameters:
-        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
-            result.successful, result.reason = False, f'{parameter.name} must be finite'
-    return result
-
-
-def _text(value: object) -> str:
-    return f'{value:.6g}' if isinstance(value, float) else str(value)

@@ -1,0 +1,138 @@
+"""What makes a node easy to operate.
+
+Described parameters, qualities of service that can be overridden, timers that no simulated clock
+stops, diagnostics.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import Any
+
+from mechanism_sim.messages import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    FloatingPointRange,
+    KeyValue,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from mechanism_sim.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
+from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
+
+DIAGNOSTICS_PERIOD = 1.0  # [s]
+OURS = RESULTS, LATCHED, CLOCK
+
+
+@dataclass
+class Diagnosis:
+    """How a node is: a level of ``DiagnosticStatus``, a sentence, and figures."""
+
+    level: Any
+    message: str
+    values: dict[str, object]
+
+
+class DescribedNode(Node):
+    """A node with described parameters and diagnostics.
+
+    Attributes
+    ----------
+    results : names of the topics on which it publishes results
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
+        self.results: list[str] = []
+        super().__init__(name, parameter_overrides=list(parameters))
+        self.add_on_set_parameters_callback(_finite)
+
+    # --- parameters ---------------------------------------------------------------------------
+
+    def declare(
+        self,
+        name: str,
+        default: Any,
+        about: str,
+        within: tuple[float, float] | None = None,
+        read_only: bool = False,
+    ) -> Any:
+        """Declare a parameter with its description and range; gives back its value."""
+        descriptor = ParameterDescriptor(description=about, read_only=read_only)
+        if within:
+            low, high = within
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        return self.declare_parameter(name, default, descriptor).value
+
+    def announce(self, name: str, value: float, since: float) -> None:
+        """Tell in the log from which time [s] on a parameter's new value holds."""
+        self.get_logger().info(f'{name} = {value:g} holds from t = {since:.9g} s on')
+
+    def value(self, parameter: str) -> Any:
+        """Value of a parameter."""
+        return self.get_parameter(parameter).value
+
+    def names(self, parameter: str) -> list[str]:
+        """The names in a parameter that lists them, separated by commas."""
+        return [name.strip() for name in self.value(parameter).split(',') if name.strip()]
+
+    # --- endpoints ----------------------------------------------------------------------------
+
+    def create_publisher(
+        self, msg_type: type[Any], topic: str, qos_profile: Any, **how: Any
+    ) -> Any:
+        """Publisher on a topic.
+
+        Parameters such as ``qos_overrides./topic.publisher.depth`` override its quality of
+        service.
+        """
+        if qos_profile in OURS:
+            how.setdefault('qos_overriding_options', QoSOverridingOptions.with_default_policies())
+        publisher = super().create_publisher(msg_type, topic, copy(qos_profile), **how)
+        if qos_profile is RESULTS:
+            self.results.append(publisher.topic_name)
+        return publisher
+
+    def create_timer(self, *given: Any, **how: Any) -> Any:
+        """Timer of wall time, also if the node's own time is that of the simulation."""
+        how.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
+        return super().create_timer(*given, **how)
+
+    # --- diagnostics --------------------------------------------------------------------------
+
+    def publish_diagnostics(self) -> None:
+        """Publish ``/diagnostics`` from now on."""
+        self._diagnostics = super().create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+
+    def diagnose(self) -> Diagnosis:
+        """How this node is; subclasses say more."""
+        return Diagnosis(DiagnosticStatus.OK, 'running', {})
+
+    def _publish_diagnostics(self) -> None:
+        found = self.diagnose()
+        status = DiagnosticStatus(
+            level=found.level,
+            name=self.get_fully_qualified_name().lstrip('/'),
+            message=found.message,
+            hardware_id=self.value('scene'),
+            values=[KeyValue(key=key, value=_text(x)) for key, x in found.values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def _finite(parameters: list[Parameter]) -> Any:
+    """Refuse what is not a number: ranges let it pass."""
+    result = SetParametersResult(successful=True)
+    for parameter in parameters:
+        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
+            result.successful, result.reason = False, f'{parameter.name} must be finite'
+    return result
+
+
+def _text(value: object) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
