@@ -1,4 +1,6 @@
-"""Settings of all tests."""
+"""Settings and fixtures of all tests."""
+
+from __future__ import annotations
 
 import os
 
@@ -13,7 +15,9 @@ from collections.abc import Iterator
 import pytest
 import running
 from hypothesis import settings
+from middleware_network import Network
 
+from mechanism_sim import middleware
 from mechanism_sim.numerics import code_cache
 
 # Wall time says nothing on a shared machine, and a test that fails must fail again.
@@ -33,3 +37,24 @@ def backend(request: pytest.FixtureRequest) -> Iterator[str]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(running, 'middleware', request.param)
         yield request.param
+
+
+@pytest.fixture(scope='module')
+def network() -> Iterator[Network]:
+    """This process on a network of its own."""
+    network = Network()
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in network.settings.items():
+            patch.setenv(name, value)
+        middleware.init()
+        yield network
+        middleware.shutdown()
+        network.close()
+
+
+@pytest.fixture
+def node(network: Network) -> Iterator[middleware.Node]:  # noqa: ARG001
+    """A node of this process."""
+    node = middleware.Node('node')
+    yield node
+    node.destroy_node()

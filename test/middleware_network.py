@@ -11,6 +11,8 @@ import threading
 import time
 from collections.abc import Callable
 
+from mechanism_sim import middleware
+
 PATIENCE = 30.0  # [s] for anything that has to happen; machines may be slow
 
 
@@ -29,6 +31,14 @@ def eventually(condition: Callable[[], bool]) -> bool:
             return False
         time.sleep(0.002)
     return True
+
+
+def spin_until(node: 'middleware.Node', condition: Callable[[], bool]) -> None:
+    """Run a node's callbacks until a condition comes true."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        middleware.spin_once(node, timeout_sec=0.1)
 
 
 class Process:

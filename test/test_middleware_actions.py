@@ -1,9 +1,7 @@
 """Actions, across processes and inside one."""
 
-import time
-
 import pytest
-from middleware_network import PATIENCE, Network
+from middleware_network import PATIENCE, spin_until
 
 from mechanism_sim.messages import CancelGoal, GoalStatus, SimulateSteps, message_class
 from mechanism_sim.middleware import (
@@ -12,40 +10,9 @@ from mechanism_sim.middleware import (
     CancelResponse,
     Future,
     MiddlewareError,
-    Node,
-    init,
-    shutdown,
-    spin_once,
 )
 
 Goal, Result, Feedback = SimulateSteps.Goal, SimulateSteps.Result, SimulateSteps.Feedback
-
-
-@pytest.fixture(scope='module')
-def network():
-    """This process on a network of its own."""
-    network = Network()
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in network.settings.items():
-            patch.setenv(name, value)
-        init()
-        yield network
-        shutdown()
-        network.close()
-
-
-@pytest.fixture
-def node(network):  # noqa: ARG001
-    node = Node('node')
-    yield node
-    node.destroy_node()
-
-
-def spin_until(node, condition):
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        spin_once(node, timeout_sec=0.1)
 
 
 def get(node, future):

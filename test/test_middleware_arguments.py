@@ -1,7 +1,7 @@
 """Arguments of ROS on a command line, and quality of service that they override."""
 
 import pytest
-from middleware_network import Network, eventually
+from middleware_network import eventually
 
 from mechanism_sim.messages import Clock, Log, SetParametersResult, Trigger
 from mechanism_sim.middleware import (
@@ -15,28 +15,13 @@ from mechanism_sim.middleware import (
     QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
-    init,
     remove_ros_args,
-    shutdown,
 )
 from mechanism_sim.middleware.arguments import Arguments, parse_arguments
 from mechanism_sim.middleware.parameter_files import parse_value
 from mechanism_sim.nodes.process import main_of
 
 DEFAULT = QoSOverridingOptions.with_default_policies()
-
-
-@pytest.fixture(scope='module')
-def network():
-    """This process on a network of its own."""
-    network = Network()
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in network.settings.items():
-            patch.setenv(name, value)
-        init()
-        yield network
-        shutdown()
-        network.close()
 
 
 @pytest.fixture

@@ -1,9 +1,7 @@
 """Coroutine callbacks: a service that answers later, and what runs meanwhile."""
 
-import time
-
 import pytest
-from middleware_network import PATIENCE, Network
+from middleware_network import PATIENCE, spin_until
 
 from mechanism_sim.messages import Clock, Trigger
 from mechanism_sim.middleware import (
@@ -12,37 +10,8 @@ from mechanism_sim.middleware import (
     MutuallyExclusiveCallbackGroup,
     Node,
     ReentrantCallbackGroup,
-    init,
-    shutdown,
     spin_once,
 )
-
-
-@pytest.fixture(scope='module')
-def network():
-    """This process on a network of its own."""
-    network = Network()
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in network.settings.items():
-            patch.setenv(name, value)
-        init()
-        yield network
-        shutdown()
-        network.close()
-
-
-@pytest.fixture
-def node(network):  # noqa: ARG001
-    node = Node('node')
-    yield node
-    node.destroy_node()
-
-
-def spin_until(node, condition):
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end
-        spin_once(node, timeout_sec=0.1)
 
 
 def test_requests_that_wait_at_once_are_all_answered_while_the_rest_goes_on(network, node):
