@@ -277,7 +277,13 @@ class EventLoop:
         return self._tape.peek(self._pending.tau, h) if h > 0.0 else None
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """Let impacts of a joint with clearance have another coefficient, from now on."""
+        """Let impacts of a joint with clearance have another coefficient, from now on.
+
+        Raises
+        ------
+        KeyError
+            If the joint has no gap.
+        """
         self._contacts.change_restitution(joint, restitution)
 
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:

@@ -59,7 +59,13 @@ class DescribedNode(Node):
         within: tuple[float, float] | None = None,
         read_only: bool = False,
     ) -> Any:
-        """Declare a parameter with its description and range; gives back its value."""
+        """Declare a parameter with its description and range; gives back its value.
+
+        Raises
+        ------
+        ParameterException
+            If the value it is launched with is out of the range, or of another type.
+        """
         descriptor = ParameterDescriptor(description=about, read_only=read_only)
         if within:
             low, high = within

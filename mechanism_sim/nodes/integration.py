@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
@@ -184,7 +185,7 @@ class Integration:
         if t.size and physics.has_forces and self._machine.scene.outputs.forces:
             seen = physics.observe(motion, *curve.find(t))
             for forces in publications.reactions(physics, t, seen):
-                forces.header.frame_id = self._node.frame(publications.WORLD)
+                forces.header.frame_id = self._node.frame(WORLD)
                 self._node.send(self._reactions, forces)
         t = self._schedules['transforms'].due(curve.end)
         if t.size:

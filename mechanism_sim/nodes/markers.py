@@ -11,9 +11,9 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.export.skeleton import Kind, Shape, Skeleton
 from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point
-from mechanism_sim.nodes.publications import WORLD
 from mechanism_sim.planar.mechanism import GROUND, Revolute, Vector2
 
 Array = NDArray[np.float64]

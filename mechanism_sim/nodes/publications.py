@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.messages import (
@@ -24,8 +25,6 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
 
 Array = NDArray[np.float64]
-
-WORLD = 'world'
 
 
 def joint_states(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
