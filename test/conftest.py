@@ -11,9 +11,12 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 os.environ.setdefault('MECHANISM_SIM_MIDDLEWARE', 'zenoh')
 
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 import running
+from browsing import Tab, browsing
 from hypothesis import settings
 from middleware_network import Network
 
@@ -58,3 +61,21 @@ def node(network: Network) -> Iterator[middleware.Node]:  # noqa: ARG001
     node = middleware.Node('node')
     yield node
     node.destroy_node()
+
+
+@pytest.fixture(scope='session')
+def browser() -> Iterator[Any]:
+    """A headless browser."""
+    with browsing() as found:
+        if found is None:
+            pytest.skip('no Chromium here: install the package chromium')
+        yield found
+
+
+@pytest.fixture
+def tab(browser: Any, tmp_path: Path) -> Iterator[Tab]:
+    """A fresh page of 1200 by 800 pixels, without anything kept of others."""
+    context = browser.new_context(viewport={'width': 1200, 'height': 800})
+    context.set_default_timeout(20_000.0)
+    yield Tab(context.new_page(), tmp_path)
+    context.close()
