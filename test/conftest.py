@@ -63,9 +63,9 @@ def node(network: Network) -> Iterator[middleware.Node]:  # noqa: ARG001
     node.destroy_node()
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def browser() -> Iterator[Any]:
-    """A headless browser."""
+    """A headless browser; not longer than a module: its event loop would be in others' way."""
     with browsing() as found:
         if found is None:
             pytest.skip('no Chromium here: install the package chromium')
