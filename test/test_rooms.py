@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[1] / 'mechanism_sim'
 
 #: the floors, from the ground; a room may import what is below, and itself
 FLOORS = (
-    ('errors',),
+    ('catalogue', 'errors'),
     ('numerics', 'units'),
     ('planar', 'contact'),
     ('hybrid',),

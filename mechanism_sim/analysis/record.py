@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.sampling import Books
@@ -32,7 +32,7 @@ from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene, nearest
+from mechanism_sim.scene.files import check_scene
 
 Array = NDArray[np.float64]
 
