@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,6 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     ----------
     show : called now and then with the time [s] up to which frames are made, and impacts so far
     """
-    physics = record.machine.physics
     seen, _ = _observe(record, np.linspace(record.start, record.end, _SEEN))
     stage = stage_of(record.machine, seen)
     most = min(MOST, _BYTES // _size(stage))
