@@ -123,7 +123,7 @@ def instants(record: Record, most: int = MOST) -> Array:
     dense = (speed * weights).max(axis=1) + _LEAST / (record.end - record.start)
     passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
     count = min(int(passed[-1]) + 1, most)
-    return np.interp(np.linspace(0.0, passed[-1], count), passed, t)
+    return np.asarray(np.interp(np.linspace(0.0, passed[-1], count), passed, t))
 
 
 def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:
