@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import MODES, brief, chart, colour, dash, places, written
+from mechanism_sim.pages.charts.style import (
+    MODES,
+    MUTED,
+    brief,
+    chart,
+    colour,
+    dash,
+    places,
+    written,
+)
 
 Array = NDArray[np.float64]
 
@@ -58,7 +67,7 @@ def _chart(
     figure = chart('time [s]', 'gap [mm]', height=300 + 24 * (len(names) - 1))
     figure.update_xaxes(range=[window.start, window.end], anchor='y2')
     low = _BAND * len(names)
-    figure.update_layout(yaxis_domain=[low + 0.05, 1.0], hovermode='closest')
+    figure.update_layout(yaxis_domain=[low + 0.05, 1.0], yaxis_rangemode='tozero')
     number = course.record.machine.physics.joints.index(joint)
     for i, name in enumerate(names):
         line = window.lines[f'gap.{name}']
@@ -75,6 +84,11 @@ def _chart(
                 'fixedrange': True, 'anchor': 'x',
             }
         })  # fmt: skip
+        if len(names) > 1:
+            figure.add_annotation(
+                x=0.0, xref='paper', xanchor='right', xshift=-6, y=0.5, yref=axis, showarrow=False,
+                text=name.rpartition('_')[2], font={'size': 10, 'color': MUTED},
+            )  # fmt: skip
         gap = course.record.machine.physics.clearances.index(name)
         add_band(figure, spells(window, gap), axis, first=not i)
     return Chart(key, title, written(figure), 'time', joint)
@@ -123,8 +137,12 @@ def add_band(
         )  # fmt: skip
 
 
+def _flight_last(mode: int) -> tuple[bool, int]:
+    return mode == Mode.FREE_FLIGHT, mode
+
+
 def _blocks(found: Spells) -> Iterator[tuple[int, Array, Array]]:
-    for mode in np.unique(found.modes).tolist():
+    for mode in sorted(np.unique(found.modes).tolist(), key=_flight_last):
         own = found.modes == mode
         start, end = found.marks[:-1][own], found.marks[1:][own]
         x = np.array([start, start, end, end, np.full(len(start), np.nan)]).T.ravel()
@@ -135,8 +153,9 @@ def _blocks(found: Spells) -> Iterator[tuple[int, Array, Array]]:
 def _stacked(found: Spells) -> Iterator[tuple[int, Array, Array]]:
     edges = np.linspace(found.marks[0], found.marks[-1], _SHARES + 1)
     below = np.zeros(_SHARES)
-    for mode, share in sorted(shares(found, edges).items(), key=lambda x: x[0] == Mode.FREE_FLIGHT):
-        above = below + share
+    shared = shares(found, edges)
+    for mode in sorted(shared, key=_flight_last):
+        above = below + shared[mode]
         steps = np.repeat(edges, 2)[1:-1]
         x = np.concatenate([steps, steps[::-1]])
         y = np.concatenate([np.repeat(above, 2), np.repeat(below, 2)[::-1]])

@@ -21,9 +21,10 @@ from mechanism_sim.vibration.shaken_frame import FrameMotion
 
 Array = NDArray[np.float64]
 
-TURNS = 2  #: of the main drive that are shown in full
+TURNS = 2  #: of the main drive that are shown in full; of a machine that repeats one will do
 _BLOCK = 4096  # segments at once
-_FEWEST, _MOST_PLACES = 5, 33  # in each segment
+_FEWEST = 4  # places in each
+_PER_TURN = 400  # places at least
 _LEAVE = 't', 'mode', 'closed', 'energy.drive_work', 'energy.dissipated'
 
 
@@ -54,23 +55,37 @@ class Window:
         readings of cams, gears and Geneva drives, named after their nodes; ``oscillator.NAME.x``
         and so on of frames on springs.
         """
-        first, last = self.record.piece.motion.curve.locate(np.array([self.start, self.end]))
-        count = int(last - first) + 1
-        places = min(max(MOST // (2 * count), _FEWEST), _MOST_PLACES)
-        blocks = self._blocks(np.arange(first, last + 1), np.linspace(0.0, 1.0, places))
-        lines = thinned(blocks, count * places, (self.start, self.end))
+        curve = self.record.piece.motion.curve
+        first, last = curve.locate(np.array([self.start, self.end]))
+        segments = np.arange(first, last + 1)
+        low = np.maximum(self.start - curve.start[segments], 0.0)
+        high = np.minimum(self.end - curve.start[segments], curve.duration[segments])
+        high = np.maximum(high, low)
+        counts = np.maximum(np.ceil((high - low) / self._longest).astype(int) + 1, _FEWEST)
+        blocks = self._blocks(segments, low, high, counts)
+        lines = thinned(blocks, int(counts.sum()), (self.start, self.end))
         return dict(zip(self._names, lines, strict=True))
 
+    @property
+    def _longest(self) -> float:
+        """Time from one place to the next at most [s]."""
+        record = self.record
+        if record.has_turns:
+            return 1.0 / (abs(record.rate) * _PER_TURN)
+        return (self.end - self.start) / (MOST // 2)
+
     def _blocks(
-        self, segments: NDArray[np.intp], fractions: Array
+        self, segments: NDArray[np.intp], low: Array, high: Array, counts: NDArray[np.intp]
     ) -> Iterator[tuple[Array, Array]]:
         curve = self.record.piece.motion.curve
         for first in range(0, len(segments), _BLOCK):
-            k = segments[first : first + _BLOCK]
-            low = np.maximum(self.start - curve.start[k], 0.0)
-            high = np.maximum(np.minimum(self.end - curve.start[k], curve.duration[k]), low)
-            dt = low[:, None] + (high - low)[:, None] * fractions
-            t = np.clip((curve.start[k, None] + dt).ravel(), self.start, self.end)
+            chosen = slice(first, first + _BLOCK)
+            n = counts[chosen]
+            of = np.repeat(np.arange(len(n)), n)
+            share = (np.arange(len(of)) - np.repeat(np.cumsum(n) - n, n)) / (n - 1)[of]
+            dt = low[chosen][of] + (high - low)[chosen][of] * share
+            k = segments[chosen][of]
+            t = np.clip(curve.start[k] + dt, self.start, self.end)
             columns = self._columns(k, dt, t)
             self._names = list(columns)
             yield t, np.array(list(columns.values()), np.float64)
@@ -98,9 +113,9 @@ class Window:
                 found |= {f'{node}.{joint.name}.{field}': x for field, x in reading.items()}
         for name, frame in self._frames.items():
             states = frame(t)
-            found |= {f'oscillator.{name}.{c}': x for c, x in zip('xy', states.position, strict=False)}
-            forces = zip(('force_x', 'force_y'), states.mount_force, strict=False)
-            found |= {f'oscillator.{name}.{c}': x for c, x in forces}
+            rows = (*states.position[:2], *states.mount_force[:2])
+            fields = zip(('x', 'y', 'force_x', 'force_y'), rows, strict=True)
+            found |= {f'oscillator.{name}.{field}': x for field, x in fields}
         return found
 
 
@@ -128,14 +143,15 @@ class Course:
         self.detail = self.run
         if record.has_turns:
             first, last = record.whole_turns(skip)
-            self.turns = max(first, last - TURNS), last
+            count = TURNS if record.machine.dynamic else 1
+            self.turns = max(first, last - count), last
             start, end = record.times_at(np.array(self.turns, float)).tolist()
             self.detail = Window(record, start, end, self._frames)
 
     @property
     def long(self) -> bool:
         """Whether the run is so much longer than its detail that both are worth a chart."""
-        return self.run.end - self.run.start > 1.5 * (self.detail.end - self.detail.start)
+        return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
 
     @cached_property
     def ideal(self) -> Window | None:

@@ -14,7 +14,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart
 from mechanism_sim.pages.charts.style import brief, chart, colour, dash, pale, places, written
-from mechanism_sim.pages.charts.thinning import Line
+from mechanism_sim.pages.charts.thinning import MOST, Line
 from mechanism_sim.report.cycle import for_people
 
 Array = NDArray[np.float64]
@@ -148,9 +148,11 @@ def over_time(
     shown, scale = for_people(unit)
     figure = chart('time [s]', axis_title(words, unit), **layout)
     figure.update_xaxes(range=[window.start, window.end])
-    drawn = [c for c in curves if c.column in window.lines]
-    for c in drawn:
-        line = window.lines[c.column]
+    lines = {c: window.lines[c.column] for c in curves if c.column in window.lines}
+    # the widest first: in a long run it covers what is drawn before it
+    drawn = sorted(lines, key=lambda c: -np.ptp(lines[c].values))
+    for c in drawn if len(lines[drawn[0]].at) >= MOST // 2 else lines:
+        line = lines[c]
         figure.add_scatter(
             x=places(line.at),
             y=brief(scale * line.values),

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
+import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
@@ -73,7 +74,7 @@ def _terms(record: Record, t: Array) -> Array:
     return np.array([o.kinetic_energy, o.potential_energy, s.drive_work, s.dissipated])
 
 
-def _add(figure, lines: dict[str, Line], course: Course) -> None:
+def _add(figure: go.Figure, lines: dict[str, Line], course: Course) -> None:
     figure.update_xaxes(range=[course.run.start, course.run.end])
     for i, (name, line) in enumerate(lines.items()):
         if not np.isfinite(line.values).all():

@@ -11,7 +11,13 @@ from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import (
-    INK, MUTED, brief, chart, colour, dash, pale, polar, written,
+    INK,
+    brief,
+    chart,
+    colour,
+    pale,
+    polar,
+    written,
 )  # fmt: skip
 from mechanism_sim.planar.mechanism import Revolute
 
@@ -32,7 +38,9 @@ def impacts(course: Course, skip: int) -> Section | None:
         return None
     charts = []
     if course.long:
-        charts.append(_stems(course, struck, course.detail, 'Impacts in the last turns', 'impacts'))
+        charts.append(
+            _stems(course, struck, course.detail, 'Impacts in the last turns', 'impacts')
+        )
     charts.append(_stems(course, struck, course.run, 'Impacts in the whole run', 'impacts-run'))
     hit = {i.joint for i in struck}
     for joint in record.loose_joints:
@@ -97,7 +105,9 @@ def _places(course: Course) -> list[tuple[str, int, bool]]:
     found = []
     for name in physics.clearances:
         joint = name if name in physics.joints else name.rpartition('_')[0]
-        found.append((name, physics.joints.index(joint), name.endswith('_right') and joint != name))
+        found.append(
+            (name, physics.joints.index(joint), name.endswith('_right') and joint != name)
+        )
     return found
 
 
@@ -130,13 +140,25 @@ def _rose(course: Course, rose: Rose, on_pin: bool) -> Chart:
     y = rose.largest
     figure.add_scatterpolar(
         r=brief(impulse[y]), theta=brief(degrees[y]), customdata=rose.time[y],
-        text=[f'Y{i}' for i in range(1, len(y) + 1)], mode='markers+text',
+        text=_labels(impulse[y], np.radians(degrees[y])), mode='markers+text',
         textposition='top center', textfont={'size': 10, 'color': INK},
         marker={'color': shade, 'size': 5}, name='hardest',
-        hovertemplate='%{text}<br>%{r:.5g} mN s<br>%{theta:.2f} deg<br>%{customdata:.9g} s',
+        hovertext=[f'Y{i}' for i in range(1, len(y) + 1)],
+        hovertemplate='%{hovertext}<br>%{r:.5g} mN s<br>%{theta:.2f} deg<br>%{customdata:.9g} s',
     )  # fmt: skip
     title = f'{rose.joint}: impacts on the {part}, seen from the {link}'
     return Chart(f'rose-{rose.joint}-{part}', title, written(figure), 'polar', rose.joint)
+
+
+def _labels(size: Array, direction: Array) -> list[str]:
+    """Y1, Y2, ..., but nothing where it would lie on one before."""
+    place, found = size * np.exp(1j * direction), []
+    kept: list[complex] = []
+    for i, here in enumerate(place.tolist(), 1):
+        free = all(abs(here - other) > 0.15 * size.max() for other in kept)
+        found.append(f'Y{i}' if free else '')
+        kept += [here] if free else []
+    return found
 
 
 def _wear(course: Course, joint: str, skip: int) -> list[Chart]:
@@ -147,7 +169,8 @@ def _wear(course: Course, joint: str, skip: int) -> list[Chart]:
     if not any(m.load_way.any() for m in maps):
         return []
     return [
-        _map(course, joint, part, wear) for part, wear in zip(('bushing', 'pin'), maps, strict=True)
+        _map(course, joint, part, wear)
+        for part, wear in zip(('bushing', 'pin'), maps, strict=True)
     ]
 
 

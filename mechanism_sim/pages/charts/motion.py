@@ -70,16 +70,16 @@ def forces(course: Course) -> Section | None:
         charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
     charts += [_hodograph(course, joint, i) for i, joint in enumerate(joints)]
     text = (
-        f'{over(course)} Round charts show the force as a vector in the world: '
+        'Round charts show the force as a vector in the world: '
         'that of the first-named on the second-named link of the joint, without the impulses of '
         'impacts.'
     )
-    return Section('forces', 'Joint forces', text.strip(), tuple(charts))
+    return Section('forces', 'Joint forces', text, tuple(charts))
 
 
 def _hodograph(course: Course, joint: str, number: int) -> Chart:
     """The force of a joint as a vector in the world."""
-    figure = polar('force [N]', showlegend=False)
+    figure = polar('[N]', showlegend=False)
     shade = colour(number)
     if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
         _, size, direction = _vector(course.ideal, joint)
@@ -99,7 +99,7 @@ def _hodograph(course: Course, joint: str, number: int) -> Chart:
 
 
 def _vector(window: Window, joint: str) -> tuple[Array, Array, Array]:
-    """Times [s], size [N] and direction [deg] of a force, at the places of the line of its size."""
+    """Times [s], size [N] and direction [deg] of a force, where the line of its size is."""
     record = window.record
     t = np.unique(window.lines[f'reaction.{joint}.size'].at)
     seen = record.piece.physics.observe(record.piece.motion, *record.piece.motion.curve.find(t))
@@ -127,7 +127,7 @@ def drive(course: Course) -> Section | None:
             if course.turns and course.long:
                 title += ' over the whole run'
                 charts.append(over_time(course, f'{key}-run', title, curves, word, unit))
-    return Section('drive', 'Drive', over(course), tuple(charts))
+    return Section('drive', 'Drive', '', tuple(charts))
 
 
 def guides(course: Course) -> Section | None:
@@ -142,7 +142,9 @@ def guides(course: Course) -> Section | None:
         return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
 
     charts = (
-        over_drive(course, 'guides-force', 'Force across each guide', curves('size'), 'force', 'N'),
+        over_drive(
+            course, 'guides-force', 'Force across each guide', curves('size'), 'force', 'N'
+        ),
         over_drive(
             course, 'guides-moment', 'Moment in each guide', curves('moment'), 'moment', 'N m'
         ),

@@ -68,13 +68,7 @@ def _drawn(machine: Machine, node: str, joint: Joint) -> tuple[_Drawn, ...]:
         return (('torques', torques, 'torque', 'N m'),) if forces else ()
     error: _Drawn = ('transmission error', {'transmission_error': 'error'}, 'error', 'm')
     force: _Drawn = ('tooth force', {'tooth_force': 'tooth force'}, 'force', 'N')
-    side: _Drawn = ('which flanks carry: 1 left, 2 right, 3 none', {'mode': 'flanks'}, 'flanks', '')
-    carries = (side,) if joint.name not in machine.mechanism.cut or _plays(machine, joint) else ()
-    return (error, force, *carries) if forces else (error,)
-
-
-def _plays(machine: Machine, joint: Joint) -> bool:
-    return any(name.startswith(f'{joint.name}_') for name in machine.physics.clearances)
+    return (error, force) if forces else (error,)
 
 
 def _cam(joint: CamPair, forces: bool) -> tuple[_Drawn, ...]:
@@ -99,17 +93,15 @@ def _oscillators(course: Course) -> Section:
             ]
             if not curves:
                 continue
-            key = f'oscillator-{name}-{words}'
-            window = course.detail if course.long else None
-            when = ' in the last turns' if window else ''
-            charts.append(
-                over_time(course, key, f'{name}: {title}{when}', curves, words, unit, name, window)
-            )
-            if window:
-                title += ' over the whole run'
-                charts.append(
-                    over_time(course, f'{key}-run', f'{name}: {title}', curves, words, unit, name)
+            key, head = f'oscillator-{name}-{words}', f'{name}: {title}'
+            about = words, unit, name
+            if course.long:
+                found = over_time(
+                    course, key, f'{head} in the last turns', curves, *about, course.detail
                 )
+                charts.append(found)
+            head = f'{head} over the whole run'
+            charts.append(over_time(course, f'{key}-run', head, curves, *about))
     text = (
         'How far each frame is from where its mounts carry it alone, and what its mounts transmit '
         'to the ground, less its own weight.'

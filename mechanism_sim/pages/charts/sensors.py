@@ -12,7 +12,12 @@ from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import (
-    MUTED, brief, chart, colour, places, written,
+    MUTED,
+    brief,
+    chart,
+    colour,
+    places,
+    written,
 )  # fmt: skip
 from mechanism_sim.pages.charts.thinning import Line, thin
 
@@ -57,9 +62,7 @@ def sensors(course: Course, skip: int) -> Section | None:
     return Section('sensors', 'Sensors', text, tuple(charts))
 
 
-def _signal(
-    signal: Signal, span: tuple[float, float], shade: str, title: str, key: str
-) -> Chart:
+def _signal(signal: Signal, span: tuple[float, float], shade: str, title: str, key: str) -> Chart:
     figure = chart('time [s]', f'{signal.quantity} [{signal.unit}]', showlegend=False)
     figure.update_xaxes(range=list(span))
     for t, run in zip(signal.times, signal.runs, strict=True):
@@ -81,7 +84,7 @@ def _density(name: str, line: Spectral, rate: float | None, shade: str) -> Chart
     x, y = found.frequency[shown], found.values[shown]
     low, high = np.log10([x[0], x[-1]])
     thinned = thin(Line(np.log10(x), y), 2000)
-    figure.update_xaxes(type='log', range=[low, high])
+    figure.update_xaxes(type='log', range=[low, high], dtick=1, tickformat='~g')
     if highest:
         ends = np.log10([_DECADES * highest, 3.0 * highest])
         figure.update_yaxes(type='log', range=ends.tolist())

@@ -18,7 +18,7 @@ COLOURS = (
 )  # fmt: skip
 """Of lines, in this order; told apart by those who see few colours, and in grey by lightness."""
 
-MODES = {
+MODES: dict[int, tuple[str, str]] = {
     Mode.UNKNOWN: ('unknown', '#dfe3e8'),
     Mode.FREE_FLIGHT: ('free flight', '#f2b36b'),
     Mode.FOLLOWING: ('following', '#7fa6cf'),
@@ -98,9 +98,7 @@ def chart(x: str, y: str, **layout: Any) -> go.Figure:
 def polar(radial: str, **layout: Any) -> go.Figure:
     """An empty figure over directions, with the radial axis named."""
     margin = {'l': 36, 'r': 36, 't': 30, 'b': 30}
-    figure = go.Figure(
-        layout={'template': TEMPLATE, 'height': 320, 'margin': margin, **layout}
-    )
+    figure = go.Figure(layout={'template': TEMPLATE, 'height': 320, 'margin': margin, **layout})
     figure.update_polars(radialaxis_title={'text': radial, 'font': {'size': 11, 'color': MUTED}})
     return figure
 

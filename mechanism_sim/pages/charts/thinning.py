@@ -37,7 +37,7 @@ class Extremes:
         self._at_least, self._at_largest = np.zeros((2, bins, rows))
 
     def add(self, at: Array, values: Array) -> None:
-        """Enter values (C, N) at places (N,) that do not fall; those without a number count not."""
+        """Enter values (C, N) at places (N,) that do not fall; what is no number is left out."""
         bins = len(self._least)
         of = np.clip(((at - self._start) * self._per_place).astype(np.intp), 0, bins - 1)
         firsts = np.flatnonzero(np.diff(of, prepend=-1))
