@@ -65,11 +65,13 @@ class Record:
     ----------
     piece : its motion and events; sampled as a solution is
     signals : of the accelerometers by name, as far as they are recorded or were asked for
+    audit : of the motion and its impacts, where the record was read from a bag
     """
 
     machine: Machine
     piece: Piece
     signals: dict[str, Signal]
+    audit: Audit | None = None
 
     @property
     def start(self) -> float:
@@ -304,11 +306,12 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         else:
             sensors.setdefault(message.sensor, SignalCollector()).add(message)
     motion = _joined(bag, motions)
-    work = Audit(machine.physics).add(motion, impacts)
+    audit = Audit(machine.physics)
     impacts = _with_work(machine, motion, impacts)
+    work = audit.add(motion, impacts)
     piece = Piece(machine.physics, motion, Books(work, impacts), impacts, changes)
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
-    return Record(machine, piece, signals)
+    return Record(machine, piece, signals, audit)
 
 
 _WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'

@@ -50,7 +50,7 @@ def _report(options: argparse.Namespace) -> int:
     digest = record.digest()
     record = record.between(options.start, options.end)
     with progress.bar('report', record.end, quiet=options.json) as show:
-        text = report.page(record, [], source, digest, show)
+        text = report.page(record, source, digest, show)
     report.write(text, file)
     if options.json:
         print_json(

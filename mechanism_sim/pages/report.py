@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +16,7 @@ from plotly.offline import get_plotlyjs
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
+from mechanism_sim.pages.charts import Section, sections
 from mechanism_sim.pages.recorded import Recorded, recorded
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'report'
@@ -33,7 +34,6 @@ class Fact:
 
 def page(
     record: Record,
-    sections: Sequence[Any] = (),
     source: str = '',
     digest: str = '',
     show: Callable[[float, int], None] | None = None,
@@ -42,7 +42,6 @@ def page(
 
     Parameters
     ----------
-    sections : of charts
     source : the file it was recorded in
     digest : of the whole run, where this is a part of one
     show : called now and then, see `recorded`
@@ -50,7 +49,8 @@ def page(
     run = recorded(record, show)
     scene = record.machine.scene
     data = json.dumps({**run.to_json(), 'turn': _turn(record, run)}, allow_nan=False)
-    charts = {chart.key: chart.figure for section in sections for chart in section.charts}
+    parts = sections(record)
+    charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
         version=version('mechanism_sim'),
@@ -58,14 +58,14 @@ def page(
         scene=record.machine.name,
         description=scene.description.strip(),
         facts=_facts(record, source, digest or record.digest(), run),
-        sections=[_section(section) for section in sections],
+        sections=[_section(part) for part in parts],
         bearings=[joint.name.replace('_', ' ') for joint in run.stage.bearings],
         forces=bool(run.stage.joints),
         style=Markup(asset('style.css')),  # noqa: S704 - ours
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),
         charts=embedded(charts),
-        plotly=Markup(get_plotlyjs()) if sections else '',  # noqa: S704 - a library's own file
+        plotly=Markup(get_plotlyjs()) if charts else '',  # noqa: S704 - a library's own file
     )
 
 
@@ -113,7 +113,7 @@ def _facts(record: Record, source: str, digest: str, run: Recorded) -> list[Fact
     span = f'{record.start:.6g} s to {record.end:.6g} s'
     if not record.slides:
         turned = np.diff(record.turned(np.array([record.start, record.end])))[0]
-        span += f', {turned:.4g} turns of {machine.main.replace("_", " ")}'
+        span += f', {turned:.4g} turn{"s" * (turned != 1.0)} of {machine.main.replace("_", " ")}'
     facts = [Fact('Time', span), Fact('Model', machine.level.value)]
     if machine.clearances:
         fewer = f', the hardest {len(run.impacts)} shown' if run.left_out else ''
@@ -123,7 +123,7 @@ def _facts(record: Record, source: str, digest: str, run: Recorded) -> list[Fact
     return [*facts, Fact('Recorded in', source)] if source else facts
 
 
-def _section(section: Any) -> dict[str, Any]:
+def _section(section: Section) -> dict[str, Any]:
     """A section as the template needs it: with the height of its charts."""
     charts = [
         {
@@ -134,4 +134,10 @@ def _section(section: Any) -> dict[str, Any]:
         }
         for chart in section.charts
     ]
-    return {'key': section.key, 'title': section.title, 'text': section.text, 'charts': charts}
+    return {
+        'key': section.key,
+        'title': section.title,
+        'text': section.text,
+        'charts': charts,
+        'rows': section.rows,
+    }
