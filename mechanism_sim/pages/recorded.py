@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,6 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     ----------
     show : called now and then with the time [s] up to which frames are made, and impacts so far
     """
-    physics = record.machine.physics
     seen, _ = _observe(record, np.linspace(record.start, record.end, _SEEN))
     stage = stage_of(record.machine, seen)
     most = min(MOST, _BYTES // _size(stage))
@@ -124,7 +123,7 @@ def instants(record: Record, most: int = MOST) -> Array:
     dense = (speed * weights).max(axis=1) + _LEAST / (record.end - record.start)
     passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
     count = min(int(passed[-1]) + 1, most)
-    return np.interp(np.linspace(0.0, passed[-1], count), passed, t)
+    return np.asarray(np.interp(np.linspace(0.0, passed[-1], count), passed, t))
 
 
 def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:

@@ -73,13 +73,14 @@ export class Recording {
     };
   }
 
-  /** The places [m] of a pin over the last turn of the drive up to t, or over `span` [s]. */
+  /** The places [m] of a pin over the last turn of the drive up to t, but no more than `span` [s]. */
   path(bearing, t, span) {
     const i = search(this.t, t);
     const now = this.drive[i];
     let first = i;
-    while (first > 0 && (span ? t - this.t[first] < span
-      : Math.abs(this.drive[first] - now) < TURN)) first -= 1;
+    const far = this.slides ? Infinity : TURN;
+    while (first > 0 && t - this.t[first] < span
+      && Math.abs(this.drive[first] - now) < far) first -= 1;
     const places = [];
     for (let k = first; k <= i; k += 1) {
       const at = (k * this.bearings + bearing) * 2;
@@ -144,18 +145,11 @@ export class Player {
     const { t } = this.frames;
     const apart = 1e-9 * (this.frames.end - this.frames.start);
     this.playing = false;
-    let [i, left] = [search(t, this.now), Math.abs(count)];
-    const way = Math.sign(count);
-    let from = this.now;
-    while (left > 0 && i + way >= 0 && i + way < t.length) {
-      if (way < 0 && from - t[i] > apart) i += 1; // between two of them
-      i += way;
-      if (Math.abs(t[i] - from) > apart) {
-        left -= 1;
-        from = t[i];
-      }
+    for (let left = Math.abs(count); left > 0; left -= 1) {
+      const i = count > 0 ? search(t, this.now + apart) + 1 : search(t, this.now - apart);
+      this.now = t[Math.min(i, t.length - 1)];
     }
-    this.seek(t[i]);
+    this.seek(this.now);
   }
 
   #tick(wall) {

@@ -32,6 +32,7 @@ export class Stage {
     svg.setAttribute('role', 'img');
     svg.setAttribute('aria-label', stage.title);
     this.svg = svg;
+    this.pixel = 1;
     this.#machine();
     this.arrows = this.#layer('forces', stage.joints.length, 'path', { class: 'force' });
     this.flashes = this.#layer('impacts', Math.max(stage.bearings.length, stage.joints.length),
@@ -40,6 +41,8 @@ export class Stage {
       add(this.arrows[i], 'title').textContent = `force of ${words(joint.first)} on ${
         words(joint.link)} in ${words(joint.name)}`;
     });
+    new ResizeObserver(() => this.#measure()).observe(svg);
+    this.#measure();
   }
 
   /** Shows or hides a layer: 'forces', 'names' or 'impacts'. */
@@ -61,6 +64,7 @@ export class Stage {
 
   /** @param {Frame} frame */
   show(frame) {
+    this.frame = frame;
     for (const { group, link } of this.moving) {
       const [x, y, angle] = this.#pose(frame, link);
       const [px, py] = this.point([x, y]);
@@ -72,14 +76,22 @@ export class Stage {
       const [from, to] = ends.map(([link, at]) => this.place(frame, link, at));
       path.setAttribute('d', line(zigzag(from, to, 0.9 * SYMBOL)));
     }
-    for (const { text, link, at, aside } of this.names) {
+    for (const name of this.names) {
+      const { text, link, at } = name;
       const [x, y] = this.place(frame, link, at);
-      const [ax, ay] = this.#outward(frame, link, aside, [x, y]);
+      const [ax, ay] = this.#outward(frame, name, [x, y]);
       text.setAttribute('x', (x + ax).toFixed(2));
       text.setAttribute('y', (y + ay).toFixed(2));
     }
     this.#forces(frame);
     this.#impacts(frame);
+  }
+
+  /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
+  #measure() {
+    this.pixel = 1 / (this.svg.getScreenCTM()?.a || 1);
+    this.svg.style.setProperty('--pixel', this.pixel.toFixed(3));
+    if (this.frame) this.show(this.frame);
   }
 
   #pose(frame, link) {
@@ -141,16 +153,18 @@ export class Stage {
   }
 
   /** Where a name stands beside a bar: across, away from the middle of the drawing. */
-  #outward(frame, link, aside, [x, y]) {
+  #outward(frame, { text, link, aside }, [x, y]) {
     if (!aside) return [0, 0];
     const far = Math.hypot(...aside);
-    if (!far) return [0, -2.6 * SYMBOL];
+    if (!far) return [0, -1.6 * SYMBOL - 9 * this.pixel];
     const angle = this.#pose(frame, link)[2];
     const [c, s] = [Math.cos(angle), Math.sin(angle)];
     const [ax, ay] = [(c * aside[0] - s * aside[1]) / far, -(s * aside[0] + c * aside[1]) / far];
     const { width, height } = this.svg.viewBox.baseVal;
     const away = ax * (x - 0.5 * width) + ay * (y - 0.5 * height) < 0 ? -1 : 1;
-    return [away * ax * 2.4 * SYMBOL, away * ay * 1.6 * SYMBOL];
+    const room = 0.5 * BAR + 3 * this.pixel;
+    const half = 3.6 * text.textContent.length * this.pixel; // of its width, about
+    return [away * ax * (room + half), away * ay * (room + 7 * this.pixel)];
   }
 
   #forces(frame) {
@@ -160,7 +174,7 @@ export class Stage {
       const from = joint.foot === undefined ? this.place(frame, joint.link, joint.at)
         : this.point(frame.feet[joint.foot]);
       const to = [from[0] + scale * fx, from[1] - scale * fy];
-      this.arrows[i].setAttribute('d', arrow(from, to, 0.22 * SYMBOL));
+      this.arrows[i].setAttribute('d', arrow(from, to, 2.2 * Math.max(1, 0.75 * this.pixel)));
     });
   }
 
@@ -191,9 +205,8 @@ const PAINTERS = {
   rail(group, points, ground) {
     if (ground) hatched(group, points);
     else {
-      for (const [name, width] of [['ink', 0.6], ['inside', 0.3]]) {
-        add(group, 'path', { d: line(points), class: `stroke ${name}`, 'stroke-width': width * BAR });
-      }
+      stroke(group, line(points), 'ink', 0.6 * BAR);
+      stroke(group, line(points), 'inside', 0.6 * BAR, 2);
     }
   },
   support(group, [[x, y]]) {
@@ -214,15 +227,15 @@ const PAINTERS = {
     const closed = points.length > 2;
     const d = line(points, closed);
     if (closed) add(group, 'path', { d, class: 'plate' });
-    add(group, 'path', { d, class: 'stroke ink round', 'stroke-width': BAR });
-    add(group, 'path', { d, class: 'stroke fill round', 'stroke-width': BAR - 2 });
+    stroke(group, d, 'ink round', BAR);
+    stroke(group, d, 'fill round', BAR, 2);
   },
   slot(group, points) {
-    const width = 1.7 * BAR;
-    for (const [name, w] of [['ink', width], ['fill', width - 2], ['ink', 0.8 * width],
-      ['inside', 0.8 * width - 2]]) {
-      add(group, 'path', { d: line(points), class: `stroke ${name} round`, 'stroke-width': w });
-    }
+    const d = line(points);
+    stroke(group, d, 'ink round', 1.7 * BAR);
+    stroke(group, d, 'fill round', 1.7 * BAR, 2);
+    stroke(group, d, 'ink round', 1.36 * BAR);
+    stroke(group, d, 'inside round', 1.36 * BAR, 2);
   },
   slider(group, points) {
     add(group, 'path', { d: line(points, true), class: 'slider' });
@@ -231,6 +244,12 @@ const PAINTERS = {
     add(group, 'circle', { cx: x.toFixed(2), cy: y.toFixed(2), r: 0.62 * SYMBOL, class: 'pin' });
   },
 };
+
+/** A thick line, less so many edges. */
+function stroke(group, d, name, width, edges = 0) {
+  add(group, 'path', { d, class: `stroke ${name}`,
+    style: `stroke-width: calc(${width.toFixed(2)}px - ${edges} * var(--edge))` });
+}
 
 /** A line of the frame, with strokes below it; a rail's strokes begin under its runner. */
 function hatched(group, [start, end], gap = 1.1 * SYMBOL) {

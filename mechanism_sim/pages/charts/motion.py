@@ -1,0 +1,153 @@
+"""How a machine moves, and what its drives and joints bear: charts over the drive's angle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.pages.charts.course import Course, Window
+from mechanism_sim.pages.charts.curves import Curve, over_drive, over_time
+from mechanism_sim.pages.charts.section import Chart, Section
+from mechanism_sim.pages.charts.style import brief, colour, pale, polar, written
+from mechanism_sim.planar.mechanism import Prismatic
+
+Array = NDArray[np.float64]
+
+_KINDS = {
+    'position': ('Angles', 'Displacements'),
+    'velocity': ('Angular velocities', 'Velocities'),
+    'acceleration': ('Angular accelerations', 'Accelerations'),
+}
+
+
+def over(course: Course) -> str:
+    """In words, what is to be seen over which turns."""
+    if course.turns is None:
+        return ''
+    first, last = course.turns
+    main, count = course.record.machine.main, last - first
+    turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
+    found = f'{turns} of the {main}'
+    if count > 1:
+        found += ', the latest strong and the one before it faint'
+    if course.ideal is not None:
+        found += '; the thick pale line is the same machine with ideal joints'
+    return f'{found}.'
+
+
+def motion(course: Course) -> Section:
+    """Angles, rates and accelerations of all coordinates."""
+    machine = course.record.machine
+    physics, charts = machine.physics, []
+    for kind, titles in _KINDS.items():
+        for straight, title in zip((False, True), titles, strict=True):
+            curves = [
+                Curve(f'{kind}.{c}', c, i)
+                for i, c in enumerate(physics.coordinates)
+                if (c in physics.displacements) == straight
+                and not (kind == 'position' and c == machine.main and course.turns)
+            ]
+            if curves:
+                unit = unit_of(machine, curves[0].column)
+                key = f'motion-{kind}-{"straight" if straight else "turning"}'
+                words = title.lower()[:-1].replace('velocitie', 'velocity')
+                charts.append(over_drive(course, key, title, curves, words, unit))
+    return Section('motion', 'Motion', over(course), tuple(charts))
+
+
+def forces(course: Course) -> Section | None:
+    """Forces in all joints: their size, and as vectors."""
+    machine = course.record.machine
+    if not machine.physics.has_forces:
+        return None
+    joints = machine.physics.joints
+    curves = [Curve(f'reaction.{j}.size', j, i) for i, j in enumerate(joints)]
+    title = 'Force in each joint'
+    charts = [over_drive(course, 'forces', title, curves, 'force', 'N', height=340)]
+    if course.turns and course.long:
+        title = 'Force in each joint over the whole run'
+        charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
+    charts += [_hodograph(course, joint, i) for i, joint in enumerate(joints)]
+    text = (
+        'Round charts show the force as a vector in the world: '
+        'that of the first-named on the second-named link of the joint, without the impulses of '
+        'impacts.'
+    )
+    return Section('forces', 'Joint forces', text, tuple(charts))
+
+
+def _hodograph(course: Course, joint: str, number: int) -> Chart:
+    """The force of a joint as a vector in the world."""
+    figure = polar('[N]', showlegend=False)
+    shade = colour(number)
+    if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
+        _, size, direction = _vector(course.ideal, joint)
+        figure.add_scatterpolar(
+            r=brief(size), theta=brief(direction), mode='lines', hoverinfo='skip',
+            line={'color': pale(shade), 'width': 6}, name='ideal machine',
+        )  # fmt: skip
+    t, size, direction = _vector(course.detail, joint)
+    figure.add_scatterpolar(
+        r=brief(size), theta=brief(direction), customdata=t, mode='lines', name=joint,
+        line={'color': shade, 'width': 1.2},
+        hovertemplate='%{r:.5g} N<br>%{theta:.1f} deg<br>%{customdata:.6f} s',
+    )  # fmt: skip
+    pair = course.record.machine.mechanism.joint(joint)
+    title = f'{joint}: {pair.first} on {pair.second}'
+    return Chart(f'forces-{joint}', title, written(figure), 'polar', joint)
+
+
+def _vector(window: Window, joint: str) -> tuple[Array, Array, Array]:
+    """Times [s], size [N] and direction [deg] of a force, where the line of its size is."""
+    record = window.record
+    t = np.unique(window.lines[f'reaction.{joint}.size'].at)
+    seen = record.piece.physics.observe(record.piece.motion, *record.piece.motion.curve.find(t))
+    x, y = seen.reaction[record.piece.physics.joints.index(joint)]
+    return t, np.hypot(x, y), np.degrees(np.arctan2(y, x))
+
+
+def drive(course: Course) -> Section | None:
+    """Torque or force of every drive."""
+    machine = course.record.machine
+    physics = machine.physics
+    if not physics.has_forces or not physics.driven:
+        return None
+    charts, names = [], physics.coordinates
+    for straight, word in ((False, 'torque'), (True, 'force')):
+        curves = [
+            Curve('drive_torque' if not i else f'drive_torque.{c}', c, names.index(c))
+            for i, c in enumerate(physics.driven)
+            if (c in physics.displacements) == straight
+        ]
+        if curves:
+            unit = 'N' if straight else 'N m'
+            key, title = f'drive-{word}', f'Drive {word}'
+            charts.append(over_drive(course, key, title, curves, word, unit))
+            if course.turns and course.long:
+                title += ' over the whole run'
+                charts.append(over_time(course, f'{key}-run', title, curves, word, unit))
+    return Section('drive', 'Drive', '', tuple(charts))
+
+
+def guides(course: Course) -> Section | None:
+    """Moments that guides transmit."""
+    machine = course.record.machine
+    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic)]
+    if not machine.physics.has_forces or not joints:
+        return None
+
+    def curves(kind: str) -> list[Curve]:
+        names = machine.physics.joints
+        return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
+
+    charts = (
+        over_drive(
+            course, 'guides-force', 'Force across each guide', curves('size'), 'force', 'N'
+        ),
+        over_drive(
+            course, 'guides-moment', 'Moment in each guide', curves('moment'), 'moment', 'N m'
+        ),
+    )
+    text = 'The moment of the first-named on the second-named link, about the point that slides.'
+    return Section('guides', 'Guides', text, charts)
