@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _SINGLE = 400  # spells of one mode that are drawn one by one
 _SHARES = 400  # bins of which the shares of modes are drawn if there are more
+_SHUT = 1e-12  # [m], never opened
 _BAND = 0.13  # height of the band of modes
 
 
@@ -68,6 +69,8 @@ def _chart(
     figure.update_xaxes(range=[window.start, window.end], anchor=f'y{len(names) + 1}')
     low = _BAND * len(names)
     figure.update_layout(yaxis_domain=[low + 0.05, 1.0], yaxis_rangemode='tozero')
+    if max(np.abs(window.lines[f'gap.{name}'].values).max() for name in names) < _SHUT:
+        figure.update_layout(yaxis_range=[0.0, 1e-3])  # do not make a picture of rounding
     number = course.record.machine.physics.joints.index(joint)
     for i, name in enumerate(names):
         line = window.lines[f'gap.{name}']

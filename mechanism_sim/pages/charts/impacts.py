@@ -37,7 +37,7 @@ def impacts(course: Course, skip: int) -> Section | None:
     if not struck:
         return None
     charts = []
-    if course.long:
+    if course.long and any(course.detail.start <= i.t <= course.detail.end for i in struck):
         charts.append(
             _stems(course, struck, course.detail, 'Impacts in the last turns', 'impacts')
         )

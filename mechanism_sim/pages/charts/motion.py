@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.curves import Curve, over_drive, over_time
 from mechanism_sim.pages.charts.section import Chart, Section
@@ -59,6 +60,11 @@ def motion(course: Course) -> Section:
                 key = f'motion-{kind}-{"straight" if straight else "turning"}'
                 words = title.lower()[:-1].replace('velocitie', 'velocity')
                 charts.append(over_drive(course, key, title, curves, words, unit))
+    main = machine.main
+    speed = Curve(f'velocity.{main}', main, physics.coordinates.index(main))
+    if course.turns and course.long and _varies(course, speed):
+        title = f'Speed of the {main} over the whole run'
+        charts.append(over_time(course, 'motion-speed-run', title, [speed], 'speed', 'rad/s'))
     return Section('motion', 'Motion', over(course), tuple(charts))
 
 
@@ -148,23 +154,25 @@ def drive(course: Course) -> Section | None:
 
 
 def guides(course: Course) -> Section | None:
-    """Moments that guides transmit."""
+    """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
-    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic)]
+    names = machine.physics.joints
+    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic | PinInSlot)]
     if not machine.physics.has_forces or not joints:
         return None
 
     def curves(kind: str) -> list[Curve]:
-        names = machine.physics.joints
         return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
 
-    charts = (
-        over_drive(
-            course, 'guides-force', 'Force across each guide', curves('size'), 'force', 'N'
-        ),
-        over_drive(
-            course, 'guides-moment', 'Moment in each guide', curves('moment'), 'moment', 'N m'
-        ),
-    )
-    text = 'The moment of the first-named on the second-named link, about the point that slides.'
-    return Section('guides', 'Guides', text, charts)
+    title, text = 'Force across each guide and slot', ''
+    charts = [over_drive(course, 'guides-force', title, curves('size'), 'force', 'N')]
+    if any(isinstance(j, Prismatic) for j in joints):
+        title = 'Moment in each guide'
+        charts.append(
+            over_drive(course, 'guides-moment', title, curves('moment'), 'moment', 'N m')
+        )
+        text = (
+            'The moment is that of the first-named on the second-named link, about the point that '
+            'slides.'
+        )
+    return Section('guides', 'Guides and slots', text, tuple(charts))

@@ -111,11 +111,9 @@ def polar(unit: str, size: Array, direction: Array, **layout: Any) -> go.Figure:
     margin = {'l': 36, 'r': 36, 't': 30, 'b': 30}
     figure = go.Figure(layout={'template': TEMPLATE, 'height': 320, 'margin': margin, **layout})
     figure.update_polars(
-        radialaxis={
-            'title': {'text': f'[{unit}]', 'font': {'size': 11, 'color': MUTED}},
-            'angle': free, 'tickangle': 0,
-        }
-    )  # fmt: skip
+        radialaxis={'angle': free, 'tickangle': free, 'ticksuffix': f' {unit}'},
+        radialaxis_showticksuffix='last',
+    )
     return figure
 
 
