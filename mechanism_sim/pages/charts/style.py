@@ -22,11 +22,11 @@ COLOURS = (
 
 MODES: dict[int, tuple[str, str]] = {
     Mode.UNKNOWN: ('unknown', '#dfe3e8'),
-    Mode.FREE_FLIGHT: ('free flight', '#f2b36b'),
-    Mode.FOLLOWING: ('following', '#7fa6cf'),
-    Mode.STICKING: ('sticking', '#3f6f9f'),
-    Mode.SLIDING_FORWARD: ('sliding forward', '#8cc3a4'),
-    Mode.SLIDING_BACKWARD: ('sliding backward', '#4f9a77'),
+    Mode.FREE_FLIGHT: ('free flight', '#a8cdea'),
+    Mode.FOLLOWING: ('following', '#e6a065'),
+    Mode.STICKING: ('sticking', '#a8500f'),
+    Mode.SLIDING_FORWARD: ('sliding forward', '#f0c896'),
+    Mode.SLIDING_BACKWARD: ('sliding backward', '#cf7d33'),
 }
 """Words and colours of the modes of contact."""
 
