@@ -213,12 +213,12 @@ class Record:
         known = zip(self.piece.physics.clearances, motion.modes[0].tolist(), strict=True)
         changes = [ModeChange(a, name, Mode(mode), Mode.UNKNOWN) for name, mode in known]
         changes += [change for change in self.piece.modes if a < change.t <= b]
-        work = Audit(self.piece.physics).add(motion, impacts)
+        audit = Audit(self.piece.physics)
+        work = audit.add(motion, impacts)
         books = Books(work, impacts, float(before.drive_work[0]), float(before.dissipated[0]))
         signals = {name: s for name, x in self.signals.items() if (s := x.between(a, b))}
-        return Record(
-            self.machine, Piece(self.piece.physics, motion, books, impacts, changes), signals
-        )
+        piece = Piece(self.piece.physics, motion, books, impacts, changes)
+        return Record(self.machine, piece, signals, audit)
 
     def digest(self) -> str:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""

@@ -61,13 +61,13 @@ class Window:
         low = np.maximum(self.start - curve.start[segments], 0.0)
         high = np.minimum(self.end - curve.start[segments], curve.duration[segments])
         high = np.maximum(high, low)
-        counts = np.maximum(np.ceil((high - low) / self._longest).astype(int) + 1, _FEWEST)
+        counts = np.maximum(np.ceil((high - low) / self.longest).astype(int) + 1, _FEWEST)
         blocks = self._blocks(segments, low, high, counts)
         lines = thinned(blocks, int(counts.sum()), (self.start, self.end))
         return dict(zip(self._names, lines, strict=True))
 
     @property
-    def _longest(self) -> float:
+    def longest(self) -> float:
         """Time from one place to the next at most [s]."""
         record = self.record
         if record.has_turns:

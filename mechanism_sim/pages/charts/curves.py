@@ -82,7 +82,7 @@ def _turn(
     figure.add_scatter(
         x=brief(360.0 * (at[inside] - turn)),
         y=brief(scale * values),
-        customdata=line.at[inside],
+        customdata=places(line.at[inside]),
         mode='lines',
         name=c.label,
         legendgroup=c.column,

@@ -119,7 +119,7 @@ def _envelope(name: str, line: Spectral, rate: float | None, shade: str) -> Char
     spectrum = thin(Line(found.frequency[shown], found.values[shown]))
     _add(figure, spectrum, shade, 'Hz', line.unit)
     _mark_orders(figure, rate, 0.0, end, log=False)
-    title = f'{name}: squared envelope from {low:.4g} Hz to {high:.4g} Hz'
+    title = f'{name}: squared envelope from {low:.6g} Hz to {high:.6g} Hz'
     return Chart(f'sensor-{name}-envelope', title, written(figure), 'frequency', name)
 
 
