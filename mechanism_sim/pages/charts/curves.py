@@ -149,8 +149,8 @@ def over_time(
     figure = chart('time [s]', axis_title(words, unit), **layout)
     figure.update_xaxes(range=[window.start, window.end])
     lines = {c: window.lines[c.column] for c in curves if c.column in window.lines}
-    # the widest first: in a long run it covers what is drawn before it
-    drawn = sorted(lines, key=lambda c: -np.ptp(lines[c].values))
+    # in a long run each covers what is drawn before it: the largest come first
+    drawn = sorted(lines, key=lambda c: -np.abs(lines[c].values).max())
     for c in drawn if len(lines[drawn[0]].at) >= MOST // 2 else lines:
         line = lines[c]
         figure.add_scatter(
