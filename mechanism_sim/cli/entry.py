@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.cli import bags, drawings, machines, runs, studies
+from mechanism_sim.cli import bags, drawings, machines, pictures, runs, studies
 from mechanism_sim.cli.options import tell
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import split_ros_args
@@ -61,6 +61,6 @@ def _parser() -> argparse.ArgumentParser:
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
         return sub
 
-    for module in (machines, runs, bags, drawings, studies):
+    for module in (machines, runs, bags, pictures, drawings, studies):
         module.add(command)
     return parser
