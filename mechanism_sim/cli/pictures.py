@@ -18,6 +18,7 @@ from mechanism_sim.cli.options import (
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
+    from mechanism_sim.analysis.asked import Asked
     from mechanism_sim.analysis.record import Record
 
 _SOURCE = 'a bag (.mcap) of a run, or a scene, which is simulated'
@@ -53,6 +54,21 @@ def add(command: Command) -> None:
         default='none',
         help='which names are written',
     )
+    sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
+    scene_options(sub, _SOURCE)
+    sub.add_argument(
+        'what', nargs='*', metavar='WHAT', help='TOPIC.FIELD of a bag, or a quantity such as '
+        'normal_force.JOINT; without any, all there are',
+    )  # fmt: skip
+    _span_options(sub)
+    sub.add_argument(
+        '-o', '--output', action='append', default=[], metavar='FILE',
+        help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
+        'given for both; SCENE_plot.svg if not',
+    )  # fmt: skip
+    sub.add_argument(
+        '--against', choices=('time', 'angle'), default='time', help='angle: of the main drive'
+    )
 
 
 def _animate(options: argparse.Namespace) -> int:
@@ -82,6 +98,63 @@ def _animate(options: argparse.Namespace) -> int:
             f'{chosen.start:.6g} s to {chosen.end:.6g} s of {record.end:.6g} s, '
             f'{chosen.speed:.3g} of real time'
         )
+    return 0
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.asked import Asked  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+
+    files = options.output or [f'{Path(options.scene).stem}_plot.svg']
+    numbers = [file for file in files if Path(file).suffix in tables.SUFFIXES]
+    for file in numbers:
+        tables.check_output(file)
+    pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
+    if is_bag(options.scene) and options.duration is None and options.revolutions is None:
+        asked = Asked(read_bag(options.scene), None, options.namespace)
+        start, end = options.start, options.end
+    else:
+        record, start, end = _run(options)
+        bag = read_bag(options.scene) if is_bag(options.scene) else None
+        asked = Asked(bag, record, options.namespace)
+    if not options.what:
+        return _list(options, asked)
+    series = asked.series(options.what, start, end)
+    if numbers:
+        from mechanism_sim.analysis.series import joined  # noqa: PLC0415
+
+        for file in numbers:
+            tables.write(file, joined(series))
+    if pictures:
+        from mechanism_sim.report import lines  # noqa: PLC0415
+
+        over = lines.TIME
+        if options.against == 'angle':
+            over = lines.over_angle_of(asked.record)
+        drawn = lines.draw(series, Path(options.scene).name, over)
+        with figures.style():
+            for picture in pictures:
+                figures.save(drawn, picture)
+    if options.json:
+        print_json({
+            'files': files,
+            'series': [{'name': s.name, 'unit': s.unit, 'samples': len(s.t)} for s in series],
+        })  # fmt: skip
+    else:
+        print('\n'.join(files))
+    return 0
+
+
+def _list(options: argparse.Namespace, asked: Asked) -> int:
+    """All that can be plotted."""
+    names = list(asked.names())
+    if options.json:
+        print_json([{'name': name, 'unit': unit} for name, unit in names])
+        return 0
+    width = max((len(name) for name, _ in names), default=0)
+    for name, unit in names:
+        print(f'{name:{width}}  {unit}'.rstrip())
     return 0
 
 

@@ -44,7 +44,10 @@ class Film:
     fps: float
 
     def write(
-        self, shown: Shown, size: int | tuple[int, int] | None, show: Callable[[int, int], None]
+        self,
+        shown: Shown,
+        size: int | tuple[int, int] | None = None,
+        show: Callable[[int, int], None] = lambda *_: None,
     ) -> tuple[list[Path], tuple[int, int]]:
         """Make and write all frames; gives back the files, and the size of frames [pixels].
 
