@@ -8,7 +8,16 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.cli import bags, drawings, first, machines, pages, runs, studies
+from mechanism_sim.cli import (
+    bags,
+    drawings,
+    first,
+    machines,
+    pages,
+    pictures,
+    runs,
+    studies,
+)
 from mechanism_sim.cli.options import tell
 from mechanism_sim.cli.overview import Overview, render_start
 from mechanism_sim.errors import InputError, RunError
@@ -57,7 +66,7 @@ def make_parser() -> Overview:
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
         return sub
 
-    for module in (first, machines, runs, bags, pages, drawings, studies):
+    for module in (first, machines, runs, bags, pages, pictures, drawings, studies):
         module.add(command)
     return parser
 
