@@ -19,7 +19,7 @@ from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.nodes.publications import transforms
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
-from mechanism_sim.scene.files import config_folder
+from mechanism_sim.catalogue import config_folder
 
 SCENES = ms.scene_names()
 

@@ -25,7 +25,7 @@ from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.reactions import generalized_forces
 from mechanism_sim.planar.switches import Table
-from mechanism_sim.scene.files import scene_names
+from mechanism_sim.catalogue import scene_names
 
 sympy = pytest.importorskip('sympy')
 

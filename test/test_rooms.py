@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[1] / 'mechanism_sim'
 
 #: the floors, from the ground; a room may import what is below, and itself
 FLOORS = (
-    ('errors',),
+    ('catalogue', 'errors'),
     ('numerics', 'units'),
     ('planar', 'contact'),
     ('hybrid',),
@@ -24,6 +24,7 @@ FLOORS = (
     ('messages', 'recording', 'middleware'),
     ('study', 'sweep', 'bench', 'cycles'),
     ('nodes', 'analysis', 'report', 'export'),
+    ('pages',),
     ('cli', '__init__'),
     ('__main__',),
 )

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.cycles.columns import unit_of
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.sampling import Samples, table
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.sensing.orders import Turns
 
 Array = NDArray[np.float64]

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 from mechanism_sim.bench.hard import Case, cases
 from mechanism_sim.bench.problem import Problem, problems
-from mechanism_sim.errors import InputError
-from mechanism_sim.scene.files import nearest
+from mechanism_sim.errors import InputError, nearest
 
 SCALING, MIDDLEWARE = 'scaling', 'middleware'
 

@@ -8,26 +8,22 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.cli import bags, drawings, machines, runs, studies
+from mechanism_sim.cli import bags, drawings, first, machines, pages, runs, studies
 from mechanism_sim.cli.options import tell
+from mechanism_sim.cli.overview import Overview, render_start
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.nodes.arguments import split_ros_args
+from mechanism_sim.nodes.arguments import Parser, split_ros_args
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run a command; exit code 0 done, 1 failed run, 2 bad input."""
-    parser = _parser()
-    own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
-    options, rest = parser.parse_known_args(own)
-    if ros_args and options.command not in ('run', 'node'):
-        options.parser.error('--ros-args is for the commands run and node')
-    if rest and options.command != 'node':
-        options.parser.error(f'unrecognized arguments: {" ".join(rest)}')
-    if options.command is None:
-        parser.print_help()
-        sys.exit(0)
-    options.rest, options.ros_args = rest, ros_args
+    parser = make_parser()
+    if '_ARGCOMPLETE' in os.environ:
+        from mechanism_sim.cli.completion import complete  # noqa: PLC0415
+
+        complete(parser)
     try:
+        options = _read(parser, sys.argv[1:] if args is None else args)
         code = options.run(options)
         sys.stdout.flush()
         sys.exit(code)
@@ -43,24 +39,48 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(0)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def make_parser() -> Overview:
+    """The parser of all commands; `run` of what it reads is the command's function."""
+    parser = Overview(
         prog='mechanism-sim',
         description='Simulator of real (loose, rattling, vibrating) planar machines.',
-        epilog='Try: mechanism-sim run four_bar_clearance --revolutions 10 --record run.mcap',
     )
-    commands = parser.add_subparsers(dest='command', metavar='COMMAND')
+    parser.add_argument('--version', action='store_true', help='say which version this is')
+    parser.set_defaults(run=_start, parser=parser)
+    commands = parser.add_subparsers(dest='command', metavar='COMMAND', parser_class=Parser)
 
     def command(name: str, run: Any, text: str) -> argparse.ArgumentParser:
         # A node has options of its own, and its own help.
-        sub = commands.add_parser(
-            name, help=text, description=text, allow_abbrev=False, add_help=name != 'node'
-        )
+        sub = commands.add_parser(name, help=text, description=text, add_help=name != 'node')
         sub.set_defaults(run=run, parser=sub)
         if name != 'node':
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
         return sub
 
-    for module in (machines, runs, bags, drawings, studies):
+    for module in (first, machines, runs, bags, pages, drawings, studies):
         module.add(command)
     return parser
+
+
+def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
+    own, ros_args = split_ros_args(args)
+    options, rest = parser.parse_known_args(own)
+    if ros_args and options.command not in ('run', 'node'):
+        options.parser.error('--ros-args is for the commands run and node')
+    if rest and options.command != 'node':
+        options.parser.refuse(rest)
+    options.rest, options.ros_args = rest, ros_args
+    return options
+
+
+def _start(options: argparse.Namespace) -> int:
+    if options.version:
+        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+
+        try:
+            print(f'mechanism-sim {version("mechanism_sim")}')
+        except PackageNotFoundError:  # sources that nothing has installed
+            print('mechanism-sim, not installed')
+    else:
+        print(render_start())
+    return 0

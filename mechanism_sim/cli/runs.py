@@ -140,7 +140,7 @@ def _node(options: argparse.Namespace) -> int:
         options.parser.print_help()
         return 0
     if options.name not in NODE_NAMES:
-        from mechanism_sim.scene.files import nearest  # noqa: PLC0415
+        from mechanism_sim.errors import nearest  # noqa: PLC0415
 
         raise InputError(
             f"there is no node '{options.name}'{nearest(options.name, NODE_NAMES)}; known are: "

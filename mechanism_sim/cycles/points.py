@@ -7,14 +7,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.files import nearest
 
 Array = NDArray[np.float64]
 Place = tuple[str, Vector2]

@@ -1,8 +1,72 @@
-"""Arguments of a command line that are meant for ROS."""
+"""Arguments of a command line: of ours, and those that are meant for ROS."""
 
 from __future__ import annotations
 
+import argparse
+import re
 from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from mechanism_sim.errors import InputError, nearest
+
+
+class Parser(argparse.ArgumentParser):
+    """Answers what it cannot read by one sentence, with the nearest word that exists."""
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        super().__init__(*args, allow_abbrev=False, **more)
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the command line.
+
+        Raises
+        ------
+        InputError
+            Always: which option of which command it is about, and what it may be.
+        """
+        raise InputError(self._context() + _plain(message))
+
+    def refuse(self, rest: Sequence[str]) -> NoReturn:
+        """Refuse arguments that nothing takes; raises `InputError`, as `error` does."""
+        word, options = rest[0], self._option_string_actions
+        name = word.partition('=')[0]
+        if name.startswith('-'):
+            known = nearest(name, [o for o in options if o.startswith('--')])
+            self.error(f"there is no option '{name}'{known}; --help lists them")
+        takes = [a.metavar or a.dest for a in self._get_positional_actions()]
+        self.error(
+            f"'{word}' is one word too many: it takes {' and '.join(map(str, takes)) or 'options'}"
+            "; values with blanks need quotes, for example --set 'drive.speed=300 rpm'"
+        )
+
+    def _context(self) -> str:
+        """The command, where there are several."""
+        _, _, command = self.prog.partition(' ')
+        return f'{command}: ' if command else ''
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            known = [str(choice) for choice in action.choices]
+            raise argparse.ArgumentError(
+                action, f"'{value}' is not possible{nearest(str(value), known)}; allowed: "
+                f'{", ".join(known)}',
+            )  # fmt: skip
+
+
+def _plain(message: str) -> str:
+    """What argparse says, without its own terms."""
+    for pattern, words in (
+        (r'^argument ([^:]*): ', r'\1: '),
+        (r'invalid float value: (.*)', r'\1 is not a number'),
+        (r'invalid int value: (.*)', r'\1 is not a whole number'),
+        (r': expected one argument$', ' needs a value'),
+        (r': ignored explicit argument (.*)', r' takes no value, but \1 was given'),
+        (r': expected at least one argument$', ' needs at least one value'),
+        (r'the following arguments are required: (.*)', r'\1 is missing; --help says more'),
+        (r': not allowed with argument (.*)', r' and \1 exclude each other: keep one'),
+    ):
+        message = re.sub(pattern, words, message)
+    return message
 
 
 def split_ros_args(args: Sequence[str]) -> tuple[list[str], list[str]]:

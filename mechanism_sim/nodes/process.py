@@ -21,7 +21,7 @@ from mechanism_sim.middleware import (
     ok,
     remove_ros_args,
 )
-from mechanism_sim.nodes.arguments import split_ros_args
+from mechanism_sim.nodes.arguments import Parser, split_ros_args
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -108,16 +108,16 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
     What follows ``--ros-args``, such as ``-p scene:=NAME -r __ns:=/left``, is taken as by any node
     of ROS.
     """
-    parser = argparse.ArgumentParser(
-        description=(node.__doc__ or '').strip().splitlines()[0], allow_abbrev=False
-    )
+    parser = Parser(description=(node.__doc__ or '').strip().splitlines()[0])
     add_node_options(parser)
     own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
-    options = parser.parse_args(own)
     try:
+        options, rest = parser.parse_known_args(own)
+        if rest:
+            parser.refuse(rest)
         remove_ros_args(ros_args)
-    except RuntimeError as error:
-        parser.error(str(error))
+    except (InputError, RuntimeError) as error:
+        sys.exit(tell(error, 2))
     sys.exit(run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args))
 
 

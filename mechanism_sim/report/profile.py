@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mechanism_sim.cams.pair import CamPair, GroovePair
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.dxf import to_dxf
 from mechanism_sim.export.outlines import (
     Outline,
@@ -22,7 +22,6 @@ from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.pair import Pair
 from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.places import Places

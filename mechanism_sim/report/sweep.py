@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mechanism_sim.errors import InputError
-from mechanism_sim.scene.files import nearest
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.sweep.plan import REPEAT, Plan
 from mechanism_sim.sweep.row import DONE, Value
 from mechanism_sim.sweep.run import Summary

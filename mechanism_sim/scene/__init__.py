@@ -1,6 +1,6 @@
 """Scenes: YAML with units, checked at the door and turned into machines that run."""
 
-from mechanism_sim.scene.files import scene_names
+from mechanism_sim.catalogue import scene_names
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.simulate import load_scene, simulate, span, stream
 

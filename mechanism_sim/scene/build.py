@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.linkages.grashof import crank_turns
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.oscillators import check_oscillators
 from mechanism_sim.scene.plan import check_motor, check_times

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import re
-import sysconfig
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
@@ -13,7 +11,8 @@ from typing import Any, TypeVar, get_args, get_origin
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.catalogue import config_folder
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.schema import FourBarScene
 
@@ -23,21 +22,6 @@ MECHANISMS: dict[str, type[Scene]] = {'four_bar': FourBarScene, 'linkage': Linka
 Model = TypeVar('Model', bound=BaseModel)
 
 _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
-
-
-def config_folder() -> Path:
-    """Where the scenes of the package are: beside the sources, or where pip or colcon put them."""
-    package = Path(__file__).parents[1]
-    shared = Path('share', 'mechanism_sim', 'config')
-    for folder in [package.parent / 'config', *(root / shared for root in package.parents)]:
-        if folder.is_dir():
-            return folder
-    return Path(sysconfig.get_path('data')) / shared
-
-
-def scene_names() -> list[str]:
-    """Names of the scenes that come with the package."""
-    return sorted(path.stem for path in config_folder().glob('*.yaml'))
 
 
 def find_scene(name: str) -> Path:
@@ -168,12 +152,6 @@ class _StrictLoader(yaml.SafeLoader):
                 )
             seen.add(key.value)
         return super().construct_mapping(node, deep)
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """``; did you mean 'X'?`` for the nearest of the known words, or nothing."""
-    close = difflib.get_close_matches(word, list(known), 1, 0.5)
-    return f"; did you mean '{close[0]}'?" if close else ''
 
 
 def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]]:

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 
 import heyoka as hy
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.linkages.forces import AppliedForce, CycleRange, Spring, TorsionSpring
 from mechanism_sim.numerics import formula
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.linkage import LoadPart
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.plan import Elements

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.clearances import gaps_and_films
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.vibration.frame import Frame, Mount
 from mechanism_sim.vibration.joint_forces import JointForces
 from mechanism_sim.vibration.shaking import Forces, WholeMachine

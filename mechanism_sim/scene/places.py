@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.units import Measure
 

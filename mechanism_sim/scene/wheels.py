@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.gears.involute import Gear, ToothSystem, transverse
 from mechanism_sim.gears.pair import Pair, Path, path_with_rack
 from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2, rotate
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.places import Places
 

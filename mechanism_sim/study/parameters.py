@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.files import check_scene, nearest
+from mechanism_sim.scene.files import check_scene
 
 OF_JOINT = ('restitution', 'friction', 'radial')
 NOISE = 'noise'

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import (
     check_scene,
     checked,
-    config_folder,
     find_file,
     find_scene,
     read_yaml,
@@ -119,9 +119,8 @@ def read_plan(name: str) -> Plan:
     InputError
         One sentence: file, run, key, value, what is allowed.
     """
-    folder = config_folder() / 'sweeps'
-    known = ', '.join(sorted(path.stem for path in folder.glob('*.yaml')))
-    path = find_file(name, 'sweep', folder, f'known are: {known}')
+    known = ', '.join(sweep_names())
+    path = find_file(name, 'sweep', config_folder() / 'sweeps', f'known are: {known}')
     file = checked(path.name, SweepFile, read_yaml(path, 'sweep'))
     extent = _extent(path.name, file)
     columns = _columns(path.name, file)

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.scene.machine import Scene
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.sweep.schema import WindowsPart

@@ -1,0 +1,29 @@
+"""What comes with the package: where its scenes are, and their names.
+
+Apart from the rooms, because a shell that completes a name cannot wait for the mechanics.
+"""
+
+from __future__ import annotations
+
+import sysconfig
+from pathlib import Path
+
+
+def config_folder() -> Path:
+    """Where the scenes of the package are: beside the sources, or where pip or colcon put them."""
+    package = Path(__file__).parent
+    shared = Path('share', 'mechanism_sim', 'config')
+    for folder in [package.parent / 'config', *(root / shared for root in package.parents)]:
+        if folder.is_dir():
+            return folder
+    return Path(sysconfig.get_path('data')) / shared
+
+
+def scene_names() -> list[str]:
+    """Names of the scenes that come with the package."""
+    return sorted(path.stem for path in config_folder().glob('*.yaml'))
+
+
+def sweep_names() -> list[str]:
+    """Names of the sweeps that come with the package."""
+    return sorted(path.stem for path in (config_folder() / 'sweeps').glob('*.yaml'))

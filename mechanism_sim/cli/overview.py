@@ -1,0 +1,92 @@
+"""What the command line says of itself: the first screen, and all commands by purpose."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mechanism_sim.catalogue import scene_names
+from mechanism_sim.errors import nearest
+from mechanism_sim.nodes.arguments import Parser
+
+GROUPS = {
+    'A machine': ('new', 'scenes', 'check', 'equations'),
+    'Run it': ('solve', 'run', 'node'),
+    'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
+    'What a recorded run tells': ('info', 'analyze', 'identify', 'experiment'),
+    'Many runs': ('sweep', 'statistics', 'starts', 'periodic', 'contact-loss', 'lift-off'),
+    'For the workshop and other programs': ('profile', 'teeth', 'export'),
+    'The program itself': ('bench', 'completion'),
+}
+"""All commands by purpose, in the order in which `--help` lists them."""
+
+START = (
+    ('Run a machine whose bearing rattles', ('solve four_bar_clearance --revolutions 10',)),
+    ('Look at it', ('draw four_bar_clearance -o four_bar.svg',)),
+    (
+        'Record a run, and see what happened in it',
+        (
+            'run four_bar_clearance --revolutions 10 --record run.mcap',
+            'analyze run.mcap',
+        ),
+    ),
+    (
+        'Make a machine of your own',
+        (
+            'new my_machine --from four_bar',
+            'check my_machine.yaml',
+        ),
+    ),
+    ('More', ('scenes', '--help')),
+)
+"""What the first screen proposes: purposes, and the arguments of commands."""
+
+
+def render_start() -> str:
+    """The first screen: what to do next, with commands that can be copied."""
+    lines = ['mechanism-sim simulates planar machines as they are: loose, rattling, vibrating.']
+    for purpose, commands in START:
+        lines += ['', f'{purpose}:', *(f'  mechanism-sim {command}' for command in commands)]
+    lines += ['', "Every command explains itself: 'mechanism-sim solve --help'."]
+    return '\n'.join(lines)
+
+
+class Overview(Parser):
+    """The parser of the whole command line, whose help lists the commands by purpose."""
+
+    def format_help(self) -> str:
+        """All commands, each with one line."""
+        texts = {a.dest: a.help or '' for a in self._commands()._choices_actions}
+        width = max(map(len, texts))
+        lines = ['usage: mechanism-sim COMMAND ...', '', str(self.description)]
+        for purpose, names in GROUPS.items():
+            here = [name for name in names if name in texts]
+            lines += ['', f'{purpose}:', *(f'  {name:{width}}  {texts[name]}' for name in here)]
+        lines += [
+            '',
+            'Options:',
+            f'  {"--help":{width}}  this list; of a command, after its name, its options',
+            f'  {"--version":{width}}  say which version this is',
+            '',
+            "'mechanism-sim' alone says how to begin.",
+        ]
+        return '\n'.join(lines) + '\n'
+
+    def _check_value(self, action: Any, value: Any) -> None:
+        """Refuse a command that does not exist, and say which was meant."""
+        known = list(action.choices or ())
+        if action.dest != 'command' or value in known:
+            super()._check_value(action, value)
+            return
+        if value in scene_names() or str(value).endswith(('.yaml', '.yml')):
+            self.error(
+                f"'{value}' is a scene, not a command: try 'mechanism-sim check {value}' or "
+                f"'mechanism-sim solve {value}'"
+            )
+        if str(value).endswith('.mcap'):
+            self.error(f"'{value}' is a bag, not a command: try 'mechanism-sim analyze {value}'")
+        self.error(f"there is no command '{value}'{nearest(value, known)}; --help lists them")
+
+    def _commands(self) -> Any:
+        """What argparse keeps of the commands."""
+        assert self._subparsers is not None  # noqa: S101 - `make_parser` has added them
+        return self._subparsers._group_actions[0]
