@@ -12,9 +12,9 @@ from typing import NamedTuple
 import matplotlib as mpl
 
 import mechanism_sim as ms
+from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.report import drawing, figures
-from mechanism_sim.catalogue import scene_names
 
 FOLDER = Path(__file__).parent / 'pictures' / 'mechanisms'
 

@@ -27,7 +27,7 @@ def add(command: Command) -> None:
     sub.add_argument('--namespace', help='of the machine, where a bag holds several')
     _detail_options(sub)
     sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
-    scene_options(sub, 'a scene, or a bag (.mcap) of a run')
+    scene_options(sub, 'a scene, or a bag (.mcap) of a run', 'SCENE|BAG')
     length_options(sub)
     sub.add_argument('-o', '--output', metavar='FILE', help='.wav; SCENE.wav if not')
     sub.add_argument('--distance', default='1 m', metavar='R', help='of the listener')

@@ -20,10 +20,12 @@ NODE_NAMES = (
 
 
 def scene_options(
-    sub: argparse.ArgumentParser, text: str = 'a scene of the package, or a YAML file'
+    sub: argparse.ArgumentParser,
+    text: str = 'a scene of the package, or a YAML file',
+    metavar: str = 'SCENE',
 ) -> None:
     """Add what commands take that begin with a scene."""
-    sub.add_argument('scene', metavar='SCENE', help=text)
+    sub.add_argument('scene', metavar=metavar, help=text)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="override a value, for example 'drive.speed=300 rpm'",
