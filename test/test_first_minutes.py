@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 
@@ -16,8 +17,9 @@ from mechanism_sim.cli.overview import GROUPS, START
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.commented import commented
 from mechanism_sim.scene.files import check_scene, find_scene, read_scene, read_yaml
-from mechanism_sim.scene.new import TEMPLATES, new_scene
+from mechanism_sim.scene.new import SCHEMA, TEMPLATES, new_scene
 from mechanism_sim.scene.quantities import Part, meanings
+from mechanism_sim.scene.schema import Clearance
 
 
 def test_alone_it_says_what_to_do_next_with_commands_that_exist(tmp_path, monkeypatch):
@@ -130,6 +132,22 @@ def test_what_cannot_be_built_is_not_written(tmp_path):
     with pytest.raises(InputError, match='cannot be written'):
         new_scene(str(tmp_path / 'nowhere' / 'mine'), 'four_bar_clearance')
     assert not list(tmp_path.iterdir())
+
+
+def test_editors_find_every_scene_good_and_a_mistake_in_one(tmp_path, monkeypatch):
+    jsonschema = pytest.importorskip('jsonschema')
+    monkeypatch.chdir(tmp_path)
+    schema = run_json('scenes', '--schema')
+    check = jsonschema.Draft202012Validator(schema)
+    for name in scene_names():
+        data = read_yaml(find_scene(name), 'scene')
+        assert check.is_valid(data), name
+        assert not check.is_valid(data | {'gravitiy': [0, 0]})
+    about = schema['$defs']['Clearance']['properties']['radial']['description']
+    assert about == meanings(Clearance)['radial']
+    assert 'yaml-language-server' not in new_scene('one', 'punch').read_text()
+    (tmp_path / SCHEMA).write_text(json.dumps(schema))
+    assert SCHEMA in new_scene('two', 'punch').read_text().splitlines()[0]
 
 
 def test_every_key_of_a_scene_has_a_meaning():

@@ -10,7 +10,10 @@ from mechanism_sim.errors import InputError
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    command('scenes', _scenes, 'list the scenes of the package')
+    sub = command('scenes', _scenes, 'list the scenes of the package')
+    sub.add_argument(
+        '--schema', action='store_true', help='instead what scenes may say, as a JSON schema'
+    )
     sub = command('check', _check, 'say what a scene comes down to, without running it')
     scene_options(sub)
     sub = command('equations', _equations, "write down a scene's own equations")
@@ -25,6 +28,11 @@ def add(command: Command) -> None:
 def _scenes(options: argparse.Namespace) -> int:
     from mechanism_sim.scene import load_scene, scene_names  # noqa: PLC0415
 
+    if options.schema:
+        from mechanism_sim.scene.new import json_schema  # noqa: PLC0415
+
+        print_json(json_schema())
+        return 0
     machines = [load_scene(name) for name in scene_names()]
     rows = [{'name': m.name, 'title': m.scene.title, 'level': m.level.value} for m in machines]
     if options.json:

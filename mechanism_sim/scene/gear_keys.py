@@ -8,7 +8,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mechanism_sim.scene.quantities import Angle, Coefficient, Displacement, Length, Part, si
+from mechanism_sim.scene.quantities import (
+    Angle,
+    Coefficient,
+    Displacement,
+    Length,
+    Part,
+    Quantity,
+    si,
+)
 from mechanism_sim.scene.schema import Contact
 
 
@@ -41,7 +49,7 @@ _Stiffness = Annotated[float, si('N/m'), Field(gt=0.0)]
 _Damping = Annotated[float, si('N s/m'), Field(ge=0.0)]
 _Height = Annotated[float, si(''), Field(gt=0.0, le=2.0)]
 _Shift = Annotated[float, si(''), Field(ge=-5.0, le=5.0)]
-Ratio = Annotated[str, BeforeValidator(_fraction)]
+Ratio = Annotated[str, Quantity(_fraction, ('',))]
 
 
 class GearPart(Part):

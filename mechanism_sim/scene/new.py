@@ -4,18 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.commented import commented
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
+from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import FourBarScene
 
 TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
 """The scenes that show the two forms of scenes, by the names of the forms."""
 
 SCHEMA = 'mechanism_sim.schema.json'
 """What editors read, if it lies beside the scene."""
+
+
+def json_schema() -> dict[str, Any]:
+    """What scenes may say, as editors read it."""
+    either = Annotated[FourBarScene | LinkageScene, Field(discriminator='mechanism')]
+    schema: dict[str, Any] = TypeAdapter[Any](either).json_schema()
+    return {'$schema': 'https://json-schema.org/draft/2020-12/schema', **schema}
 
 
 def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Path:
