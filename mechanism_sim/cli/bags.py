@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.cli.options import (
     Command,
@@ -13,9 +13,13 @@ from mechanism_sim.cli.options import (
     overrides_of,
     print_json,
     quantity,
+    read_machine,
     scene_options,
 )
 from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mechanism_sim.analysis.record import Record
 
 
 def add(command: Command) -> None:
@@ -27,7 +31,7 @@ def add(command: Command) -> None:
     sub.add_argument('--namespace', help='of the machine, where a bag holds several')
     _detail_options(sub)
     sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
-    scene_options(sub, 'a scene, or a bag (.mcap) of a run')
+    scene_options(sub, 'a scene, or a bag (.mcap) of a run', 'SCENE|BAG')
     length_options(sub)
     sub.add_argument('-o', '--output', metavar='FILE', help='.wav; SCENE.wav if not')
     sub.add_argument('--distance', default='1 m', metavar='R', help='of the listener')
@@ -89,7 +93,8 @@ def _analyze(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis import analyze, render  # noqa: PLC0415
     from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
     from mechanism_sim.analysis.render_details import render_details  # noqa: PLC0415
-    from mechanism_sim.report import figures  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = Wanted(
@@ -103,22 +108,26 @@ def _analyze(options: argparse.Namespace) -> int:
     if details and plots:
         from mechanism_sim.report.condition import draw  # noqa: PLC0415
 
-        with figures.style():
+        with progress.busy('plots', options.json), figures.style():
             figures.save_all(draw(details), plots)
+    if details and wanted and not options.json:
+        print(render_details(details))
+        return 0
+    with progress.share('reading', options.json) as read:
+        summary = analyze(read_bag(options.bag, read), namespace=options.namespace)
     if options.json:
         more = {'details': details.to_json()} if details else {}
-        print_json(analyze(options.bag, namespace=options.namespace).to_json() | more)
-    elif details and wanted:
-        print(render_details(details))
+        print_json(summary.to_json() | more)
     else:
-        print(render(analyze(options.bag, namespace=options.namespace)))
+        print(render(summary))
     return 0
 
 
 def _sound(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress, sound  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
     from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
 
     listener = Listener(
@@ -130,15 +139,18 @@ def _sound(options: argparse.Namespace) -> int:
     if Path(options.scene).suffix == '.mcap':
         if overrides_of(options) or options.duration or options.revolutions:
             raise InputError('a bag is heard as it was recorded: leave out --set and lengths')
-        record = read_record(options.scene)
+        with progress.share('reading', options.json) as read:
+            record = read_record(read_bag(options.scene, read))
         machine, run = record.machine, record.piece
     else:
-        machine = load_scene(options.scene, overrides_of(options))
+        machine = read_machine(options)
         end = span(machine, options.revolutions, options.duration)
         with progress.bar('sound', end, quiet=options.json) as show:
             run = simulate(machine, duration=end, progress=show)
-    train = strikes(machine.mechanism, run.motion, run.impacts)
-    written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
+    with progress.busy('sound', options.json) as say:
+        say(f'of {len(run.impacts)} impacts')
+        train = strikes(machine.mechanism, run.motion, run.impacts)
+        written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
     if options.json:
         print_json(written.to_json())
     else:
@@ -160,9 +172,10 @@ def _identify(options: argparse.Namespace) -> int:
     workers = os.cpu_count() or 1 if options.workers is None else options.workers
     if workers < 1 or options.seed < 0:
         raise InputError('--workers must be at least 1, --seed at least 0')
-    signals = measurements(
-        options.bags, options.scenes, options.overrides, options.sensor, options.skip
-    )
+    with progress.busy('reading', options.json):
+        signals = measurements(
+            options.bags, options.scenes, options.overrides, options.sensor, options.skip
+        )
     first = signals[0]
     wanted = parameters(
         first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
@@ -203,14 +216,21 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
     """What is asked of a bag, or everything that can be drawn."""
     from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    def record_of(bag: str) -> Record:
+        with progress.share('reading', options.json) as read:
+            return read_record(read_bag(bag, read), options.namespace)
 
     if options.skip < 0:
         raise InputError('--skip must be at least 0')
     if options.against and not wanted.deviations:
         raise InputError('--against goes with --deviation: it compares two deviations')
-    record = read_record(options.bag, options.namespace)
-    against = read_record(options.against, options.namespace) if options.against else None
-    return find_details(record, wanted if wanted else everything(record, wanted), against)
+    record = record_of(options.bag)
+    against = record_of(options.against) if options.against else None
+    with progress.busy('analyze', options.json):
+        return find_details(record, wanted if wanted else everything(record, wanted), against)
 
 
 def _band(text: str | None) -> tuple[float, float] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from mechanism_sim.cli.options import Command, overrides_of, print_json, quantity, scene_options
+from mechanism_sim.cli.options import Command, print_json, quantity, read_machine, scene_options
 from mechanism_sim.errors import InputError
 
 
@@ -71,25 +71,26 @@ def add(command: Command) -> None:
 def _cycle(options: argparse.Namespace) -> int:
     from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
-    from mechanism_sim.report import figures, tables  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
         tables.check_output(options.output)
     start = options.start and quantity('--from', options.start, 'rad')[0]
-    machine = load_scene(options.scene, overrides_of(options))
-    found = cycle(
-        machine, options.samples, start, options.periods, options.duration, options.points,
-        options.local, options.static,
-    )  # fmt: skip
-    if options.output:
-        tables.write(options.output, found.table())
-    if plots:
-        from mechanism_sim.report.plots import draw  # noqa: PLC0415
+    machine = read_machine(options)
+    with progress.busy('cycle', options.json) as say:
+        found = cycle(
+            machine, options.samples, start, options.periods, options.duration, options.points,
+            options.local, options.static,
+        )  # fmt: skip
+        if options.output:
+            tables.write(options.output, found.table())
+        if plots:
+            from mechanism_sim.report.plots import draw  # noqa: PLC0415
 
-        with figures.style():
-            figures.save_all(draw(found), plots)
+            say('plots')
+            with figures.style():
+                figures.save_all(draw(found), plots)
     if options.json:
         print_json(report.to_json(found))
     else:
@@ -99,23 +100,22 @@ def _cycle(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace) -> int:
     from mechanism_sim.cycles.cycle import instant  # noqa: PLC0415
-    from mechanism_sim.report import drawing, figures  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import drawing, figures, progress  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     file = figures.check_picture('--output', options.output or f'{machine.name}.svg')
     if options.positions < 1:
         raise InputError('--positions must be at least 1')
     value, unit = quantity('--at', options.at, 'rad', 's') if options.at else (None, '')
-    found, t = instant(
-        machine,
-        value if unit == 'rad' else None,
-        value if unit == 's' else None,
-        options.duration,
-        options.path,
-        still=options.positions == 1 and not options.path,
-    )
-    with figures.style():
+    with progress.busy('draw', options.json), figures.style():
+        found, t = instant(
+            machine,
+            value if unit == 'rad' else None,
+            value if unit == 's' else None,
+            options.duration,
+            options.path,
+            still=options.positions == 1 and not options.path,
+        )
         picture = drawing.draw(found, t, options.positions, options.labels)
         figures.save(picture, file, cropped=True)
     if options.json:
@@ -129,14 +129,15 @@ def _layout(options: argparse.Namespace) -> int:
     from pathlib import Path  # noqa: PLC0415
 
     from mechanism_sim.nodes.force_markers import preview  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
     from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     to, ending = (to_foxglove, 'json') if options.viewer == 'foxglove' else (to_rviz, 'rviz')
     file = Path(options.output or f'{machine.name}.{ending}')
-    text = to(preview(machine), options.namespace, options.frame_prefix)
+    with progress.busy('layout', options.json):
+        text = to(preview(machine), options.namespace, options.frame_prefix)
     try:
         file.write_text(text, encoding='utf-8')
     except OSError as error:
@@ -150,10 +151,9 @@ def _layout(options: argparse.Namespace) -> int:
 
 def _profile(options: argparse.Namespace) -> int:
     from mechanism_sim.report import profile  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
     file = profile.check_file(options.output) if options.output else None
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
     if file:
         profile.write(outline, file)
@@ -167,11 +167,10 @@ def _profile(options: argparse.Namespace) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     from mechanism_sim.export import markup, mjcf, sdf, urdf  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
     if options.prefix and options.format != 'urdf':
         raise InputError('--prefix is for --format urdf')
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     if options.format == 'urdf':
         text, missing = urdf.to_urdf(machine, options.prefix), urdf.left_out(machine)
     elif options.format == 'mjcf':

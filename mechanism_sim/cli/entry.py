@@ -30,7 +30,7 @@ def main(args: Sequence[str] | None = None) -> None:
     if '_ARGCOMPLETE' in os.environ:
         from mechanism_sim.cli.completion import complete  # noqa: PLC0415
 
-        complete(parser)
+        complete(parser, parser.commands().choices)
     try:
         options = _read(parser, sys.argv[1:] if args is None else args)
         code = options.run(options)

@@ -6,8 +6,12 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene import Machine
 
 Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 """Adds a command: its name, what runs it and returns the exit code, what its help says."""
@@ -20,10 +24,12 @@ NODE_NAMES = (
 
 
 def scene_options(
-    sub: argparse.ArgumentParser, text: str = 'a scene of the package, or a YAML file'
+    sub: argparse.ArgumentParser,
+    text: str = 'a scene of the package, or a YAML file',
+    metavar: str = 'SCENE',
 ) -> None:
     """Add what commands take that begin with a scene."""
-    sub.add_argument('scene', metavar='SCENE', help=text)
+    sub.add_argument('scene', metavar=metavar, help=text)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="override a value, for example 'drive.speed=300 rpm'",
@@ -46,6 +52,22 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
         if value is not None
     ]
     return [*options.overrides, *tolerances]
+
+
+def read_machine(options: argparse.Namespace) -> Machine:
+    """The scene that a command line asks for, as a machine.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is no machine.
+    """
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    with progress.busy('reading the scene', options.json):
+        from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+        return load_scene(options.scene, overrides_of(options))
 
 
 def print_json(data: object) -> None:

@@ -13,6 +13,7 @@ from mechanism_sim.cli.options import (
     length_options,
     overrides_of,
     print_json,
+    read_machine,
     scene_options,
 )
 from mechanism_sim.errors import InputError
@@ -60,11 +61,11 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import progress, summary  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, span, stream  # noqa: PLC0415
+    from mechanism_sim.scene import span, stream  # noqa: PLC0415
 
     if options.no_events and not options.json:
         raise InputError('--no-events goes with --json: without it no events are listed')
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     end = span(machine, options.revolutions, options.duration)
     snapshot = Snapshot.load(options.resume) if options.resume else None
     digest = MotionDigest()
@@ -96,10 +97,9 @@ def _solve(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from mechanism_sim.nodes.run import Plan, run  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, span  # noqa: PLC0415
+    from mechanism_sim.scene import span  # noqa: PLC0415
 
-    overrides = overrides_of(options)
-    machine = load_scene(options.scene, overrides)
+    machine, overrides = read_machine(options), overrides_of(options)
     end = span(machine, options.revolutions, options.duration)
     if options.realtime_factor < 0.0:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.cli.options import Command, overrides_of, print_json, scene_options, tell
+from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options, tell
 from mechanism_sim.errors import InputError
 
 
@@ -56,14 +55,14 @@ def add(command: Command) -> None:
 
 
 def _periodic(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
     from mechanism_sim.study.periodic import find_periodic  # noqa: PLC0415
 
     if options.longest < 1 or options.transient < 1:
         raise InputError('--longest and --transient must be at least 1')
-    machine = load_scene(options.scene, overrides_of(options))
-    response = find_periodic(machine, options.longest, options.transient)
+    machine = read_machine(options)
+    with progress.busy('periodic', options.json) as say:
+        response = find_periodic(machine, options.longest, options.transient, progress=say)
     if options.json:
         print_json(study.periodic_json(response))
     elif response is None:
@@ -78,10 +77,9 @@ def _periodic(options: argparse.Namespace) -> int:
 
 def _statistics(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.study.statistics import statistics  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     end = options.revolutions * machine.period
     with progress.bar('statistics', end, quiet=options.json) as show:
         found = statistics(machine, options.revolutions, options.skip, show)
@@ -93,11 +91,12 @@ def _statistics(options: argparse.Namespace) -> int:
 
 
 def _contact_loss(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
     from mechanism_sim.study.losses import losses  # noqa: PLC0415
 
-    found = losses(load_scene(options.scene, overrides_of(options)), options.revolutions)
+    machine = read_machine(options)
+    with progress.busy('contact-loss', options.json):
+        found = losses(machine, options.revolutions)
     if options.json:
         print_json(study.losses_json(found))
     else:
@@ -106,11 +105,12 @@ def _contact_loss(options: argparse.Namespace) -> int:
 
 
 def _lift_off(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
     from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
 
-    found = lift_offs(load_scene(options.scene, overrides_of(options)))
+    machine = read_machine(options)
+    with progress.busy('lift-off', options.json) as say:
+        found = lift_offs(machine, say)
     if options.json:
         print_json(study.lift_offs_json(found))
     else:
@@ -120,11 +120,10 @@ def _lift_off(options: argparse.Namespace) -> int:
 
 def _starts(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.study.starts import starts  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
-    with progress.bar('starts', float(max(options.angles, 1)), quiet=options.json) as show:
+    machine = read_machine(options)
+    with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
         found = starts(machine, options.angles, options.revolutions, show)
     if options.json:
         print_json(study.starts_json(found))
@@ -169,7 +168,7 @@ def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
     from mechanism_sim.bench.middleware import middleware  # noqa: PLC0415
     from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
-    from mechanism_sim.report import bench  # noqa: PLC0415
+    from mechanism_sim.report import bench, progress  # noqa: PLC0415
 
     if not options.names:
         listed = choose.listing()
@@ -187,16 +186,19 @@ def _bench(options: argparse.Namespace) -> int:
         raise InputError('--repeats must be at least 1')
     here, content = machine(), bench.Pages(options.output)
     for problem in problems:
-        found = measure(problem, options.repeats, methods, tolerances, _say)
+        with progress.busy('bench', options.json) as say:
+            found = measure(problem, options.repeats, methods, tolerances, say)
         content.add(found, here)
         if not options.json:
             print(content.text[-1], flush=True)
     if choose.SCALING in tables:
-        content.add_scaling(scaling(_say), here)
+        with progress.busy('bench', options.json) as say:
+            content.add_scaling(scaling(say), here)
         if not options.json:
             print(content.text[-1], flush=True)
     if choose.MIDDLEWARE in tables:
-        content.add_middleware(middleware(options.repeats, _say), here)
+        with progress.busy('bench', options.json) as say:
+            content.add_middleware(middleware(options.repeats, say), here)
         if not options.json:
             print(content.text[-1], flush=True)
     if options.json:
@@ -204,16 +206,15 @@ def _bench(options: argparse.Namespace) -> int:
     return 1 if any(row.failure for m in content.found for row in m.rows) else 0
 
 
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
 def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
     from mechanism_sim.bench.hard import run  # noqa: PLC0415
-    from mechanism_sim.report import hard  # noqa: PLC0415
+    from mechanism_sim.report import hard, progress  # noqa: PLC0415
 
     outcomes = []
-    for outcome in run(tuple(cases)):
+    for k, case in enumerate(cases):
+        with progress.busy(f'bench: case {k + 1} of {len(cases)}', options.json) as say:
+            say(case.name)
+            (outcome,) = run((case,))
         outcomes.append(outcome)
         if not options.json:
             print(hard.render(outcome), flush=True)

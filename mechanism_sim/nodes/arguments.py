@@ -13,8 +13,8 @@ from mechanism_sim.errors import InputError, nearest
 class Parser(argparse.ArgumentParser):
     """Answers what it cannot read by one sentence, with the nearest word that exists."""
 
-    def __init__(self, *args: Any, **more: Any) -> None:
-        super().__init__(*args, allow_abbrev=False, **more)
+    def __init__(self, **more: Any) -> None:
+        super().__init__(**more, allow_abbrev=False)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line.

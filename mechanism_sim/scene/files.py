@@ -113,9 +113,7 @@ def check_scene(
     InputError
         One sentence: file, key, value, what is allowed, the nearest valid key.
     """
-    content = copy.deepcopy(dict(data))
-    for key, value in _pairs(overrides):
-        _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
+    content = overridden(file, data, overrides)
     kind = content.get('mechanism')
     if not isinstance(kind, str) or kind not in MECHANISMS:
         raise InputError(
@@ -123,6 +121,22 @@ def check_scene(
             f'{", ".join(MECHANISMS)}'
         )
     return checked(file, MECHANISMS[kind], content)
+
+
+def overridden(
+    file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
+) -> dict[str, Any]:
+    """A file's keys and values, some of them replaced, unchecked.
+
+    Raises
+    ------
+    InputError
+        If an override cannot be read, or is of a key of what is a plain value.
+    """
+    content = copy.deepcopy(dict(data))
+    for key, value in _pairs(overrides):
+        _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
+    return content
 
 
 def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
