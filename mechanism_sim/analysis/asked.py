@@ -13,11 +13,10 @@ from mechanism_sim.analysis.message_paths import MessagePath, parse
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.series import Series, chosen, instants, recorded
 from mechanism_sim.cycles.columns import columns_of, unit_of
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.definitions import MessageError, field_descriptions
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, scene_text
-from mechanism_sim.scene.files import nearest
 
 
 class Name(NamedTuple):

@@ -11,10 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import type_name
 from mechanism_sim.messages.definitions import field_descriptions
-from mechanism_sim.scene.files import nearest
 
 _TOPIC = re.compile(r'/?\w+(?:/\w+)*')
 _STEP = re.compile(

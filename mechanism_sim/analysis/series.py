@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath
 from mechanism_sim.cycles.columns import columns_of, unit_of
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.messages import type_name
 from mechanism_sim.messages.stamps import seconds
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
-from mechanism_sim.scene.files import nearest
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.cycles.points import choose
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
@@ -22,7 +22,6 @@ from mechanism_sim.report.drawing import PATHS
 from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.lens import ACCENT, EDGE, Lens
 from mechanism_sim.report.picture import Picture
-from mechanism_sim.scene.files import nearest
 from mechanism_sim.sensing.joint_view import JointView
 
 Array = NDArray[np.float64]
