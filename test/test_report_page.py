@@ -216,7 +216,7 @@ def test_a_click_on_an_impact_goes_there(opened, record):
     assert abs(0.5 * (cursor[0] + cursor[2]) - x) < 1.5
 
 
-def test_paper_has_every_chart_and_no_controls(opened, file, record):
+def test_paper_has_every_chart_and_no_controls(opened, record):
     count = sum(len(section.charts) for section in sections(record))
     drawn = opened.locator('.plot.js-plotly-plot')
     assert drawn.count() < count  # the rest waits until it comes into view
