@@ -100,6 +100,14 @@ def test_beneath_lies_the_ideal_four_bar(loose, charts):
     assert min(np.abs(rocker - x).max() for x in both) < 1e-3
 
 
+def test_there_is_no_ideal_of_a_drive_that_was_commanded_otherwise(loose):
+    assert Course(loose).ideal is not None
+    faster = ms.load_scene('four_bar_clearance', {'drive.speed': '36.7 rad/s'})
+    assert Course(Record(faster, loose.piece, {})).ideal is None
+    assert Course(recorded('pendulum')).ideal is None
+    assert Course(recorded('four_bar_nominal', revolutions=2)).ideal is None
+
+
 def test_forces_are_vectors_in_the_world(loose, charts):
     (trace,) = traces(charts[f'forces-{JOINT}'], JOINT)
     r, theta, t = (numbers(trace[axis]) for axis in ('r', 'theta', 'customdata'))
@@ -285,7 +293,10 @@ def test_every_scene_has_its_charts(name):
     assert keys[0] == 'motion'
     assert keys[-1] == 'solver'
     assert ('contact' in keys) == bool(machine.physics.clearances)
-    assert ('forces' in keys) == machine.physics.has_forces
+    assert ('energy' in keys) == machine.physics.has_forces
+    table = record.piece.sample(np.linspace(record.start, record.end, 23))
+    loads = [np.abs(x).max() for n, x in table.items() if re.fullmatch(r'reaction\..*\.[xy]', n)]
+    assert ('forces' in keys) == (max(loads, default=0.0) > 1e-9)
     assert ('oscillators' in keys) == bool(machine.scene.oscillators)
     assert len(charts_of(found)) == sum(len(section.charts) for section in found)
     for chart in charts_of(found).values():

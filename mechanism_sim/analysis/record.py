@@ -285,8 +285,8 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         a motion of that machine.
     """
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    machine = machine_of(bag, namespace)
     topics = find_topics(bag, namespace)
+    machine = machine_of(bag, namespace)
     motions: list[Motion] = []
     impacts: list[Impact] = []
     changes: list[ModeChange] = []

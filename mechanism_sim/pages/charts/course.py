@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.deviation import ideal_machine
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.pages.charts.thinning import MOST, Line, thinned
@@ -22,6 +22,7 @@ from mechanism_sim.vibration.shaken_frame import FrameMotion
 Array = NDArray[np.float64]
 
 TURNS = 2  #: of the main drive that are shown in full; of a machine that repeats one will do
+_SAME = 1e-6  # [rad] or [m] of drives that follow the same law
 _BLOCK = 4096  # segments at once
 _FEWEST = 4  # places in each
 _PER_TURN = 400  # places at least
@@ -157,17 +158,29 @@ class Course:
     def ideal(self) -> Window | None:
         """The detail of the same machine with ideal joints under the same drive.
 
-        None where the machine is ideal itself, or the drives do not prescribe the motion.
+        None where the machine is ideal itself, the drives do not prescribe the motion or were
+        commanded otherwise, or the ideal machine does not get through it.
         """
-        machine = self.record.machine
+        machine, detail = self.record.machine, self.detail
         if not machine.dynamic:
             return None
         try:
             ideal = ideal_machine(machine)
-        except InputError:
-            return None  # nobody knows how it would move
-        if ideal.dynamic:
+            if ideal.dynamic:
+                return None
+            beside = Record(ideal, simulate(ideal, duration=self.record.end), {})
+        except (InputError, RunError):
+            return None  # then there is nothing to compare with
+        end = min(detail.end, beside.end)
+        t = np.linspace(detail.start, end, 9)
+        own, told = (_driven(x, t) for x in (self.record, beside))
+        if not np.allclose(own, told, rtol=0.0, atol=_SAME):
             return None
-        beside = Record(ideal, simulate(ideal, duration=self.record.end), {})
-        start, end = self.detail.start, min(self.detail.end, beside.end)
-        return Window(beside, start, end, {})
+        return Window(beside, detail.start, end, {})
+
+
+def _driven(record: Record, t: Array) -> Array:
+    """The prescribed coordinates at times (N,) [s]."""
+    names = record.machine.physics.coordinates
+    chosen = [names.index(c) for c in record.machine.plan.prescribed]
+    return record.piece.motion.curve(t)[:, chosen]

@@ -14,7 +14,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart
 from mechanism_sim.pages.charts.style import brief, chart, colour, dash, pale, places, written
-from mechanism_sim.pages.charts.thinning import MOST, Line
+from mechanism_sim.pages.charts.thinning import Line
 from mechanism_sim.report.cycle import for_people
 
 Array = NDArray[np.float64]
@@ -34,6 +34,15 @@ class Curve:
     column: str
     label: str
     number: int
+
+
+_ROUNDING = {'m': 1e-12, 'rad': 1e-12, 'N': 1e-9, 'N m': 1e-10}
+
+
+def above_rounding(course: Course, curves: list[Curve], unit: str) -> bool:
+    """Whether any of these quantities is more than zero but for rounding."""
+    values = [course.run.lines[c.column].values for c in curves]
+    return any(np.abs(x).max() > _ROUNDING.get(unit, 0.0) for x in values)
 
 
 def axis_title(words: str, unit: str) -> str:
@@ -111,7 +120,6 @@ def _add_ideal(
         if line is None:
             continue
         at = ideal.record.turned(line.at)
-        at += round(turn + 1 - at[-1])  # the ideal may have begun another number of turns away
         inside = (at >= turn - 1e-9) & (at <= turn + 1 + 1e-9)
         x = 360.0 * (at[inside] - turn)
         values = _wrapped(line.values[inside], offsets.get(c.column))
@@ -151,7 +159,7 @@ def over_time(
     lines = {c: window.lines[c.column] for c in curves if c.column in window.lines}
     # in a long run each covers what is drawn before it: the largest come first
     drawn = sorted(lines, key=lambda c: -np.abs(lines[c].values).max())
-    for c in drawn if len(lines[drawn[0]].at) >= MOST // 2 else lines:
+    for c in drawn if window is course.run and course.long else lines:
         line = lines[c]
         figure.add_scatter(
             x=places(line.at),
