@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
+from typing import Literal
 
 from mechanism_sim.errors import InputError
 
@@ -16,14 +17,22 @@ NODE_NAMES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
     'display', 'recorder',
 )  # fmt: skip
-"""Nodes that `node` runs."""
+"""Nodes of a run, which `node` runs one by one."""
+
+NODE_MODULES = {
+    **{name: f'mechanism_sim.nodes.{name}' for name in NODE_NAMES},
+    'view': 'mechanism_sim.pages.view',
+}
+"""Where the nodes are that `node` runs: those, and the one that shows a run from outside."""
 
 
 def scene_options(
-    sub: argparse.ArgumentParser, text: str = 'a scene of the package, or a YAML file'
+    sub: argparse.ArgumentParser,
+    text: str = 'a scene of the package, or a YAML file',
+    count: Literal['?'] | None = None,
 ) -> None:
-    """Add what commands take that begin with a scene."""
-    sub.add_argument('scene', metavar='SCENE', help=text)
+    """Add what commands take that begin with a scene; `count` '?': it may be left out."""
+    sub.add_argument('scene', metavar='SCENE', help=text, nargs=count)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="override a value, for example 'drive.speed=300 rpm'",
@@ -46,6 +55,18 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
         if value is not None
     ]
     return [*options.overrides, *tolerances]
+
+
+def ros_args(options: argparse.Namespace) -> list[str]:
+    """What the command line says in the way of ROS, the namespace among it."""
+    found = list(options.ros_args)
+    if options.namespace is not None:
+        found += [
+            *([] if found else ['--ros-args']),
+            '-r',
+            f'__ns:=/{options.namespace.strip("/")}',
+        ]
+    return found
 
 
 def print_json(data: object) -> None:
