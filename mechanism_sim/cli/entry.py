@@ -74,8 +74,8 @@ def make_parser() -> Overview:
 def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
     own, ros_args = split_ros_args(args)
     options, rest = parser.parse_known_args(own)
-    if ros_args and options.command not in ('run', 'node'):
-        options.parser.error('--ros-args is for the commands run and node')
+    if ros_args and options.command not in ('run', 'node', 'view'):
+        options.parser.error('--ros-args is for the commands run, node and view')
     if rest and options.command != 'node':
         options.parser.refuse(rest)
     options.rest, options.ros_args = rest, ros_args
