@@ -79,6 +79,7 @@ class Asked:
                 found += chosen(self.record.piece, motion.columns, [name])
             else:
                 known = [given.name for given in self.names()]
+                known += sorted({column.partition('.')[0] for column in motion.columns})
                 raise InputError(
                     f"there is no '{name}'{nearest(name, known)}; without a name all are listed"
                 )
@@ -121,8 +122,7 @@ class _Motion:
     def __init__(
         self, record: Record, start: float | None, end: float | None, names: Sequence[str]
     ) -> None:
-        begin = record.start if start is None else min(max(start, record.start), record.end)
-        finish = record.end if end is None else min(max(end, begin), record.end)
+        begin, finish = record.part(start, end)
         turns = 0.0 if record.slides else record.rate * (finish - begin)
         t = instants(record.piece, begin, finish, turns)
         with_work = any(name.partition('.')[0] == 'energy' for name in names)

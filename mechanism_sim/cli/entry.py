@@ -21,6 +21,8 @@ def main(args: Sequence[str] | None = None) -> None:
     options, rest = parser.parse_known_args(own)
     if ros_args and options.command not in ('run', 'node'):
         options.parser.error('--ros-args is for the commands run and node')
+    if options.command == 'plot' and not any(word.startswith('-') for word in rest):
+        options.what, rest = [*options.what, *rest], []  # argparse looks for them in one place
     if rest and options.command != 'node':
         options.parser.error(f'unrecognized arguments: {" ".join(rest)}')
     if options.command is None:
