@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from rosbags.interfaces import Nodetype
 
 from mechanism_sim.analysis.message_paths import MessagePath, parse
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Series, chosen, instants, recorded
+from mechanism_sim.analysis.series import Array, Series, chosen, instants, recorded
 from mechanism_sim.cycles.columns import columns_of, unit_of
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.definitions import MessageError, field_descriptions
@@ -67,20 +67,16 @@ class Asked:
         """
         paths = [self._path(name) for name in names]
         messages = iter(recorded(self._bag, [p for p in paths if p]) if self._bag else ())
-        motion = None if all(paths) else _Motion(self.record, start, end, names)
         found: list[Series] = []
+        columns: dict[str, Array] = {}
         for name, path in zip(names, paths, strict=True):
-            if path or not motion:
+            if path:
                 found += next(messages)
             elif name in self.record.sensors:
                 found.append(_signal(self.record, name))
-            elif motion.knows(name):
-                found += chosen(self.record.piece, motion.columns, [name])
             else:
-                known = [given.name for given in self.names()]
-                raise InputError(
-                    f"there is no '{name}'{nearest(name, known)}; without a name all are listed"
-                )
+                columns = columns or self._columns(names, *self.record.part(start, end))
+                found += self._chosen(columns, name)
         kept = [s.within(start, end) for s in found]
         if not any(len(s.t) for s in kept):
             raise InputError(
@@ -102,6 +98,29 @@ class Asked:
             if topic.count:
                 yield from _fields(topic.name, topic.type)
 
+    def _columns(self, names: Sequence[str], start: float, end: float) -> dict[str, Array]:
+        """The columns of the motion, at times that draw it."""
+        record = self.record
+        turns = 0.0 if record.slides else record.rate * (end - start)
+        with_work = any(name.partition('.')[0] == 'energy' for name in names)
+        return columns_of(record.piece, instants(record.piece, start, end, turns), with_work)
+
+    def _chosen(self, columns: Mapping[str, Array], name: str) -> list[Series]:
+        """Those of a name.
+
+        Raises
+        ------
+        InputError
+            If there are none; names the nearest of all that can be asked for.
+        """
+        if not any(c == name or c.startswith(f'{name}.') for c in columns):
+            known = [given.name for given in self.names()]
+            known += sorted({column.partition('.')[0] for column in columns})
+            raise InputError(
+                f"there is no '{name}'{nearest(name, known)}; without a name all are listed"
+            )
+        return chosen(self.record.piece, columns, [name])
+
     def _path(self, name: str) -> MessagePath | None:
         """The path into messages of the bag that a name stands for, if it does."""
         path = parse(name)
@@ -112,24 +131,6 @@ class Asked:
             if topic in self._bag.topics:
                 return MessagePath(name, topic, path.steps)
         return None
-
-
-class _Motion:
-    """The columns of a motion, at times that draw it."""
-
-    def __init__(
-        self, record: Record, start: float | None, end: float | None, names: Sequence[str]
-    ) -> None:
-        begin = record.start if start is None else min(max(start, record.start), record.end)
-        finish = record.end if end is None else min(max(end, begin), record.end)
-        turns = 0.0 if record.slides else record.rate * (finish - begin)
-        t = instants(record.piece, begin, finish, turns)
-        with_work = any(name.partition('.')[0] == 'energy' for name in names)
-        self.columns = columns_of(record.piece, t, with_work)
-
-    def knows(self, name: str) -> bool:
-        """Whether it is a column, or the first part of some."""
-        return any(c == name or c.startswith(f'{name}.') for c in self.columns)
 
 
 def _signal(record: Record, sensor: str) -> Series:

@@ -76,6 +76,8 @@ def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
     options, rest = parser.parse_known_args(own)
     if ros_args and options.command not in ('run', 'node', 'view'):
         options.parser.error('--ros-args is for the commands run, node and view')
+    if options.command == 'plot' and not any(word.startswith('-') for word in rest):
+        options.what, rest = [*options.what, *rest], []  # argparse looks for them in one place
     if rest and options.command != 'node':
         options.parser.refuse(rest)
     options.rest, options.ros_args = rest, ros_args

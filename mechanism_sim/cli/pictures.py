@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mechanism_sim.analysis.asked import Asked
     from mechanism_sim.analysis.record import Record
 
+_AS_IT_WAS = 'a bag is shown as it was recorded: leave out --set and tolerances'
 _SOURCE = 'a bag (.mcap) of a run, or a scene, which is simulated'
 
 
@@ -111,13 +112,13 @@ def _plot(options: argparse.Namespace) -> int:
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
-    if is_bag(options.scene) and options.duration is None and options.revolutions is None:
-        asked = Asked(read_bag(options.scene), None, options.namespace)
-        start, end = options.start, options.end
-    else:
+    bag, record = (read_bag(options.scene) if is_bag(options.scene) else None), None
+    start, end = options.start, options.end
+    if bag is None or options.duration is not None or options.revolutions is not None:
         record, start, end = _run(options)
-        bag = read_bag(options.scene) if is_bag(options.scene) else None
-        asked = Asked(bag, record, options.namespace)
+    elif overrides_of(options):
+        raise InputError(_AS_IT_WAS)
+    asked = Asked(bag, record, options.namespace)
     if not options.what:
         return _list(options, asked)
     series = asked.series(options.what, start, end)
@@ -184,7 +185,7 @@ def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
     start = options.start or 0.0
     if is_bag(options.scene):
         if overrides_of(options):
-            raise InputError('a bag is shown as it was recorded: leave out --set and tolerances')
+            raise InputError(_AS_IT_WAS)
         record = read_record(options.scene, options.namespace)
         start = record.start if options.start is None else start
         return record, start, _end(options, record, start)

@@ -91,13 +91,7 @@ def film(
         If there is no such part of the run, a number is not positive, or there are too many
         frames.
     """
-    start, end = (record.start if start is None else start, record.end if end is None else end)
-    slack = 1e-9 * max(1.0, record.end)
-    if not record.start - slack <= start < end <= record.end + slack:
-        raise InputError(
-            f'from {start:g} s to {end:g} s is no part of the run, which goes from '
-            f'{record.start:g} s to {record.end:g} s'
-        )
+    start, end = record.part(start, end)
     fps = target.usual_rate if fps is None else fps
     for name, value in (('frames a second', fps), ('speed', speed)):
         if value is not None and not (value > 0.0 and math.isfinite(value)):
@@ -115,5 +109,6 @@ def film(
 
 
 def _pace(record: Record, length: float) -> float:
-    turns = 0.0 if record.slides else record.rate * length
-    return length / (_TURN * turns if turns > 0.9 else _WHOLE)
+    """Simulated seconds in a second of film that show a turn, or a part without turns, well."""
+    turns = 0.0 if record.slides else record.rate * (record.end - record.start)
+    return 1.0 / (_TURN * record.rate) if turns > 0.9 else length / _WHOLE

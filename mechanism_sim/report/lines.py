@@ -23,6 +23,7 @@ from mechanism_sim.report.picture import Picture
 
 Array = NDArray[np.float64]
 
+_LETTERS = 110  # in a line of a legend
 _WIDTH, _PANEL, _ROW, _REST = 8.0, 1.9, 0.28, 0.9  # [in]
 _SHADES = {
     Mode.FREE_FLIGHT: '0.15', Mode.FOLLOWING: '0.80', Mode.STICKING: '0.60',
@@ -107,11 +108,12 @@ def _panel(axes: Any, unit: str, lines: Sequence[Series], over: Abscissa) -> Non
             x, y = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan)
         axes.plot(x, y, label=label, **stroke)
     words = kinds.pop().replace('_', ' ') if len(kinds) == 1 else ''
-    axes.set_ylabel(f'{words} [{shown}]'.strip() if unit else words)
+    axes.set_ylabel(f'{words} [{shown.replace("^2", "²")}]'.strip() if unit else words)
     if len(lines) > 1 or not words:
+        longest = max(len(text) for text in axes.get_legend_handles_labels()[1])
         axes.legend(
             loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, frameon=False,
-            fontsize=7.5, ncols=min(4, len(lines)), handlelength=2.6,
+            fontsize=7.5, ncols=max(1, _LETTERS // (longest + 8)), handlelength=2.6,
         )  # fmt: skip
 
 

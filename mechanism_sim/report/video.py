@@ -18,14 +18,13 @@ from PIL import Image
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.report import figures
-from mechanism_sim.report.brush import INK
 from mechanism_sim.report.lens import ACCENT
 from mechanism_sim.report.stage import DENSITY
 
 _USUAL = {'.mp4': (30.0, 960), '.gif': (20.0, 560), '': (25.0, 960)}
 """Frames a second and longer side [pixels] unless told."""
 
-_SHADES = 32  # of grey, and of the accent's mixtures with white and with ink
+_SHADES = 32  # of grey, and of the accent lighter and darker
 
 Grab = Callable[[], None]
 
@@ -159,10 +158,9 @@ class _GifWriter(AbstractMovieWriter):
 
 def _palette() -> list[int]:
     """Red, green and blue of each colour, 0 to 255."""
-    white, accent, ink = (np.array(to_rgb(c)) for c in ('white', ACCENT, INK))
-    shares = np.linspace(0.0, 1.0, _SHADES)[:, None]
-    pairs = (white, 0.0 * ink), (white, accent), (accent, ink)
-    mixed = [shares * a + (1.0 - shares) * b for a, b in pairs]
+    shares, accent = np.linspace(0.0, 1.0, _SHADES)[:, None], np.array(to_rgb(ACCENT))
+    # none so near to white that white would be taken for it
+    mixed = [shares * np.ones(3), accent + shares[:-4] * (1.0 - accent), shares[8:] * accent]
     return [int(x) for x in np.rint(255.0 * np.concatenate(mixed)).ravel()]
 
 
