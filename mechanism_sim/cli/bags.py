@@ -17,6 +17,7 @@ from mechanism_sim.cli.options import (
     scene_options,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
@@ -85,7 +86,7 @@ def _info(options: argparse.Namespace) -> int:
     if options.json:
         print_json(found.to_json())
     else:
-        print(render_info(found))
+        echo(render_info(found))
     return 0
 
 
@@ -111,7 +112,7 @@ def _analyze(options: argparse.Namespace) -> int:
         with progress.busy('plots', options.json), figures.style():
             figures.save_all(draw(details), plots)
     if details and wanted and not options.json:
-        print(render_details(details))
+        echo(render_details(details))
         return 0
     with progress.share('reading', options.json) as read:
         summary = analyze(read_bag(options.bag, read), namespace=options.namespace)
@@ -119,7 +120,7 @@ def _analyze(options: argparse.Namespace) -> int:
         more = {'details': details.to_json()} if details else {}
         print_json(summary.to_json() | more)
     else:
-        print(render(summary))
+        echo(render(summary))
     return 0
 
 

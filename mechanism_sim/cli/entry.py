@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim.cli import bags, drawings, first, machines, runs, studies
-from mechanism_sim.cli.options import tell
 from mechanism_sim.cli.overview import Overview, render_start
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.terminal import echo, tell
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -82,5 +82,5 @@ def _start(options: argparse.Namespace) -> int:
         except PackageNotFoundError:  # sources that nothing has installed
             print('mechanism-sim, not installed')
     else:
-        print(render_start())
+        echo(render_start())
     return 0

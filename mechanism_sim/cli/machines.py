@@ -6,6 +6,7 @@ import argparse
 
 from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import echo
 
 
 def add(command: Command) -> None:
@@ -57,7 +58,7 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         print_json(report.to_json())
     else:
-        print(render(report))
+        echo(render(report))
     return 0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -97,9 +96,3 @@ def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
     raise InputError(
         f"{option} '{text}' is not a quantity with a unit: write for example {example}"
     )
-
-
-def tell(error: Exception, code: int) -> int:
-    """Say on standard error what went wrong, and give back the exit code."""
-    print(f'mechanism-sim: {error}', file=sys.stderr)
-    return code

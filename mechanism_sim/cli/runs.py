@@ -17,6 +17,7 @@ from mechanism_sim.cli.options import (
     scene_options,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
@@ -90,7 +91,7 @@ def _solve(options: argparse.Namespace) -> int:
         events = (None, None) if options.no_events else (impacts, modes)
         print_json(summary.to_json(run, digest.hexdigest(), *events))
     else:
-        print(summary.render(run))
+        echo(summary.render(run))
     return 0
 
 
@@ -117,7 +118,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(outcome.to_json())
     elif outcome.code == 0:
-        print(progress.render(outcome))
+        echo(progress.render(outcome))
     return outcome.code
 
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options, tell
+from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import tell
 
 
 def add(command: Command) -> None:
