@@ -10,11 +10,20 @@ from typing import Any, NoReturn
 from mechanism_sim.errors import InputError, nearest
 
 
+class _Formatter(argparse.HelpFormatter):
+    """Says the defaults that are worth it."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        if action.default in (None, False, '', []) or action.default is argparse.SUPPRESS:
+            return action.help
+        return f'{action.help} (default: %(default)s)'
+
+
 class Parser(argparse.ArgumentParser):
     """Answers what it cannot read by one sentence, with the nearest word that exists."""
 
     def __init__(self, **more: Any) -> None:
-        super().__init__(**more, allow_abbrev=False)
+        super().__init__(**more, allow_abbrev=False, formatter_class=_Formatter)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line.
