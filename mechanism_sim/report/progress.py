@@ -72,6 +72,18 @@ def count(label: str, total: int, quiet: bool) -> Iterator[Callable[[int, int], 
         yield show
 
 
+@contextmanager
+def busy(label: str, quiet: bool) -> Iterator[None]:
+    """Says on standard error what goes on, of which nobody knows how long it takes."""
+    if quiet or not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console  # noqa: PLC0415
+
+    with Console(stderr=True).status(label):
+        yield
+
+
 def render(outcome: Outcome) -> str:
     """The closing lines of a run."""
     lines = [
