@@ -47,6 +47,7 @@ class Window:
         self.record = record
         self.start, self.end = start, end
         self._frames = frames
+        self._names: list[str] = []
 
     @cached_property
     def lines(self) -> dict[str, Line]:

@@ -52,16 +52,16 @@ def axis_title(words: str, unit: str) -> str:
 
 def over_drive(
     course: Course, key: str, title: str, curves: list[Curve], words: str, unit: str,
-    joint: str = '', **layout: Any,
+    joint: str = '',
 ) -> Chart:  # fmt: skip
     """Quantities in one unit over the angle of the drive in its last turns, their ideal beneath.
 
     Over time, and all over the run, if the drive makes no turns.
     """
     if course.turns is None:
-        return over_time(course, key, title, curves, words, unit, joint, **layout)
+        return over_time(course, key, title, curves, words, unit, joint)
     main = course.record.machine.main
-    figure = chart(f'angle of the {main} [deg]', axis_title(words, unit), **layout)
+    figure = chart(f'angle of the {main} [deg]', axis_title(words, unit))
     figure.update_xaxes(range=[0, 360], dtick=45)
     first, last = course.turns
     offsets: dict[str, float] = {}
@@ -149,12 +149,12 @@ def _underlay(figure: go.Figure, beneath: list[go.Scatter]) -> None:
 
 def over_time(
     course: Course, key: str, title: str, curves: list[Curve], words: str, unit: str,
-    joint: str = '', window: Window | None = None, **layout: Any,
+    joint: str = '', window: Window | None = None,
 ) -> Chart:  # fmt: skip
     """Quantities in one unit over time: of all the run, or of a window of it."""
     window = window or course.run
     shown, scale = for_people(unit)
-    figure = chart('time [s]', axis_title(words, unit), **layout)
+    figure = chart('time [s]', axis_title(words, unit))
     figure.update_xaxes(range=[window.start, window.end])
     lines = {c: window.lines[c.column] for c in curves if c.column in window.lines}
     # in a long run each covers what is drawn before it: the largest come first
@@ -181,5 +181,6 @@ def over_time(
 
 
 def _finish(figure: go.Figure, drawn: list[Curve]) -> None:
+    figure.update_layout(height=290 + 9 * len(drawn))  # a legend of many takes its room
     if len(drawn) == 1 and len(figure.data) == 1:
         figure.update_layout(showlegend=False)
