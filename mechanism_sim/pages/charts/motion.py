@@ -30,7 +30,7 @@ def over(course: Course) -> str:
     if course.turns is None:
         return f'Over time, for the {course.record.machine.main} makes no whole turn.'
     first, last = course.turns
-    main, count = course.record.machine.main, last - first
+    main, count = course.record.machine.main, round(last - first)
     turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
     found = f'{turns} of the {main}'
     if count > 1:
