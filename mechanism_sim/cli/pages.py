@@ -93,6 +93,8 @@ def _view(options: argparse.Namespace) -> int:
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]
     run = _run_to_be_viewed(options) if options.scene else []
+    if not run and (overrides_of(options) or options.duration or options.paused):
+        raise InputError('--set, --duration and --paused are for a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
 
