@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 SCENE ?= four_bar_clearance
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
-.PHONY: run test lint install clean
+.PHONY: run test lint docs install clean
 run: install
 	@mkdir -p runs
 	$(BIN)/mechanism-sim run $(SCENE) --revolutions 10 --processes --record $(BAG)
@@ -20,11 +20,19 @@ lint: install
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: $(VENV)/installed-docs
+	$(BIN)/python -m sphinx -W --keep-going -q -c docs . build/site
+	$(BIN)/python docs/site/links.py build/site
+
 install: $(VENV)/installed
 
 $(VENV)/installed: pyproject.toml setup.py
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+$(VENV)/installed-docs: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
 clean:

@@ -12,7 +12,7 @@ NODES = (
 
 setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'bench/references/*.json']},
+    package_data={NAME: ['py.typed', 'bench/references/*.json', 'pages/assets/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -24,6 +24,7 @@ setup(
         'console_scripts': [
             'mechanism-sim = mechanism_sim.cli:main',
             *(f'{node} = mechanism_sim.nodes.{node}:main' for node in NODES),
+            'view = mechanism_sim.pages.view:main',
         ]
     },
 )

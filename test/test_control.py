@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -26,7 +28,8 @@ from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.recording import read_bag
 
 SCENE = 'four_bar_clearance'
-JOINT = 'joints.coupler_rocker.clearance.restitution'
+PLAY = 'joints.coupler_rocker.clearance'
+JOINT = f'{PLAY}.restitution'
 
 CONTROL = """
 import json
@@ -108,13 +111,13 @@ shutdown()
 )
 
 
-def operate(tmp_path: Path, text: str, *args: str) -> tuple[Any, Path]:
+def operate(tmp_path: Path, text: str, *args: str, given: Sequence[str] = ()) -> tuple[Any, Path]:
     """Run a scene paused and a program that operates it; what that prints, and the bag."""
     env, bag = environment(), tmp_path / 'run.mcap'
     running = start('run', *args, '--paused', '--hold', '--record', str(bag), env=env)
     try:
         operator = subprocess.run(
-            [sys.executable, str(script(tmp_path / 'operate.py', text))],
+            [sys.executable, str(script(tmp_path / 'operate.py', text)), *given],
             env=env, capture_output=True, text=True, timeout=150, check=False,
         )  # fmt: skip
         assert operator.returncode == 0, operator.stderr
@@ -231,6 +234,16 @@ for answer in (steps, paused):
 found.append([early] + [
     [a.result().result.result, a.result().result.error_message] for a in (second, steps, paused)
 ] + [drive.announced])
+# A partner that cannot take other values of the scene keeps the run from being reset.
+drive.set_parameters([Parameter('overrides', value='drive.speed=300 rpm')])
+kind = service_class('simulation_interfaces/srv/ResetSimulation')
+reset = partner.create_client(kind, 'reset_simulation')
+while not reset.service_is_ready():
+    executor.spin_once(timeout_sec=0.1)
+answer = reset.call_async(kind.Request())
+executor.spin_until_future_complete(answer, timeout_sec=20)
+result = answer.result().result
+found.append([result.result, result.error_message, drive.announced, drive.run])
 for node in (partner, drive):
     executor.remove_node(node)
     node.destroy_node()
@@ -250,7 +263,7 @@ def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
         env=environment(), capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
-    reset, steps, paused = json.loads(ended.stdout.splitlines()[-1])
+    reset, steps, paused, refused = json.loads(ended.stdout.splitlines()[-1])
     assert reset[0] == 4
     assert 'the run ends by itself at 0.02 s' in reset[1]
     assert steps == [1, '', True]
@@ -261,6 +274,9 @@ def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
         [1, ''],
         3.0,
     ]
+    assert refused[0] == 4
+    assert "'linkage' cannot begin a run with other values of the scene" in refused[1]
+    assert refused[2:] == [3.0, 0]
 
 
 PARAMETERS = (
@@ -366,6 +382,96 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
     motion, struck, _ = run.drain()
     digest.add(motion, struck)
     assert analyze(bag).digest == digest.hexdigest()
+
+
+COMMANDS = 'drive.commands={acceleration: 100 rad/s^2, fastest: 60 rad/s}'
+VALUES = (
+    CONTROL
+    + """
+import sys
+drive, linkage = '/crank_drive', '/linkage'
+commands, PLAY = sys.argv[1], 'joints.coupler_rocker.clearance'
+def ask(*values):
+    return set_(drive, 'overrides', '\\n'.join([commands, *values]))
+def get(owner, name):
+    kind = service_class('rcl_interfaces/srv/GetParameters')
+    client = node.create_client(kind, f'{owner}/get_parameters')
+    assert client.wait_for_service(60)
+    (value,) = wait(client.call_async(kind.Request(names=[name]))).values
+    return value.string_value or value.double_value
+def reset():
+    answer = call('ResetSimulation', 'reset_simulation', scope=0).result
+    return [answer.result, answer.error_message]
+def to_the_end():
+    go(1)
+    while state() == 1:
+        pass
+found['refused'] = [ask(text) for text in (
+    PLAY, PLAY + '.radial=-1 mm', 'drive.sped=300 rpm', 'links.coupler.length=1 mm',
+    'joints.crank_coupler.clearance={radial: 0.1 mm, restitution: 0.5}', 'sensors={}')]
+found['refused'] += [set_(drive, 'overrides', ''), set_(linkage, 'overrides', 'gravity=down')]
+found['set'] = [ask(PLAY + '.radial=0.3 mm')]
+found['overrides'] = [get(linkage, 'overrides')]
+to_the_end()
+found['reset'] = [reset()]
+found['overrides'] += [get(linkage, 'overrides')]
+to_the_end()
+set_(linkage, PLAY + '.restitution', 0.3)
+set_(drive, 'velocity', 20.0)
+found['set'] += [ask(PLAY + '.radial=0.4 mm', 'drive.speed=400 rpm', PLAY + '.restitution=0.8')]
+found['reset'] += [reset()]
+found['parameters'] = [get(drive, 'velocity'), get(linkage, PLAY + '.restitution')]
+to_the_end()
+found['set'] += [ask()]
+found['reset'] += [reset()]
+found['parameters'] += [get(drive, 'velocity'), get(linkage, PLAY + '.restitution')]
+to_the_end()
+found['quit'] = go(3)
+print(json.dumps(found))
+shutdown()
+"""
+)
+
+
+@pytest.mark.usefixtures('backend')
+def test_the_next_run_has_the_values_of_the_scene_that_are_asked_for(tmp_path):
+    """Each run moves as `solve` has it with these values, and its bag tells them."""
+    args = [SCENE, '--duration', '0.1', '--set', COMMANDS, '--display']
+    found, bag = operate(tmp_path, VALUES, *args, given=[COMMANDS])
+    assert not any(done for done, _ in found['refused'])
+    reasons = (
+        'PATH=VALUE', 'must be more than 0', "did you mean 'speed'?", 'cannot be assembled',
+        'the joints with clearance cannot change from one run to the next (now coupler_rocker; '
+        'asked for crank_coupler, coupler_rocker): end this run and start another',
+        'the sensors cannot change', 'commands', 'gravity',
+    )  # fmt: skip
+    for (_, said), reason in zip(found['refused'], reasons, strict=True):
+        assert reason in said
+    assert found['set'] == [[True, '']] * 3
+    assert found['reset'] == [[1, '']] * 3
+    assert found['overrides'] == [COMMANDS, f'{COMMANDS}\n{PLAY}.radial=0.3 mm']
+    speed = 400.0 * 2.0 * math.pi / 60.0
+    assert found['parameters'] == pytest.approx([speed, 0.8, 36.6519, 0.5])
+    values = {
+        '': [],
+        '-2': [f'{PLAY}.radial=0.3 mm'],
+        '-3': [f'{PLAY}.radial=0.4 mm', 'drive.speed=400 rpm', f'{PLAY}.restitution=0.8'],
+        '-4': [],
+    }
+    for number, overrides in values.items():
+        file = bag.with_name(f'run{number}.mcap')
+        sets = [part for text in [COMMANDS, *overrides] for part in ('--set', text)]
+        alone = run_json('solve', SCENE, '--duration', '0.1', *sets)
+        assert analyze(file).digest == alone['digest']
+        recorded = read_bag(file)
+        assert recorded.complete
+        (scene,) = [json.loads(m.data)['scene'] for _, m, _ in recorded.messages('/scene')]
+        asked = ms.load_scene(SCENE, [COMMANDS, *overrides]).scene
+        assert scene == json.loads(asked.model_dump_json(by_alias=True))
+        for topic in ('/markers', '/robot_description'):
+            assert len(list(recorded.messages(topic))) == 1
+        samples = [m for _, m, _ in recorded.messages('/accelerometer/rocker_accelerometer')]
+        assert sum(len(m.acceleration) for m in samples) == 1000
 
 
 def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend, tmp_path):

@@ -20,7 +20,8 @@ LINKAGES = (DOCS / 'linkages.md').read_text(encoding='utf-8')
 MECHANISMS = (DOCS / 'mechanisms.md').read_text(encoding='utf-8')
 ROW = re.compile(
     r'^\| <img src="(?P<picture>[^"]*)" alt="(?P<alt>[^"]*)" width="360"> '
-    r'\| \[`(?P<name>\w+)`\]\((?P<file>\S+)\)<br>(?P<title>.*?) \| .+ \| (?P<freedom>\d+) \|$',
+    r'\| \[`(?P<name>\w+)`\]\((?P<file>\S+)\)<br>(?P<title>.*?)'
+    r'<br>`mechanism-sim (?P<command>[^`]*)` \| .+ \| (?P<freedom>\d+) \|$',
     re.MULTILINE,
 )
 
@@ -45,6 +46,7 @@ def test_every_scene_has_a_picture_and_a_true_row():
     for name, row in rows.items():
         machine = ms.load_scene(name)
         assert row['title'] == row['alt'] == machine.scene.title
+        assert row['command'] == f'solve {name}'
         assert f'mobility: {row["freedom"]},' in ' '.join(check(machine).notes), name
         assert (DOCS / row['file']).is_file()
         picture = DOCS / row['picture']

@@ -24,6 +24,7 @@ FLOORS = (
     ('messages', 'recording', 'middleware'),
     ('study', 'sweep', 'bench', 'cycles'),
     ('nodes', 'analysis', 'report', 'export'),
+    ('pages',),
     ('cli', '__init__'),
     ('__main__',),
 )

@@ -22,6 +22,7 @@ from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.sampling import Books
 from mechanism_sim.hybrid.solution import Piece
@@ -64,11 +65,13 @@ class Record:
     ----------
     piece : its motion and events; sampled as a solution is
     signals : of the accelerometers by name, as far as they are recorded or were asked for
+    audit : of the motion and its impacts, where the record was read from a bag
     """
 
     machine: Machine
     piece: Piece
     signals: dict[str, Signal]
+    audit: Audit | None = None
 
     @property
     def start(self) -> float:
@@ -79,6 +82,23 @@ class Record:
     def end(self) -> float:
         """Of the motion [s]."""
         return self.piece.motion.curve.end
+
+    def part(self, start: float | None, end: float | None) -> tuple[float, float]:
+        """Start and end [s] of a part of the run; those of the run where they are None.
+
+        Raises
+        ------
+        InputError
+            If that is no part of it.
+        """
+        begin, finish = (self.start if start is None else start, self.end if end is None else end)
+        slack = 1e-9 * max(1.0, self.end)
+        if not self.start - slack <= begin < finish <= self.end + slack:
+            raise InputError(
+                f'from {begin:g} s to {finish:g} s is no part of the run, which goes from '
+                f'{self.start:g} s to {self.end:g} s'
+            )
+        return max(begin, self.start), min(finish, self.end)
 
     @property
     def slides(self) -> bool:
@@ -188,6 +208,41 @@ class Record:
                 break
         return np.asarray(t)
 
+    def between(self, start: float | None = None, end: float | None = None) -> Record:
+        """What happened from one time [s] to another; without them the whole.
+
+        Raises
+        ------
+        InputError
+            If they do not lie within the run, or nothing lies between them.
+        """
+        a, b = self.start if start is None else start, self.end if end is None else end
+        if not self.start <= a < b <= self.end * (1.0 + 1e-12):
+            raise InputError(
+                f'from {a:g} s to {b:g} s: choose times between {self.start:g} s and '
+                f'{self.end:g} s, the first before the second'
+            )
+        if (a, b) == (self.start, self.end):
+            return self
+        motion = self.piece.motion.between(a, b)
+        before = self.piece.samples(a)
+        impacts = [impact for impact in self.piece.impacts if a < impact.t <= b]
+        known = zip(self.piece.physics.clearances, motion.modes[0].tolist(), strict=True)
+        changes = [ModeChange(a, name, Mode(mode), Mode.UNKNOWN) for name, mode in known]
+        changes += [change for change in self.piece.modes if a < change.t <= b]
+        audit = Audit(self.piece.physics)
+        work = audit.add(motion, impacts)
+        books = Books(work, impacts, float(before.drive_work[0]), float(before.dissipated[0]))
+        signals = {name: s for name, x in self.signals.items() if (s := x.between(a, b))}
+        piece = Piece(self.piece.physics, motion, books, impacts, changes)
+        return Record(self.machine, piece, signals, audit)
+
+    def digest(self) -> str:
+        """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
+        digest = MotionDigest()
+        digest.add(self.piece.motion, self.piece.impacts)
+        return digest.hexdigest()
+
     def signal(self, sensor: str) -> Signal:
         """What a sensor said, as recorded; computed from the motion if that is all there is.
 
@@ -247,8 +302,8 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         a motion of that machine.
     """
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    machine = machine_of(bag, namespace)
     topics = find_topics(bag, namespace)
+    machine = machine_of(bag, namespace)
     motions: list[Motion] = []
     impacts: list[Impact] = []
     changes: list[ModeChange] = []
@@ -268,11 +323,12 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         else:
             sensors.setdefault(message.sensor, SignalCollector()).add(message)
     motion = _joined(bag, motions)
-    work = Audit(machine.physics).add(motion, impacts)
+    audit = Audit(machine.physics)
     impacts = _with_work(machine, motion, impacts)
+    work = audit.add(motion, impacts)
     piece = Piece(machine.physics, motion, Books(work, impacts), impacts, changes)
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
-    return Record(machine, piece, signals)
+    return Record(machine, piece, signals, audit)
 
 
 _WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'

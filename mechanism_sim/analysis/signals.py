@@ -72,6 +72,18 @@ class Signal:
         starts, runs = zip(*late, strict=True)
         return Signal(self.sensor, self.link, self.quantity, self.rate, starts, runs)
 
+    def between(self, start: float, end: float) -> Signal | None:
+        """The samples from one time [s] to another; None if there are none."""
+        found = []
+        for begin, t, run in zip(self.starts, self.times, self.runs, strict=True):
+            first, last = np.searchsorted(t, [start, end])
+            if first < last:
+                found.append((begin + float(first) / self.rate, run[first:last]))
+        if not found:
+            return None
+        starts, runs = zip(*found, strict=True)
+        return Signal(self.sensor, self.link, self.quantity, self.rate, starts, runs)
+
     def over_turns(
         self, turned: Callable[[Array], Array], per_turn: int | None = None
     ) -> Turns | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from mechanism_sim.errors import InputError
 
@@ -19,16 +19,23 @@ NODE_NAMES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
     'display', 'recorder',
 )  # fmt: skip
-"""Nodes that `node` runs."""
+"""Nodes of a run, which `node` runs one by one."""
+
+NODE_MODULES = {
+    **{name: f'mechanism_sim.nodes.{name}' for name in NODE_NAMES},
+    'view': 'mechanism_sim.pages.view',
+}
+"""Where the nodes are that `node` runs: those, and the one that shows a run from outside."""
 
 
 def scene_options(
     sub: argparse.ArgumentParser,
     text: str = 'a scene of the package, or a YAML file',
     metavar: str = 'SCENE',
+    count: Literal['?'] | None = None,
 ) -> None:
-    """Add what commands take that begin with a scene."""
-    sub.add_argument('scene', metavar=metavar, help=text)
+    """Add what commands take that begin with a scene; `count` '?': it may be left out."""
+    sub.add_argument('scene', metavar=metavar, help=text, nargs=count)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
@@ -69,6 +76,18 @@ def read_machine(options: argparse.Namespace) -> Machine:
         from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
         return load_scene(options.scene, overrides_of(options))
+
+
+def ros_args(options: argparse.Namespace) -> list[str]:
+    """What the command line says in the way of ROS, the namespace among it."""
+    found = list(options.ros_args)
+    if options.namespace is not None:
+        found += [
+            *([] if found else ['--ros-args']),
+            '-r',
+            f'__ns:=/{options.namespace.strip("/")}',
+        ]
+    return found
 
 
 def print_json(data: object) -> None:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mechanism_sim.cli.options import (
-    NODE_NAMES,
+    NODE_MODULES,
     Command,
     length_options,
     overrides_of,
     print_json,
     read_machine,
+    ros_args,
     scene_options,
 )
 from mechanism_sim.errors import InputError
@@ -77,7 +78,7 @@ def add(command: Command) -> None:
         '--namespace', metavar='NS', help='namespace of all nodes and topics of the run'
     )
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
-    sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_NAMES))
+    sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_MODULES))
 
 
 def _solve(options: argparse.Namespace) -> int:
@@ -135,7 +136,7 @@ def _run(options: argparse.Namespace) -> int:
         )
     plan = Plan(
         machine, options.scene, overrides, end, options.record, options.overwrite,
-        options.realtime_factor, options.paused, options.hold, _ros_args(options),
+        options.realtime_factor, options.paused, options.hold, ros_args(options),
         options.display, tuple(name for name in options.listeners.split(',') if name),
     )  # fmt: skip
     with progress.bar('run', end, quiet=options.json) as show:
@@ -147,32 +148,20 @@ def _run(options: argparse.Namespace) -> int:
     return outcome.code
 
 
-def _ros_args(options: argparse.Namespace) -> list[str]:
-    """What the command line says in the way of ROS, the namespace among it."""
-    found = list(options.ros_args)
-    if options.namespace is not None:
-        found += [
-            *([] if found else ['--ros-args']),
-            '-r',
-            f'__ns:=/{options.namespace.strip("/")}',
-        ]
-    return found
-
-
 def _node(options: argparse.Namespace) -> int:
     from importlib import import_module  # noqa: PLC0415
 
     if options.name is None:
         options.parser.print_help()
         return 0
-    if options.name not in NODE_NAMES:
+    if options.name not in NODE_MODULES:
         from mechanism_sim.errors import nearest  # noqa: PLC0415
 
         raise InputError(
-            f"there is no node '{options.name}'{nearest(options.name, NODE_NAMES)}; known are: "
-            f'{", ".join(NODE_NAMES)}'
+            f"there is no node '{options.name}'{nearest(options.name, NODE_MODULES)}; known are: "
+            f'{", ".join(NODE_MODULES)}'
         )
-    import_module(f'mechanism_sim.nodes.{options.name}').main([*options.rest, *options.ros_args])
+    import_module(NODE_MODULES[options.name]).main([*options.rest, *options.ros_args])
     return 0
 
 

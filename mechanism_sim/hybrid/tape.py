@@ -49,6 +49,20 @@ class Motion:
         """Coefficients of the torque laws (k, 3, N)."""
         return np.repeat(self.torques[segments], _each(dt), axis=0).transpose(1, 2, 0)
 
+    def between(self, start: float, end: float) -> Motion:
+        """The motion from one time [s] to a later one, both within it."""
+        curve = self.curve
+        (first,), (into,) = curve.find(np.array([start]))
+        last = int(np.searchsorted(curve.start, end)) - 1
+        kept = slice(int(first), max(last, int(first)) + 1)
+        starts, low = curve.start[kept].copy(), curve.start_low[kept].copy()
+        duration, powers = curve.duration[kept].copy(), curve.coefficients[kept].copy()
+        powers[0] = shift_powers(powers[0], np.full(powers.shape[1], into))
+        starts[0], low[0], duration[0] = start, 0.0, duration[0] - into
+        duration[-1] = end - starts[-1] - low[-1]
+        piece = PiecewisePolynomial(starts, low, duration, curve.turns[kept], powers)
+        return Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept])
+
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
         """One motion from consecutive parts."""

@@ -49,11 +49,11 @@ class Commands:
         self._since: float | None = None  # [s] of wall time when a controller was first seen
         self._name = ''
         commanded = drive.machine.commands
+        name, given = _given(law)
         if isinstance(law, DriveLaw):
-            name, given = 'velocity', (law.coefficients[1] if law.degree else 0.0)
             limit = commanded.fastest if commanded else None
         else:
-            name, given, limit = 'effort', law.coefficients[0], 1e12
+            limit = 1e12
         if limit is None:
             if self._period:
                 raise InputError(
@@ -79,9 +79,13 @@ class Commands:
         return (self._taken + 1) * self._period if there else 0.0
 
     def begin(self) -> None:
-        """A run begins, or begins anew: as it was launched."""
+        """A run begins, or begins anew: as it was launched, or with another value of the scene."""
         self._taken = 0
         self._early.clear()
+        _, given = _given(self._drive.law)
+        if self._name and given != self._given:
+            self._launched = given if self._launched == self._given else self._launched
+            self._given = given
         if self._name and self._present != self._launched:
             self._present = self._launched
             self._drive.set_parameters([Parameter(self._name, value=self._launched)])
@@ -128,3 +132,10 @@ class Commands:
         else:
             _, *slopes = law.coefficients
             drive.take_over([replace(law, coefficients=(value, *slopes), valid_from=at)])
+
+
+def _given(law: Any) -> tuple[str, float]:
+    """What of a law is commanded, and its value [SI]."""
+    if isinstance(law, DriveLaw):
+        return 'velocity', law.coefficients[1] if law.degree else 0.0
+    return 'effort', law.coefficients[0]

@@ -70,7 +70,8 @@ class Control:
         ]  # fmt: skip
         response.features.custom_info = (
             f'mechanism_sim; a step is the parameter step_size of '
-            f'{self._drive.get_fully_qualified_name()}; a reset resets time and state'
+            f'{self._drive.get_fully_qualified_name()}; a reset resets time and state, and '
+            'its parameter overrides says with which values of the scene'
         )
         return response
 
@@ -108,7 +109,8 @@ class Control:
             if self._stopped:
                 return self._already(response, 'stopped')
             drive.pause()
-            await self._alone('a reset', drive.start_over())
+            if reason := await self._alone('a reset', drive.start_over()):
+                return self._answer(response, reason)
             self._stopped = True
         elif asked == s.STATE_QUITTING:
             drive.pause()
@@ -136,8 +138,7 @@ class Control:
             return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         if reason := self._refusal():
             return self._answer(response, reason)
-        await self._alone('a reset', self._drive.start_over())
-        return self._answer(response, '')
+        return self._answer(response, await self._alone('a reset', self._drive.start_over()))
 
     async def _simulate_steps(self, goal: Any) -> Any:
         """Steps one by one, with feedback after each."""

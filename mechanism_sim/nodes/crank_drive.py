@@ -15,6 +15,7 @@ from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.pace import Pace
 from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
+from mechanism_sim.nodes.scene_values import Handing
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 BEHIND = 0.95
@@ -66,6 +67,7 @@ class CrankDrive(SimulationNode):
             self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
         self._commands = Commands(self)
         self.control = Control(self)
+        self._handing = Handing(self)
         self.join()
 
     # --- the laws -----------------------------------------------------------------------------
@@ -117,10 +119,17 @@ class CrankDrive(SimulationNode):
         self._look_who_waits()
         await there
 
-    async def start_over(self) -> None:
-        """Begin a new run at time 0, once what was announced of this one is done."""
+    async def start_over(self) -> str:
+        """Begin a new run at time 0, once what was announced of this one is done.
+
+        Gives back why not, if a partner does not take the values of the scene that are asked for.
+        """
         playing = self.playing
         self.pause()
+        if reason := await self._handing.hand_out():
+            if playing:
+                self.play()
+            return reason
         self._announce(self.announced, final=True, again=True)
         self._ending = Future()
         self.report(self.announced, finished=True, again=True)
@@ -135,6 +144,7 @@ class CrankDrive(SimulationNode):
         await self._all_at(0.0)
         if playing:
             self.play()
+        return ''
 
     def quit(self) -> None:
         """End the run where the law is announced to."""

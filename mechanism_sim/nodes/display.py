@@ -39,15 +39,13 @@ class Display(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('display', parameters)
-        sizes = [self.declare(x, 0.0, about, read_only=True) for x, about in SCALES.items()]
+        self._sizes = [self.declare(x, 0.0, about, read_only=True) for x, about in SCALES.items()]
         self._prefix = self.value('frame_prefix')
-        self._preview = preview(self.machine, self.duration)
-        self._picture = Picture(self._preview, self._prefix, *sizes)
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
         self._shapes = self.create_publisher(MarkerArray, 'markers', LATCHED)
         self._forces = self.create_publisher(MarkerArray, 'force_markers', RESULTS)
         self._impacts = 0
-        self._start_over()
+        self._take_machine()
         impacts = self.create_subscription(
             Impact, 'impacts', self.once_ready(self._struck), RESULTS
         )
@@ -55,8 +53,14 @@ class Display(SimulationNode):
         self._following = _Following(self, self._take, self._rest, self._start_over)
         self.join()
 
+    def _take_machine(self) -> None:
+        self._preview = preview(self.machine, self.duration)
+        self._picture = Picture(self._preview, self._prefix, *self._sizes)
+
     def _start_over(self) -> None:
-        self._schedule = Schedule(self.machine.scene.outputs.markers)
+        if self._preview.machine is not self.machine:
+            self._take_machine()
+        self._begin()
 
     def _rest(self) -> None:
         # All have come: the next one is of another run, and may come before its motion.
@@ -64,6 +68,10 @@ class Display(SimulationNode):
 
     def on_ready(self) -> None:
         """All partners are there: describe the machine."""
+        self._begin()
+
+    def _begin(self) -> None:
+        self._schedule = Schedule(self.machine.scene.outputs.markers)
         self.send(self._description, String(data=to_urdf(self.machine, self._prefix)))
         self.send(self._shapes, markers.shapes(self._preview.skeleton, self._prefix))
 

@@ -54,7 +54,7 @@ class Integration:
         reset: Callable[[], None] = lambda: None,
     ) -> None:
         self._node, self._also, self._reset = node, also, reset
-        self._machine = node.machine
+        self._take_machine()
         self._motion = node.create_publisher(Motion, 'motion', RESULTS)
         self._impacts = node.create_publisher(Impact, 'impacts', RESULTS)
         self._modes = node.create_publisher(ModeChange, 'mode_changes', RESULTS)
@@ -64,15 +64,13 @@ class Integration:
         self._transforms = node.create_publisher(TFMessage, '/tf', RESULTS)
         self._scene = node.create_publisher(String, 'scene', LATCHED)
         self._changes = node.create_publisher(SceneChange, 'scene_changes', RESULTS)
-        self._physics = self._machine.physics
-        self._machine.prepare()
         self._known = 0.0
         self._restitutions = Restitutions(node, self._change)
         self._start_over()
         node.create_subscription(DriveLaw, 'drive', node.once_ready(self._follow), RESULTS)
 
     def begin(self) -> None:
-        """All partners are there: describe the scene."""
+        """A run begins: describe the scene."""
         self._node.send(self._scene, String(data=events.describe(self._machine)))
 
     def look(self) -> None:
@@ -92,6 +90,11 @@ class Integration:
             books['missing in the energy books [J]'] = energy.residual
         return books
 
+    def _take_machine(self) -> None:
+        self._machine = self._node.machine
+        self._physics = self._machine.physics
+        self._machine.prepare()
+
     def _start_over(self) -> None:
         outputs = self._machine.scene.outputs
         self._schedules = {
@@ -110,9 +113,12 @@ class Integration:
         """Advance to where the law is known to hold."""
         if message.run != self._node.run:
             self._node.begin_run(message.run)
+            if self._machine is not self._node.machine:
+                self._take_machine()
             self._start_over()
             self._restitutions.start_over()
             self._reset()
+            self.begin()
         if message.valid_until > 0.0:
             self._advance(message)
         else:

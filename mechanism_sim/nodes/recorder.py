@@ -56,7 +56,7 @@ class Recorder(SimulationNode):
         self._loss_timer: Timer | None = None
         self._ended = False
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
-        self._latched: dict[str, bytes] = {}  # descriptions, which every bag gets
+        self._ahead: list[tuple[str, bytes]] = []  # descriptions for the next run's bag
         for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
             self._record(topic, kind, qos)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
@@ -74,8 +74,9 @@ class Recorder(SimulationNode):
         self.writer = BagWriter(path, overwrite=overwrite)
         self._add_topics()
         self._now = 0
-        for topic, data in self._latched.items():
+        for topic, data in self._ahead:
             self.writer.write(topic, data, 0)
+        self._ahead.clear()
         self._books.clear()
         self._complete.clear()
         self._due.clear()
@@ -122,8 +123,10 @@ class Recorder(SimulationNode):
                 self._now = seconds * 1_000_000_000 + nanoseconds
             if topic in tells and (number := _run_of(data)) > self.run:
                 self.begin_run(number)
-            if latched:
-                self._latched[topic] = data
+            if latched and self._ended:
+                # Its run is not known here yet: topics do not wait for each other.
+                self._ahead.append((topic, data))
+                return
             self.writer.write(topic, data, self._now)
             if self.writer.counts[topic] == self._due.get(topic):
                 self._review()

@@ -24,11 +24,7 @@ class Restitutions:
         self.changed: dict[str, float] = {}
         self._change = change
         self._node = node
-        self._scene = {
-            f'joints.{name}.clearance.restitution': play.restitution
-            for name, play in node.machine.plan.rigid.items()
-            if play.contact is None
-        }
+        self._scene = self._of_scene()
         about = 'Coefficient of restitution, of all impacts from the time of the change on'
         self._launched = {
             path: node.declare(path, value, about, (0.0, 1.0))
@@ -39,10 +35,21 @@ class Restitutions:
             node.add_post_set_parameters_callback(self._take)
 
     def start_over(self) -> None:
-        """A run begins anew: with the values it was launched with."""
-        moved = [path for path in self.changed if self.changed[path] != self._launched[path]]
+        """A run begins anew: with the values it was launched with, or others of the scene."""
+        before, self._scene = self._scene, self._of_scene()
+        for path, value in self._scene.items():
+            if value != before[path]:
+                self._launched[path] = value
+        moved = [p for p, value in self._launched.items() if self._node.value(p) != value]
         self.changed = {p: x for p, x in self._launched.items() if x != self._scene[p]}
         self._node.set_parameters([Parameter(p, value=self._launched[p]) for p in moved])
+
+    def _of_scene(self) -> dict[str, float]:
+        return {
+            f'joints.{name}.clearance.restitution': play.restitution
+            for name, play in self._node.machine.plan.rigid.items()
+            if play.contact is None
+        }
 
     def _take(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:

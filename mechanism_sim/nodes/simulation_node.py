@@ -8,11 +8,18 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
-from mechanism_sim.errors import RunError
-from mechanism_sim.messages import DiagnosticStatus, Progress, stamp, uint64_array
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.messages import (
+    DiagnosticStatus,
+    Progress,
+    SetParametersResult,
+    stamp,
+    uint64_array,
+)
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.scene_values import OVERRIDES, lines, next_machine
 from mechanism_sim.scene import Machine, load_scene, span
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
@@ -25,11 +32,12 @@ LONG = 0.0, 1e12  # [s]
 class SimulationNode(DescribedNode):
     """A node with a scene that works together with partners.
 
-    Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line),
-    ``duration`` [s] (0: one revolution), ``partners`` (names of the other nodes of the run,
-    separated by commas), ``listeners`` (names of other nodes that have to hear all of this one's
-    results from the first on, such as that of ``ros2 bag record``), ``partner_timeout`` [s],
-    ``frame_prefix``, put before the name of every frame (the namespace, if it is not given).
+    Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line;
+    another text holds from the next run on), ``duration`` [s] (0: one revolution), ``partners``
+    (names of the other nodes of the run, separated by commas), ``listeners`` (names of other
+    nodes that have to hear all of this one's results from the first on, such as that of ``ros2
+    bag record``), ``partner_timeout`` [s], ``frame_prefix``, put before the name of every frame
+    (the namespace, if it is not given).
 
     Subclasses make their endpoints in their constructor, the results first, and end it with
     `join`; they work in `on_ready` and after. A node is `done` when it has nothing left to do.
@@ -44,7 +52,6 @@ class SimulationNode(DescribedNode):
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(name, parameters)
-        self.done = False
         self.ready = False
         self.run = 0
         self.progress_of: dict[str, Any] = {}
@@ -52,12 +59,14 @@ class SimulationNode(DescribedNode):
         space = self.get_namespace().strip('/')
         for key, default, about in (
             ('scene', 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
-            ('overrides', '', 'PATH=VALUE each, one a line'),
             ('partners', '', 'Names of the other nodes of the run, separated by commas'),
             ('listeners', '', 'Names of nodes that must hear all results, separated by commas'),
             ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
             self.declare(key, default, about, read_only=True)
+        about = 'PATH=VALUE each, one a line; hold from the next reset on; set that of crank_drive'
+        self._overrides = self.declare(OVERRIDES, '', about)
+        self.add_on_set_parameters_callback(self._judge_overrides)
         for key, length, about in (
             ('duration', 0.0, 'Length of the run [s]; 0: that of the scene, or one revolution'),
             ('partner_timeout', 20.0, 'How long to wait for partners [s]'),
@@ -79,13 +88,23 @@ class SimulationNode(DescribedNode):
     @cached_property
     def machine(self) -> Machine:
         """The machine of the scene."""
-        overrides = [line for line in self.value('overrides').splitlines() if line.strip()]
-        return load_scene(self.value('scene'), overrides)
+        return load_scene(self.value('scene'), lines(self._overrides))
 
     @cached_property
     def duration(self) -> float:
         """Length of the run [s]."""
         return span(self.machine, None, self.value('duration') or None)
+
+    def _judge_overrides(self, parameters: list[Parameter]) -> Any:
+        """Refuse what no run of these nodes could begin with."""
+        result = SetParametersResult(successful=True)
+        for parameter in parameters:
+            if parameter.name == OVERRIDES and isinstance(parameter.value, str):
+                try:
+                    next_machine(self.machine, self.value('scene'), parameter.value)
+                except InputError as error:
+                    result.successful, result.reason = False, str(error)
+        return result
 
     # --- partners -----------------------------------------------------------------------------
 
@@ -187,8 +206,12 @@ class SimulationNode(DescribedNode):
             self.on_progress(message)
 
     def begin_run(self, number: int) -> None:
-        """All begins anew at time 0: the books, and what is known of the partners."""
+        """All begins anew at time 0: the books, what is known of the partners, the machine."""
         self.run = number
+        if self.value(OVERRIDES) != self._overrides:
+            self._overrides = self.value(OVERRIDES)
+            for derived in ('machine', 'duration'):
+                vars(self).pop(derived, None)
         self.counts.clear()
         self.progress_of = {n: p for n, p in self.progress_of.items() if p.run >= number}
 

@@ -1,0 +1,63 @@
+"""The site: ``make docs`` writes build/site from README.md, CHANGELOG.md and docs/.
+
+Its source folder is that of the repository, so that links between pages, pictures and scenes mean
+here what they mean where the files are read as they are. Nobody who reads it needs a network.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / 'site'))
+# A pattern of pages that nobody has written yet is no mistake.
+logging.getLogger('sphinx.sphinx.directives.other').addFilter(
+    lambda record: 'glob pattern' not in record.getMessage()
+)
+
+project = 'mechanism_sim'
+author = 'The mechanism_sim developers'
+copyright = author  # noqa: A001
+extensions = [
+    'myst_nb',
+    'sphinx.ext.autodoc',
+    'sphinx.ext.napoleon',
+    'sphinx_copybutton',
+    'sphinx_design',
+    'commands',
+    'docstrings',
+    'mathml',
+]
+root_doc = 'docs/index'
+include_patterns = ['README.md', 'CHANGELOG.md', 'docs/**']
+exclude_patterns = ['.*', 'build', 'runs', 'docs/pictures', 'docs/site']
+highlight_language = 'text'
+
+myst_enable_extensions = ['attrs_inline', 'colon_fence', 'dollarmath', 'html_image']
+myst_heading_anchors = 6
+nb_execution_mode = 'cache'
+nb_execution_cache_path = 'build/lessons'
+nb_execution_raise_on_error = True
+nb_execution_timeout = 120
+nb_ipywidgets_js: dict[str, dict[str, str]] = {}
+
+autodoc_typehints = 'description'
+autodoc_typehints_format = 'short'
+autodoc_member_order = 'bysource'
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+
+html_theme = 'furo'
+html_title = 'mechanism_sim'
+html_math_renderer = 'mathml'
+html_static_path = ['site/static']
+html_css_files = ['site.css']
+html_extra_path = ['site/front']
+html_copy_source = False
+html_theme_options = {
+    'light_css_variables': {'color-brand-primary': '#1f4e79', 'color-brand-content': '#1f5f99'},
+    'dark_css_variables': {'color-brand-primary': '#9cc4ea', 'color-brand-content': '#8ab8e6'},
+}
+copybutton_prompt_text = r'\$ |>>> |\.\.\. '
+copybutton_prompt_is_regexp = True

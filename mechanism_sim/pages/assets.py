@@ -1,0 +1,45 @@
+"""The files that pages are made of: styles, modules of JavaScript, templates."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+
+def asset(name: str) -> str:
+    """The text of a file of `pages/assets`."""
+    return files(__package__).joinpath('assets', name).read_text(encoding='utf-8')
+
+
+def import_map(names: Iterable[str]) -> str:
+    """An import map that holds the modules themselves, for a page that is a single file.
+
+    Modules import each other by bare names, for a page without an address of its own has nothing
+    that a relative one could start from.
+    """
+    return json.dumps({'imports': {name: _inlined(f'{name}.js') for name in names}})
+
+
+def render(template: str, **values: Any) -> str:
+    """A page from its template; what is no `Markup` is escaped."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(asset(template)).render(**values)
+
+
+def embedded(data: Any) -> Markup:
+    """JSON that can stand in a page: nothing in it ends the element around it."""
+    text = data if isinstance(data, str) else json.dumps(data, allow_nan=False)
+    return Markup(text.replace('<', '\\u003c'))  # noqa: S704 - escaped as JSON may be
+
+
+def _inlined(name: str) -> str:
+    text = base64.b64encode(asset(name).encode()).decode('ascii')
+    return f'data:text/javascript;base64,{text}'

@@ -1,0 +1,173 @@
+const TURN = 2 * Math.PI;
+const ARRAYS = { f8: Float64Array, f4: Float32Array, u1: Uint8Array, i1: Int8Array,
+  i2: Int16Array };
+
+/** What is written in base64. @returns {Uint8Array} */
+export function bytes(base64) {
+  const text = atob(base64);
+  const found = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i += 1) found[i] = text.charCodeAt(i);
+  return found;
+}
+
+/** An array as plotly writes it. @param {{dtype: string, bdata: string}} packed */
+export function unpack({ dtype, bdata }) {
+  return new ARRAYS[dtype](bytes(bdata).buffer);
+}
+
+/** The last index whose value is not above x; 0 if there is none. */
+export function search(values, x) {
+  let [low, high] = [0, values.length];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= x) low = middle;
+    else high = middle;
+  }
+  return low;
+}
+
+/** A run between its instants. */
+export class Recording {
+  /** @param {Object} data with `stage`, `frames` and `impacts` as `Recorded.to_json` has them */
+  constructor({ stage, frames, impacts }) {
+    const columns = Object.entries(frames).map(([name, packed]) => [name, unpack(packed)]);
+    Object.assign(this, Object.fromEntries(columns));
+    this.struck = Object.fromEntries(Object.entries(impacts)
+      .map(([name, value]) => [name, value.bdata === undefined ? value : unpack(value)]));
+    this.links = stage.links.length;
+    this.bearings = stage.bearings.length;
+    this.joints = stage.joints.length;
+    this.moving = stage.joints.filter(({ foot }) => foot !== undefined).length;
+    this.slides = stage.slides;
+  }
+
+  get start() { return this.t[0]; }
+
+  get end() { return this.t[this.t.length - 1]; }
+
+  /**
+   * The machine at an instant, straight between those recorded.
+   * @param {number} t @param {number} glow how long impacts are seen [s]
+   * @returns {import('stage').Frame}
+   */
+  at(t, glow = 0) {
+    const i = search(this.t, t);
+    const j = Math.min(i + 1, this.t.length - 1);
+    const share = j > i ? Math.min(1, Math.max(0, (t - this.t[i]) / (this.t[j] - this.t[i]))) : 0;
+    const between = (values, k, width) => Array.from({ length: k }, (_, row) => Array.from(
+      { length: width }, (__, c) => {
+        const at = row * width + c;
+        const [a, b] = [values[i * k * width + at], values[j * k * width + at]];
+        return a + share * (b - a);
+      }));
+    const poses = between(this.poses, this.links, 3);
+    for (let link = 0; link < this.links; link += 1) {
+      const at = link * 3 + 2;
+      const [a, b] = [this.poses[i * this.links * 3 + at], this.poses[j * this.links * 3 + at]];
+      poses[link][2] = a + share * (b - a - TURN * Math.round((b - a) / TURN));
+    }
+    return {
+      t,
+      poses,
+      pins: between(this.pins, this.bearings, 2),
+      modes: Array.from(this.modes.subarray(i * this.bearings, (i + 1) * this.bearings)),
+      forces: between(this.forces, this.joints, 2),
+      feet: between(this.feet, this.moving, 2),
+      drive: this.drive[i] + share * (this.drive[j] - this.drive[i]),
+      impacts: this.#impacts(t, glow),
+    };
+  }
+
+  /** The places [m] of a pin over the last turn of the drive up to t, but no more than `span` [s]. */
+  path(bearing, t, span) {
+    const i = search(this.t, t);
+    const now = this.drive[i];
+    let first = i;
+    const far = this.slides ? Infinity : TURN;
+    while (first > 0 && t - this.t[first] < span
+      && Math.abs(this.drive[first] - now) < far) first -= 1;
+    const places = [];
+    for (let k = first; k <= i; k += 1) {
+      const at = (k * this.bearings + bearing) * 2;
+      places.push([this.pins[at], this.pins[at + 1]]);
+    }
+    places.push(this.at(t).pins[bearing]);
+    return places;
+  }
+
+  /** The impacts of the last `glow` seconds. */
+  #impacts(t, glow) {
+    const { t: times, bearing, joint, angle, impulse, hardest } = this.struck;
+    const seen = [];
+    for (let k = times.length ? search(times, t) : -1; k >= 0 && t - times[k] < glow; k -= 1) {
+      if (times[k] <= t) {
+        seen.push({ bearing: bearing[k], joint: joint[k], angle: angle[k], impulse: impulse[k],
+          share: impulse[k] / hardest, age: (t - times[k]) / glow });
+      }
+    }
+    return seen;
+  }
+}
+
+/** Moves through a recording as time goes on. */
+export class Player {
+  /** @param {Recording} frames @param {function(Object): void} onFrame shows an instant */
+  constructor(frames, onFrame) {
+    this.frames = frames;
+    this.onFrame = onFrame;
+    this.speed = 1;
+    this.playing = false;
+    this.seek(frames.start);
+  }
+
+  /** Of the machine [s]. */
+  get time() { return this.now; }
+
+  /** How long impacts are seen, in the machine's time [s]: a quarter of a second of ours. */
+  get glow() { return 0.25 * this.speed; }
+
+  play() {
+    if (this.playing) return;
+    if (this.now >= this.frames.end) this.now = this.frames.start;
+    this.playing = true;
+    this.last = null;
+    requestAnimationFrame((wall) => this.#tick(wall));
+  }
+
+  pause() {
+    this.playing = false;
+    this.seek(this.now);
+  }
+
+  /** @param {number} t [s]; the nearest there is */
+  seek(t) {
+    this.now = Math.min(Math.max(t, this.frames.start), this.frames.end);
+    this.#show();
+  }
+
+  /** To another of the recorded instants; those before and after an impact count as one. */
+  step(count) {
+    const { t } = this.frames;
+    const apart = 1e-9 * (this.frames.end - this.frames.start);
+    this.playing = false;
+    for (let left = Math.abs(count); left > 0; left -= 1) {
+      const i = count > 0 ? search(t, this.now + apart) + 1 : search(t, this.now - apart);
+      this.now = t[Math.min(i, t.length - 1)];
+    }
+    this.seek(this.now);
+  }
+
+  #tick(wall) {
+    if (!this.playing) return;
+    const passed = this.last === null ? 0 : Math.min(wall - this.last, 100) / 1000;
+    this.last = wall;
+    this.now = Math.min(this.now + passed * this.speed, this.frames.end);
+    if (this.now >= this.frames.end) this.playing = false;
+    this.#show();
+    if (this.playing) requestAnimationFrame((next) => this.#tick(next));
+  }
+
+  #show() {
+    this.onFrame(this.frames.at(this.now, this.glow), this);
+  }
+}

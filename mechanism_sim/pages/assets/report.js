@@ -1,0 +1,132 @@
+import { Charts, loadPlotly } from 'charts';
+import { Lens } from 'lens';
+import { Player, Recording } from 'player';
+import { Stage, words } from 'stage';
+
+const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
+const SLOWEST = 0.01; // that is offered where a turn does not need less
+const TURN = 4; // of ours [s], at the start
+const BINS = 600;
+
+const by = (id) => document.getElementById(id);
+const data = JSON.parse(by('data').textContent);
+const recording = new Recording(data);
+const stage = new Stage(by('stage'), data.stage);
+let lens = null;
+let charts = null;
+
+const player = new Player(recording, show);
+start();
+await loadPlotly();
+charts = new Charts(JSON.parse(by('charts').textContent), seek);
+charts.cursor(player.time);
+document.documentElement.dataset.ready = '1';
+
+function start() {
+  player.speed = speeds();
+  ticks();
+  choose(0);
+  stage.layer('names', false);
+  by('play').addEventListener('click', toggle);
+  by('back').addEventListener('click', () => step(-1));
+  by('on').addEventListener('click', () => step(1));
+  by('scrub').addEventListener('input', () => {
+    const share = Number(by('scrub').value);
+    seek(recording.start + share * (recording.end - recording.start));
+  });
+  by('speed').addEventListener('change', () => { player.speed = Number(by('speed').value); });
+  by('bearing')?.addEventListener('change', () => choose(Number(by('bearing').value)));
+  for (const name of ['names', 'forces']) {
+    by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
+  }
+  document.addEventListener('keydown', key);
+  window.addEventListener('beforeprint', () => charts?.paper());
+  window.addEventListener('afterprint', () => charts?.screen());
+}
+
+function show(frame, shown) {
+  stage.show(frame);
+  lens?.show(frame);
+  charts?.cursor(frame.t);
+  const share = (frame.t - recording.start) / (recording.end - recording.start || 1);
+  by('scrub').value = share;
+  by('scrub').style.setProperty('--share', share);
+  by('time').textContent = `${frame.t.toFixed(digits())} s`;
+  by('drive').textContent = drive(frame.drive);
+  by('shown').textContent = `Shown at ${by('time').textContent}, ${
+    words(data.stage.main)} ${by('drive').textContent}.`;
+  document.documentElement.dataset.playing = shown?.playing ? '1' : '';
+  document.documentElement.dataset.time = frame.t;
+  by('play').setAttribute('aria-label', shown?.playing ? 'pause' : 'play');
+}
+
+function drive(value) {
+  if (data.stage.slides) return `${(1000 * value).toFixed(2)} mm`;
+  const degrees = (((value * 180) / Math.PI) % 360 + 360) % 360;
+  return `${degrees.toFixed(1).padStart(5, '\u2007')}°`;
+}
+
+/** So many that an instant can be told from the next. */
+function digits() {
+  const apart = (recording.end - recording.start) / recording.t.length;
+  return Math.max(2, Math.min(9, Math.ceil(-Math.log10(apart)) + 1));
+}
+
+/** Fills in the speeds. @returns {number} that at which a turn takes some seconds */
+function speeds() {
+  const turn = data.turn ?? (recording.end - recording.start) / 2;
+  const wanted = Math.log(turn / TURN);
+  const far = SPEEDS.map((speed) => Math.abs(Math.log(speed) - wanted));
+  const first = SPEEDS[far.indexOf(Math.min(...far))];
+  for (const speed of SPEEDS.filter((x) => x >= Math.min(first, SLOWEST))) {
+    by('speed').add(new Option(`${speed}×`, speed, speed === first, speed === first));
+  }
+  return first;
+}
+
+/** Impacts below the scrub bar, as high as the hardest of each place is hard. */
+function ticks() {
+  const { t, impulse, hardest } = recording.struck;
+  const most = new Float64Array(BINS);
+  const scale = (BINS - 1) / (recording.end - recording.start || 1);
+  t.forEach((at, i) => {
+    const bin = Math.round((at - recording.start) * scale);
+    most[bin] = Math.max(most[bin], impulse[i] / hardest);
+  });
+  const strokes = Array.from(most, (share, bin) => (share
+    ? `M${bin + 0.5} 10v${(-10 * Math.max(0.15, Math.sqrt(share))).toFixed(2)}` : ''));
+  by('ticks').firstElementChild.setAttribute('d', strokes.join(''));
+}
+
+function choose(bearing) {
+  if (!by('lens')) return;
+  const turns = data.stage.slides ? 1 : 3; // it may run slower than in the mean
+  const span = data.turn ? turns * data.turn : Infinity;
+  lens = new Lens(by('lens'), data.stage, bearing, (t) => recording.path(bearing, t, span));
+  player.seek(player.time);
+}
+
+function toggle() {
+  if (player.playing) player.pause();
+  else player.play();
+}
+
+function step(count) {
+  player.step(count);
+}
+
+function seek(t) {
+  player.playing = false;
+  player.seek(t);
+}
+
+function key(event) {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  const acts = { ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
+    Home: () => seek(recording.start), End: () => seek(recording.end) };
+  // what has the focus keeps its own keys
+  const own = event.key === ' ' ? 'button, select, input:not([type=range])' : 'select';
+  if (!(event.key in acts) || event.target.closest(own)) return;
+  event.preventDefault();
+  acts[event.key]();
+}

@@ -1,0 +1,186 @@
+"""A run as lines to be drawn: over all of it, over its last turns, and those of its ideal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.deviation import ideal_machine
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.sampling import Samples, table
+from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.pages.charts.thinning import MOST, Line, thinned
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.scene import simulate
+from mechanism_sim.sensing.joint_view import JointView
+from mechanism_sim.vibration.shaken_frame import FrameMotion
+
+Array = NDArray[np.float64]
+
+TURNS = 2  #: of the main drive that are shown in full; of a machine that repeats one will do
+_SAME = 1e-6  # [rad] or [m] of drives that follow the same law
+_BLOCK = 4096  # segments at once
+_FEWEST = 4  # places in each
+_PER_TURN = 400  # places at least
+_LEAVE = 't', 'mode', 'closed', 'energy.drive_work', 'energy.dissipated'
+
+
+class Window:
+    """A part of a run; every quantity in it is a line.
+
+    Each step of the integration is read at several places from its start to its end. Steps are
+    short where much happens and end at events, so that what happens is met at any length of run.
+
+    Parameters
+    ----------
+    start, end : of the part [s]
+    frames : the motion of frames on springs by name, all over the run
+    """
+
+    def __init__(
+        self, record: Record, start: float, end: float, frames: dict[str, FrameMotion]
+    ) -> None:
+        self.record = record
+        self.start, self.end = start, end
+        self._frames = frames
+
+    @cached_property
+    def lines(self) -> dict[str, Line]:
+        """By name: those of `Piece.sample` as far as they make lines.
+
+        And ``reaction.JOINT.size`` [N]; ``cam.JOINT.lift`` and so on for every field of the
+        readings of cams, gears and Geneva drives, named after their nodes; ``oscillator.NAME.x``
+        and so on of frames on springs.
+        """
+        curve = self.record.piece.motion.curve
+        first, last = curve.locate(np.array([self.start, self.end]))
+        segments = np.arange(first, last + 1)
+        low = np.maximum(self.start - curve.start[segments], 0.0)
+        high = np.minimum(self.end - curve.start[segments], curve.duration[segments])
+        high = np.maximum(high, low)
+        counts = np.maximum(np.ceil((high - low) / self.longest).astype(int) + 1, _FEWEST)
+        blocks = self._blocks(segments, low, high, counts)
+        lines = thinned(blocks, int(counts.sum()), (self.start, self.end))
+        return dict(zip(self._names, lines, strict=True))
+
+    @property
+    def longest(self) -> float:
+        """Time from one place to the next at most [s]."""
+        record = self.record
+        if record.has_turns:
+            return 1.0 / (abs(record.rate) * _PER_TURN)
+        return (self.end - self.start) / (MOST // 2)
+
+    def _blocks(
+        self, segments: NDArray[np.intp], low: Array, high: Array, counts: NDArray[np.intp]
+    ) -> Iterator[tuple[Array, Array]]:
+        curve = self.record.piece.motion.curve
+        for first in range(0, len(segments), _BLOCK):
+            chosen = slice(first, first + _BLOCK)
+            n = counts[chosen]
+            of = np.repeat(np.arange(len(n)), n)
+            share = (np.arange(len(of)) - np.repeat(np.cumsum(n) - n, n)) / (n - 1)[of]
+            dt = low[chosen][of] + (high - low)[chosen][of] * share
+            k = segments[chosen][of]
+            t = np.clip(curve.start[k] + dt, self.start, self.end)
+            columns = self._columns(k, dt, t)
+            self._names = list(columns)
+            yield t, np.array(list(columns.values()), np.float64)
+
+    def _columns(self, k: NDArray[np.intp], dt: Array, t: Array) -> dict[str, Array]:
+        record = self.record
+        machine, motion = record.machine, record.piece.motion
+        seen, modes = machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
+        unknown = np.full(len(t), np.nan)
+        found = {
+            name: x
+            for name, x in table(
+                machine.physics, Samples(t, modes, seen, unknown, unknown)
+            ).items()
+            if not name.startswith(_LEAVE) and not name.endswith('.moment')
+        }
+        for i, joint in enumerate(machine.mechanism.joints if machine.physics.has_forces else ()):
+            found[f'reaction.{joint.name}.size'] = np.hypot(*seen.reaction[i])
+            if isinstance(joint, Prismatic):
+                found[f'reaction.{joint.name}.moment'] = seen.reaction_moment[i]
+        for node, kind in kinds_of(machine).items():
+            for joint in kind.joints(machine):
+                view = JointView(machine.mechanism, joint, machine.physics, seen, modes)
+                reading = kind.readers[type(joint)](joint, view)._asdict()
+                found |= {f'{node}.{joint.name}.{field}': x for field, x in reading.items()}
+        for name, frame in self._frames.items():
+            states = frame(t)
+            rows = (*states.position[:2], *states.mount_force[:2])
+            fields = zip(('x', 'y', 'force_x', 'force_y'), rows, strict=True)
+            found |= {f'oscillator.{name}.{field}': x for field, x in fields}
+        return found
+
+
+class Course:
+    """What there is to draw of a run.
+
+    Attributes
+    ----------
+    record : the run
+    begin : from when on it counts [s]
+    run : all of it from then on
+    turns : the last whole turns of the main drive, from and up to; None if it makes none
+    detail : these turns; all of the run if there are none
+    """
+
+    def __init__(self, record: Record, skip: int = 0) -> None:
+        self.record = record
+        self.begin = record.begin(skip)
+        self._frames = {
+            name: record.machine.oscillator(name).take(record.piece.motion)
+            for name in record.machine.scene.oscillators
+        }
+        self.run = Window(record, self.begin, record.end, self._frames)
+        self.turns: tuple[int, int] | None = None
+        self.detail = self.run
+        if record.has_turns:
+            first, last = record.whole_turns(skip)
+            count = TURNS if record.machine.dynamic else 1
+            self.turns = max(first, last - count), last
+            start, end = record.times_at(np.array(self.turns, float)).tolist()
+            self.detail = Window(record, start, end, self._frames)
+
+    @property
+    def long(self) -> bool:
+        """Whether the run is so much longer than its detail that both are worth a chart."""
+        return self.run.end - self.run.start > 1.2 * (self.detail.end - self.detail.start)
+
+    @cached_property
+    def ideal(self) -> Window | None:
+        """The detail of the same machine with ideal joints under the same drive.
+
+        None where the machine is ideal itself, the drives do not prescribe the motion or were
+        commanded otherwise, or the ideal machine does not get through it.
+        """
+        machine, detail = self.record.machine, self.detail
+        if not machine.dynamic:
+            return None
+        try:
+            ideal = ideal_machine(machine)
+            if ideal.dynamic:
+                return None
+            beside = Record(ideal, simulate(ideal, duration=self.record.end), {})
+        except (InputError, RunError):
+            return None  # then there is nothing to compare with
+        end = min(detail.end, beside.end)
+        t = np.linspace(detail.start, end, 9)
+        own, told = (_driven(x, t) for x in (self.record, beside))
+        if not np.allclose(own, told, rtol=0.0, atol=_SAME):
+            return None
+        return Window(beside, detail.start, end, {})
+
+
+def _driven(record: Record, t: Array) -> Array:
+    """The prescribed coordinates at times (N,) [s]."""
+    names = record.machine.physics.coordinates
+    chosen = [names.index(c) for c in record.machine.plan.prescribed]
+    return record.piece.motion.curve(t)[:, chosen]

@@ -1,0 +1,143 @@
+"""The energy books of a run, and what its solver did."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.summary import Summary
+from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.solution import Solution
+from mechanism_sim.pages.charts.course import Course
+from mechanism_sim.pages.charts.section import Chart, Section
+from mechanism_sim.pages.charts.style import brief, chart, colour, places, written
+from mechanism_sim.pages.charts.thinning import Line, thinned
+
+Array = NDArray[np.float64]
+
+_BLOCK = 2**16  # instants at once
+_TERMS = 'kinetic', 'potential', 'drive_work', 'dissipated'
+
+
+def energy(course: Course) -> Section | None:
+    """Kinetic and potential energy, work of the drives, what was dissipated, what is missing."""
+    if not course.record.machine.physics.has_forces:
+        return None
+    lines = books(course)
+    figure = chart('time [s]', 'energy [J]')
+    _add(figure, {name.replace('_', ' '): lines[name] for name in _TERMS}, course)
+    charts = [Chart('energy', 'Energy books', written(figure), 'time')]
+    text = 'Kinetic and potential energy, less what the drives put in, plus what is dissipated'
+    if np.isfinite(lines['missing'].values).all():
+        figure = chart('time [s]', 'missing [J]', height=220, showlegend=False)
+        _add(figure, {'missing': lines['missing']}, course)
+        charts.append(Chart('energy-missing', 'What is missing in them', written(figure), 'time'))
+        text += ', should stay what it was at the start; what is missing is error of integration.'
+    else:
+        text += (
+            ', should stay what it was at the start. Which of several drives did the work of an '
+            'impact is not recorded, so that this cannot be checked here.'
+        )
+    return Section('energy', 'Energy', text, tuple(charts))
+
+
+def books(course: Course) -> dict[str, Line]:
+    """The terms of the books by name, and what is ``missing`` [J], at every step and between."""
+    record, window = course.record, course.run
+    curve = record.piece.motion.curve
+    first = int(curve.locate(np.array([window.start]))[0])
+    steps = np.maximum(curve.start[first:], window.start)
+    marks = np.union1d(steps, np.arange(window.start, window.end, window.longest))
+    marks = np.append(marks, window.end)
+    beginning = _terms(record, np.array([record.start]))[:, 0]
+
+    def blocks() -> Iterator[tuple[Array, Array]]:
+        for k in range(0, len(marks), _BLOCK):
+            t = marks[k : k + _BLOCK]
+            terms = _terms(record, t)
+            # term by term: large energies do not hide small changes
+            kinetic, potential, work, dissipated = terms - beginning[:, None]
+            yield t, np.vstack([terms, kinetic + potential - work + dissipated])
+
+    found = thinned(blocks(), len(marks), (window.start, window.end))
+    return dict(zip((*_TERMS, 'missing'), found, strict=True))
+
+
+def _terms(record: Record, t: Array) -> Array:
+    s = record.piece.samples(t)
+    o = s.observed
+    return np.array([o.kinetic_energy, o.potential_energy, s.drive_work, s.dissipated])
+
+
+def _add(figure: go.Figure, lines: dict[str, Line], course: Course) -> None:
+    figure.update_xaxes(range=[course.run.start, course.run.end])
+    for i, (name, line) in enumerate(lines.items()):
+        if not np.isfinite(line.values).all():
+            continue
+        figure.add_scatter(
+            x=places(line.at), y=brief(line.values), mode='lines', name=name,
+            line={'color': colour(i), 'width': 1.3}, hovertemplate='%{x:.6f} s<br>%{y:.6g} J',
+        )  # fmt: skip
+
+
+def solver(course: Course, summary: Summary | None) -> Section:
+    """Steps, events, errors and digest of the run as a table."""
+    rows = tuple(_rows(course.record, summary))
+    text = (
+        'Errors are read from the finished polynomials, independently of the loop that made them. '
+        'Runs with equal digests are equal bit by bit.'
+    )
+    return Section('solver', 'Solver', text, (), rows)
+
+
+def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
+    machine, piece = record.machine, record.piece
+    tolerances = machine.scene.solver
+    steps, span = len(piece.motion), record.end - record.start
+    yield 'level of mechanics', machine.level.value
+    yield 'relative tolerance', f'{tolerances.rtol:g}'
+    yield 'absolute tolerance', f'{tolerances.atol:g}'
+    yield 'simulated time', f'{span:.9g} s'
+    if record.has_turns:
+        yield f'turns of the {machine.main}', f'{abs(record.rate) * span:.6g}'
+    yield 'steps', f'{steps:,}'
+    yield 'mean step', f'{span / steps:.4g} s'
+    yield 'shortest step', f'{piece.motion.curve.duration.min():.4g} s'
+    yield 'impacts', f'{len(piece.impacts):,}'
+    entered = Counter(c.mode for c in piece.modes if c.previous != Mode.UNKNOWN)
+    for mode, count in sorted(entered.items()):
+        yield f'changes to {mode.name.lower().replace("_", " ")}', f'{count:,}'
+    yield from _errors(record)
+    if isinstance(piece, Solution):
+        stats = piece.stats
+        yield 'compilation', f'{stats.compile_time:.3g} s'
+        yield 'CPU time', f'{stats.cpu_time:.3g} s'
+        if stats.wall_time:
+            yield 'faster than real time', f'{span / stats.wall_time:.3g} times'
+    if summary and summary.ledger:
+        yield 'messages lost on the way to the bag', f'{summary.ledger.lost:,}'
+    yield 'digest', (summary and summary.digest) or _digest(record)
+
+
+def _errors(record: Record) -> Iterator[tuple[str, str]]:
+    audit = record.audit or Audit(record.machine.physics)
+    if record.audit is None:
+        audit.add(record.piece.motion, record.piece.impacts)
+    if record.machine.physics.clearances:
+        yield 'largest penetration of an open gap', f'{audit.max_penetration:.3g} m'
+    yield 'largest error of a closure', f'{audit.max_closure_error:.3g} m'
+    if audit.energy and np.isfinite(audit.energy.residual):
+        yield 'energy missing at the end', f'{audit.energy.residual:.3g} J'
+
+
+def _digest(record: Record) -> str:
+    digest = MotionDigest()
+    digest.add(record.piece.motion, record.piece.impacts)
+    return digest.hexdigest()

@@ -1,0 +1,182 @@
+"""How a machine moves, and what its drives and joints bear: charts over the drive's angle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.pages.charts.course import Course, Window
+from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
+from mechanism_sim.pages.charts.section import Chart, Section
+from mechanism_sim.pages.charts.style import brief, colour, pale, places, polar, written
+from mechanism_sim.planar.mechanism import Prismatic
+
+Array = NDArray[np.float64]
+
+_NOTHING = 1e-9
+"""Of the largest of its kind: what is less is rounding."""
+
+_KINDS = {
+    'position': ('Angles', 'Displacements'),
+    'velocity': ('Angular velocities', 'Velocities'),
+    'acceleration': ('Angular accelerations', 'Accelerations'),
+}
+
+
+def over(course: Course) -> str:
+    """In words, what is to be seen over which turns."""
+    if course.turns is None:
+        return f'Over time, for the {course.record.machine.main} makes no whole turn.'
+    first, last = course.turns
+    main, count = course.record.machine.main, last - first
+    turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
+    found = f'{turns} of the {main}'
+    if count > 1:
+        found += ', the latest strong and the one before it faint'
+    if course.ideal is not None:
+        found += '; the thick pale line is the same machine with ideal joints'
+    return f'{found}.'
+
+
+def motion(course: Course) -> Section:
+    """Angles, rates and accelerations of all coordinates."""
+    machine = course.record.machine
+    physics, charts = machine.physics, []
+    for kind, titles in _KINDS.items():
+        for straight, title in zip((False, True), titles, strict=True):
+            curves = [
+                Curve(f'{kind}.{c}', c, i)
+                for i, c in enumerate(physics.coordinates)
+                if (c in physics.displacements) == straight
+            ]
+            if kind == 'position' and course.turns:
+                curves = [c for c in curves if c.label != machine.main]
+            if kind == 'acceleration':  # of a drive at constant speed there is none
+                curves = [c for c in curves if _varies(course, c)]
+            if any(_varies(course, c) for c in curves):
+                unit = unit_of(machine, curves[0].column)
+                key = f'motion-{kind}-{"straight" if straight else "turning"}'
+                words = title.lower()[:-1].replace('velocitie', 'velocity')
+                charts.append(over_drive(course, key, title, curves, words, unit))
+    main = machine.main
+    speed = Curve(f'velocity.{main}', main, physics.coordinates.index(main))
+    if course.turns and course.long and _varies(course, speed):
+        title = f'Speed of the {main} over the whole run'
+        charts.append(over_time(course, 'motion-speed-run', title, [speed], 'speed', 'rad/s'))
+    return Section('motion', 'Motion', over(course), tuple(charts))
+
+
+def _varies(course: Course, curve: Curve) -> bool:
+    values = course.detail.lines[curve.column].values
+    return bool(np.ptp(values) > _NOTHING * np.abs(values).max())
+
+
+def forces(course: Course) -> Section | None:
+    """Forces in all joints: their size, and as vectors."""
+    machine = course.record.machine
+    if not machine.physics.has_forces:
+        return None
+    joints = machine.physics.joints
+    curves = [Curve(f'reaction.{j}.size', j, i) for i, j in enumerate(joints)]
+    if not above_rounding(course, curves, 'N'):
+        return None
+    title = 'Force in each joint'
+    charts = [over_drive(course, 'forces', title, curves, 'force', 'N', height=340)]
+    if course.turns and course.long:
+        title = 'Force in each joint over the whole run'
+        charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
+    lines = course.detail.lines
+    largest = {joint: lines[f'reaction.{joint}.size'].values.max() for joint in joints}
+    charts += [
+        _hodograph(course, joint, i)
+        for i, joint in enumerate(joints)
+        if largest[joint] > _NOTHING * max(largest.values())
+    ]
+    text = (
+        'Round charts show the force as a vector in the world: '
+        'that of the first-named on the second-named link of the joint, without the impulses of '
+        'impacts.'
+    )
+    return Section('forces', 'Joint forces', text, tuple(charts))
+
+
+def _hodograph(course: Course, joint: str, number: int) -> Chart:
+    """The force of a joint as a vector in the world."""
+    t, size, direction = _vector(course.detail, joint)
+    figure = polar('N', size, direction, showlegend=False)
+    shade = colour(number)
+    if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
+        _, r, theta = _vector(course.ideal, joint)
+        figure.add_scatterpolar(
+            r=brief(r), theta=brief(theta), mode='lines', hoverinfo='skip',
+            line={'color': pale(shade), 'width': 6}, name='ideal machine',
+        )  # fmt: skip
+    figure.add_scatterpolar(
+        r=brief(size), theta=brief(direction), customdata=places(t), mode='lines', name=joint,
+        line={'color': shade, 'width': 1.2},
+        hovertemplate='%{r:.5g} N<br>%{theta:.1f} deg<br>%{customdata:.6f} s',
+    )  # fmt: skip
+    pair = course.record.machine.mechanism.joint(joint)
+    title = f'{joint}: {pair.first} on {pair.second}'
+    return Chart(f'forces-{joint}', title, written(figure), 'polar', joint)
+
+
+def _vector(window: Window, joint: str) -> tuple[Array, Array, Array]:
+    """Times [s], size [N] and direction [deg] of a force, where the line of its size is."""
+    record = window.record
+    t = np.unique(window.lines[f'reaction.{joint}.size'].at)
+    seen = record.piece.physics.observe(record.piece.motion, *record.piece.motion.curve.find(t))
+    x, y = seen.reaction[record.piece.physics.joints.index(joint)]
+    return t, np.hypot(x, y), np.degrees(np.arctan2(y, x))
+
+
+def drive(course: Course) -> Section | None:
+    """Torque or force of every drive."""
+    machine = course.record.machine
+    physics = machine.physics
+    if not physics.has_forces or not physics.driven:
+        return None
+    charts, names = [], physics.coordinates
+    for straight, word in ((False, 'torque'), (True, 'force')):
+        curves = [
+            Curve('drive_torque' if not i else f'drive_torque.{c}', c, names.index(c))
+            for i, c in enumerate(physics.driven)
+            if (c in physics.displacements) == straight
+        ]
+        unit = 'N' if straight else 'N m'
+        if above_rounding(course, curves, unit):
+            key, title = f'drive-{word}', f'Drive {word}'
+            charts.append(over_drive(course, key, title, curves, word, unit))
+            if course.turns and course.long:
+                title += ' over the whole run'
+                charts.append(over_time(course, f'{key}-run', title, curves, word, unit))
+    return Section('drive', 'Drive', '', tuple(charts))
+
+
+def guides(course: Course) -> Section | None:
+    """Forces and moments that guides and slots transmit."""
+    machine = course.record.machine
+    names = machine.physics.joints
+    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic | PinInSlot)]
+    if not machine.physics.has_forces or not joints:
+        return None
+
+    def curves(kind: str) -> list[Curve]:
+        return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
+
+    if not above_rounding(course, curves('size'), 'N'):
+        return None
+    title, text = 'Force across each guide and slot', ''
+    charts = [over_drive(course, 'guides-force', title, curves('size'), 'force', 'N')]
+    if any(isinstance(j, Prismatic) for j in joints):
+        title = 'Moment in each guide'
+        charts.append(
+            over_drive(course, 'guides-moment', title, curves('moment'), 'moment', 'N m')
+        )
+        text = (
+            'The moment is that of the first-named on the second-named link, about the point that '
+            'slides.'
+        )
+    return Section('guides', 'Guides and slots', text, tuple(charts))

@@ -1,0 +1,111 @@
+"""Cams, gears, Geneva drives and frames on springs: what their readings say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mechanism_sim.analysis.parts import PARTS
+from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.gears.transmission import Transmission
+from mechanism_sim.nodes.parts import kinds_of
+from mechanism_sim.pages.charts.course import Course
+from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
+from mechanism_sim.pages.charts.motion import over
+from mechanism_sim.pages.charts.section import Chart, Section
+from mechanism_sim.planar.mechanism import Joint
+from mechanism_sim.scene import Machine
+
+_Drawn = tuple[str, dict[str, str], str, str]
+"""Title, labels by field of the reading, what it is, and its unit."""
+
+_CAM_FORCES: tuple[_Drawn, ...] = (
+    ('contact force', {'contact_force': 'contact force'}, 'force', 'N'),
+    ('torque on the cam', {'cam_torque': 'torque on the cam'}, 'torque', 'N m'),
+)
+
+
+def parts(course: Course) -> list[Section]:
+    """A section for each kind of parts that the machine has."""
+    machine, found = course.record.machine, []
+    for node, kind in kinds_of(machine).items():
+        charts: list[Chart] = []
+        for joint in kind.joints(machine):
+            for title, labels, words, unit in _drawn(machine, node, joint):
+                curves = [
+                    Curve(f'{node}.{joint.name}.{field}', label, 2 * i)
+                    for i, (field, label) in enumerate(labels.items())
+                ]
+                if not above_rounding(course, curves, unit):
+                    continue
+                key = f'{node}-{joint.name}-{next(iter(labels))}'.replace('_', '-')
+                name = f'{joint.name}: {title}'
+                charts.append(over_drive(course, key, name, curves, words, unit, joint.name))
+        title = PARTS[kind.topic].title
+        if charts:
+            title = title[:1].upper() + title[1:]
+            found.append(Section(node.replace('_', '-'), title, over(course), tuple(charts)))
+    if machine.scene.oscillators:
+        found.append(_oscillators(course))
+    return found
+
+
+def _drawn(machine: Machine, node: str, joint: Joint) -> tuple[_Drawn, ...]:
+    forces = machine.physics.has_forces
+    slides = joint.second in machine.mechanism.sliding
+    if isinstance(joint, CamPair):
+        return _cam(joint, forces)
+    if node == 'geneva':
+        unit, effort = ('m', 'force') if slides else ('rad', 'torque')
+        driven: tuple[_Drawn, ...] = (
+            ('velocity of what is driven', {'driven_velocity': 'driven'}, 'velocity', f'{unit}/s'),
+            ('its acceleration', {'driven_acceleration': 'driven'}, 'acceleration', f'{unit}/s^2'),
+        )
+        loads: _Drawn = (
+            f'{effort} on what is driven', {'driven_effort': 'driven'}, effort,
+            'N' if slides else 'N m',
+        )  # fmt: skip
+        return (*driven, loads) if forces else driven
+    if isinstance(joint, Transmission):
+        torques = {'first_torque': joint.first, 'second_torque': joint.second}
+        return (('torques', torques, 'torque', 'N m'),) if forces else ()
+    error: _Drawn = ('transmission error', {'transmission_error': 'error'}, 'error', 'm')
+    force: _Drawn = ('tooth force', {'tooth_force': 'tooth force'}, 'force', 'N')
+    return (error, force) if forces else (error,)
+
+
+def _cam(joint: CamPair, forces: bool) -> tuple[_Drawn, ...]:
+    unit = 'rad' if joint.distance.swings else 'm'
+    lift: _Drawn = (
+        'lift', {'lift': 'law of the cam', 'follower_position': 'follower'}, 'lift', unit
+    )  # fmt: skip
+    return (lift, *_CAM_FORCES) if forces else (lift,)
+
+
+def _oscillators(course: Course) -> Section:
+    charts = []
+    for name in course.record.machine.scene.oscillators:
+        for title, fields, words, unit in (
+            ('displacement', 'xy', 'displacement', 'm'),
+            ('force on the ground', ('force_x', 'force_y'), 'force', 'N'),
+        ):
+            curves = [
+                Curve(f'oscillator.{name}.{f}', f[-1], 2 * i)
+                for i, f in enumerate(fields)
+                if np.any(course.run.lines[f'oscillator.{name}.{f}'].values)
+            ]
+            if not curves:
+                continue
+            key, head = f'oscillator-{name}-{words}', f'{name}: {title}'
+            about = words, unit, name
+            if course.long:
+                found = over_time(
+                    course, key, f'{head} in the last turns', curves, *about, course.detail
+                )
+                charts.append(found)
+            head = f'{head} over the whole run'
+            charts.append(over_time(course, f'{key}-run', head, curves, *about))
+    text = (
+        'How far each frame is from where its mounts carry it alone, and what its mounts transmit '
+        'to the ground, less its own weight.'
+    )
+    return Section('oscillators', 'Frames on springs', text, tuple(charts))

@@ -1,0 +1,115 @@
+"""Lines of many points, thinned so that no extreme is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MOST = 4000
+"""Points that a line keeps: about two for every pixel across a wide page."""
+
+
+class Line(NamedTuple):
+    """Values (N,) at places (N,) that do not fall, such as times [s].
+
+    A place may occur twice: before an event and after it.
+    """
+
+    at: Array
+    values: Array
+
+
+class Extremes:
+    """The least and the largest value of C rows in each of n bins, and their first and last.
+
+    Memory does not grow with what is entered.
+    """
+
+    def __init__(self, start: float, end: float, rows: int, bins: int = MOST // 2) -> None:
+        self._start, self._per_place = start, bins / (end - start)
+        self._least = np.full((bins, rows), np.inf)
+        self._largest = np.full((bins, rows), -np.inf)
+        self._at_least, self._at_largest = np.zeros((2, bins, rows))
+        self._first: tuple[float, Array] | None = None
+        self._last: tuple[float, Array] | None = None
+
+    def add(self, at: Array, values: Array) -> None:
+        """Enter values (C, N) at places (N,) that do not fall; what is no number is left out."""
+        if not len(at):
+            return
+        if self._first is None:
+            self._first = float(at[0]), values[:, 0].copy()
+        self._last = float(at[-1]), values[:, -1].copy()
+        bins = len(self._least)
+        of = np.clip(((at - self._start) * self._per_place).astype(np.intp), 0, bins - 1)
+        firsts = np.flatnonzero(np.diff(of, prepend=-1))
+        rows = np.arange(len(values))
+        for a, b in zip(firsts, [*firsts[1:], len(at)], strict=True):
+            k, part = of[a], values[:, a:b]
+            for worst, kept, places, better in (
+                (np.inf, self._least, self._at_least, np.less),
+                (-np.inf, self._largest, self._at_largest, np.greater),
+            ):
+                known = np.where(np.isnan(part), worst, part)
+                best = known.argmin(axis=1) if worst > 0.0 else known.argmax(axis=1)
+                found = known[rows, best]
+                new = better(found, kept[k])
+                kept[k, new], places[k, new] = found[new], at[a + best[new]]
+
+    def lines(self) -> list[Line]:
+        """The C rows, two points or one of each bin in which there is something, and the ends."""
+        at = np.stack([self._at_least, self._at_largest], axis=1)
+        values = np.stack([self._least, self._largest], axis=1)
+        order = np.argsort(at, axis=1, kind='stable')
+        at, values = (
+            np.take_along_axis(x, order, axis=1).reshape(-1, x.shape[2]).T for x in (at, values)
+        )
+        if self._first and self._last:
+            (start, first), (end, last) = self._first, self._last
+            ends = np.full((len(at), 1), start), np.full((len(at), 1), end)
+            at = np.concatenate([ends[0], at, ends[1]], axis=1)
+            values = np.concatenate([first[:, None], values, last[:, None]], axis=1)
+        return [_tidy(*row) for row in zip(at, values, strict=True)]
+
+
+def _tidy(at: Array, values: Array) -> Line:
+    """Without empty bins, and no point twice."""
+    known = np.isfinite(values)
+    at, values = at[known], values[known]
+    new = (np.diff(at, prepend=np.nan) != 0.0) | (np.diff(values, prepend=np.nan) != 0.0)
+    return Line(at[new], values[new])
+
+
+def thinned(blocks: Iterable[tuple[Array, Array]], count: int, span: tuple[float, float],
+            most: int = MOST) -> list[Line]:  # fmt: skip
+    """Lines of C rows that come in blocks: places (N,), values (C, N).
+
+    Parameters
+    ----------
+    count : of all places together; if there are no more than `most`, all are kept
+    span : of the places, from and to
+    """
+    found: Iterator[tuple[Array, Array]] = iter(blocks)
+    if count <= most:
+        parts = list(found)
+        at = np.concatenate([at for at, _ in parts])
+        return [Line(at, row) for row in np.concatenate([x for _, x in parts], axis=1)]
+    at, values = next(found)
+    extremes = Extremes(*span, len(values), most // 2)
+    extremes.add(at, values)
+    for at, values in found:
+        extremes.add(at, values)
+    return extremes.lines()
+
+
+def thin(line: Line, most: int = MOST) -> Line:
+    """One line with its extremes."""
+    if len(line.at) <= most:
+        return line
+    span = float(line.at[0]), float(line.at[-1])
+    return thinned([(line.at, line.values[None])], len(line.at), span, most)[0]

@@ -1,0 +1,147 @@
+"""The frames of a run: as many instants of it as a page can hold, and its impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.pages.stage import Frames, Stage, packed, stage_of
+from mechanism_sim.planar.inverse_dynamics import Observation
+
+Array = NDArray[np.float64]
+
+PER_TURN = 120
+"""Instants in a turn of the main drive."""
+MOST = 20_000
+"""Instants of a run at most, beside those at events; and impacts."""
+
+_OTHERS = 40  # in a turn of any other link
+_LEAST = 300  # of a run, however slow
+_BYTES = 2_000_000  # of all instants; events may take a quarter as much again
+_BLOCK = 4096  # instants observed at a time
+_SEEN = 1500  # instants by which sizes are chosen
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A run as a page shows it.
+
+    Attributes
+    ----------
+    impacts : the hardest of them, in the order of time
+    hardest : impulse [N s] of the hardest; 0 if there is none
+    left_out : how many impacts are not among them
+    """
+
+    stage: Stage
+    frames: Frames
+    impacts: list[Impact]
+    hardest: float
+    left_out: int
+
+    def to_json(self) -> dict[str, Any]:
+        """The same as plain data; see `Stage.to_json`, `Frames.packed`."""
+        return {
+            'stage': self.stage.to_json(),
+            'frames': self.frames.packed(),
+            'impacts': self._impacts(),
+        }
+
+    def _impacts(self) -> dict[str, Any]:
+        """When, in which bearing and joint (-1 if in none), direction [rad], impulse [N s]."""
+        stage = self.stage
+        loose = [joint.name for joint in stage.bearings]
+        shown = [joint.name for joint in stage.joints]
+        of = _joints_of_gaps(stage)
+        names = [of[impact.joint] for impact in self.impacts]
+        return {
+            't': packed(np.array([impact.t for impact in self.impacts])),
+            'bearing': packed(np.array([_index(loose, n) for n in names], np.int16)),
+            'joint': packed(np.array([_index(shown, n) for n in names], np.int16)),
+            'angle': packed(np.array([i.normal_angle for i in self.impacts], np.float32)),
+            'impulse': packed(np.array([i.normal_impulse for i in self.impacts], np.float32)),
+            'hardest': self.hardest,
+        }
+
+
+def recorded(record: Record, show: Callable[[float, int], None] | None = None) -> Recorded:
+    """The frames of a run.
+
+    Parameters
+    ----------
+    show : called now and then with the time [s] up to which frames are made, and impacts so far
+    """
+    seen, _ = _observe(record, np.linspace(record.start, record.end, _SEEN))
+    stage = stage_of(record.machine, seen)
+    most = min(MOST, _BYTES // _size(stage))
+    hardest_first = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
+    kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
+    changes = [change.t for change in record.piece.modes]
+    events = np.array([*(i.t for i in hardest_first), *changes])[: most // 8]
+    before = np.nextafter(events, -np.inf)
+    t = np.concatenate([instants(record, most), events, before[before >= record.start]])
+    t = np.unique(np.clip(t, record.start, record.end))
+    parts = []
+    for first in range(0, len(t), _BLOCK):
+        some = t[first : first + _BLOCK]
+        parts.append(stage.frames(some, *_observe(record, some)))
+        if show:
+            show(float(some[-1]), int(np.searchsorted([i.t for i in kept], some[-1])))
+    frames = Frames(
+        *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Frames))
+    )
+    hardest = max((i.normal_impulse for i in kept), default=0.0)
+    return Recorded(stage, frames, kept, hardest, len(hardest_first) - len(kept))
+
+
+def instants(record: Record, most: int = MOST) -> Array:
+    """Times (N,) [s] over a run, closer together where the machine is faster.
+
+    There are about `PER_TURN` in a turn of the main drive, and fewer where that were more than
+    `most` in all.
+    """
+    curve, coordinates = record.piece.motion.curve, record.machine.physics.coordinates
+    sliding = record.machine.physics.displacements
+    t = np.append(curve.start, curve.end)
+    k = np.append(np.arange(len(curve)), len(curve) - 1)
+    speed = np.abs(curve.at(k, t - curve.start[k], 1))
+    weights = np.array(
+        [
+            (PER_TURN if name == record.machine.main else _OTHERS)
+            / (2.0 * np.pi)
+            / (record.machine.mechanism.size if name in sliding else 1.0)
+            for name in coordinates
+        ]
+    )
+    dense = (speed * weights).max(axis=1) + _LEAST / (record.end - record.start)
+    passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
+    count = min(int(passed[-1]) + 1, most)
+    return np.asarray(np.interp(np.linspace(0.0, passed[-1], count), passed, t))
+
+
+def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:
+    """The machine at times (N,) [s], and the modes (m, N) of its gaps."""
+    motion = record.piece.motion
+    k, dt = motion.curve.find(t)
+    return record.machine.physics.observe(motion, k, dt), motion.modes[k].T
+
+
+def _size(stage: Stage) -> int:
+    """Bytes of an instant on the page."""
+    numbers = 3 * len(stage.links) + 2 * len(stage.bearings) + 2 * len(stage.joints)
+    return 16 + 4 * numbers + len(stage.bearings)
+
+
+def _joints_of_gaps(stage: Stage) -> dict[str, str]:
+    machine = stage.machine
+    return {gap.name: gap.joint for gap in machine.system.gaps} if machine.dynamic else {}
+
+
+def _index(names: list[str], name: str) -> int:
+    return names.index(name) if name in names else -1

@@ -1,0 +1,152 @@
+"""The page of a run: one HTML file that plays it and holds its charts, and asks for nothing."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError
+from mechanism_sim.pages.assets import asset, embedded, import_map, render
+from mechanism_sim.pages.charts import Section, sections
+from mechanism_sim.pages.recorded import Recorded, recorded
+
+MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'report'
+_HEIGHT = 360  # [px] of a chart that does not say
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A line of the header; `long` is what it is in full."""
+
+    name: str
+    value: str
+    long: str = ''
+
+
+def page(
+    record: Record,
+    source: str = '',
+    digest: str = '',
+    show: Callable[[float, int], None] | None = None,
+) -> str:
+    """The page of a run as HTML.
+
+    Parameters
+    ----------
+    source : the file it was recorded in
+    digest : of the whole run, where this is a part of one
+    show : called now and then, see `recorded`
+    """
+    run = recorded(record, show)
+    scene = record.machine.scene
+    data = json.dumps({**run.to_json(), 'turn': _turn(record, run)}, allow_nan=False)
+    parts = sections(record)
+    charts = {chart.key: chart.figure for part in parts for chart in part.charts}
+    return render(
+        'page.html.jinja',
+        version=version('mechanism_sim'),
+        title=scene.title,
+        scene=record.machine.name,
+        description=scene.description.strip(),
+        facts=_facts(record, source, digest or record.digest(), run),
+        sections=[_section(part) for part in parts],
+        bearings=[joint.name.replace('_', ' ') for joint in run.stage.bearings],
+        forces=bool(run.stage.joints),
+        style=Markup(asset('style.css')),  # noqa: S704 - ours
+        modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
+        data=embedded(data),
+        charts=embedded(charts),
+        plotly=_packed(get_plotlyjs()) if charts else '',
+    )
+
+
+def check_file(file: str) -> Path:
+    """A path that a page can be written to, checked before anything is computed.
+
+    Raises
+    ------
+    InputError
+        If it does not end in .html, or its folder is not there.
+    """
+    path = Path(file)
+    if path.suffix not in ('.html', '.htm'):
+        raise InputError(f'--output {file}: the ending must be .html')
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
+    return path
+
+
+def write(text: str, file: Path) -> None:
+    """Write a page.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written there.
+    """
+    try:
+        file.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+
+
+def _turn(record: Record, run: Recorded) -> float | None:
+    """How long a turn of the main drive takes [s] in the mean, or its way there and back."""
+    moved = run.frames.drive
+    way = 2.0 * float(np.ptp(moved)) if record.slides else 2.0 * np.pi
+    passed = float(np.abs(np.diff(moved)).sum())
+    return (record.end - record.start) * way / passed if passed > 0.25 * way else None
+
+
+def _facts(record: Record, source: str, digest: str, run: Recorded) -> list[Fact]:
+    """What the header says."""
+    machine, solver = record.machine, record.machine.scene.solver
+    span = f'{record.start:.6g} s to {record.end:.6g} s'
+    if not record.slides:
+        first, last = record.turned(np.array([record.start, record.end]))
+        turns = f'{last - first:.4g}'
+        what = 'turn' if turns == '1' else 'turns'
+        span += f', {turns} {what} of {machine.main.replace("_", " ")}'
+    facts = [Fact('Time', span), Fact('Model', machine.level.value)]
+    if machine.clearances:
+        fewer = f', the hardest {len(run.impacts)} shown' if run.left_out else ''
+        facts.append(Fact('Impacts', f'{len(record.piece.impacts)}{fewer}'))
+    facts.append(Fact('Tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g} m'))
+    facts.append(Fact('Digest', f'{digest[:12]}…', digest))
+    return [*facts, Fact('Recorded in', source)] if source else facts
+
+
+def _section(section: Section) -> dict[str, Any]:
+    """A section as the template needs it: with the height of its charts."""
+    charts = [
+        {
+            'key': chart.key,
+            'title': chart.title,
+            'axis': chart.axis,
+            'height': chart.figure.get('layout', {}).get('height') or _HEIGHT,
+        }
+        for chart in section.charts
+    ]
+    return {
+        'key': section.key,
+        'title': section.title,
+        'text': section.text,
+        'charts': charts,
+        'rows': section.rows,
+    }
+
+
+def _packed(text: str) -> str:
+    """A text that is long and rarely read, compressed and in base64."""
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode('ascii')

@@ -1,0 +1,236 @@
+"""What a page animates: the parts of a machine, and where they are at each instant.
+
+All in SI units and as plain data for JSON. The page draws and moves it; it knows no mechanics.
+"""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
+from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.joint_view import JointView
+
+Array = NDArray[np.float64]
+
+_LONGEST = 0.35
+"""Length of an arrow for a force that is rarely exceeded, of the machine's size."""
+_RARELY = 98.0  # [%] of the instants have smaller forces
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A machine at N instants: L moving links, B loose bearings, J joints, K of them higher pairs.
+
+    Attributes
+    ----------
+    t : (N,) [s]
+    poses : (N, L, 3) origin [m] and angle [rad, less whole turns] of the links' frames
+    pins : (N, B, 2) [m] centre of the pin less that of the bushing, along the world's axes
+    modes : (N, B) of contact, as in ModeChange; 0 with an oil film
+    forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
+    feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
+    drive : (N,) coordinate of the main drive [rad], or [m]
+    """
+
+    t: Array
+    poses: Array
+    pins: Array
+    modes: NDArray[np.uint8]
+    forces: Array
+    feet: Array
+    drive: Array
+
+    def packed(self) -> dict[str, Any]:
+        """All instants, as arrays in base64."""
+        single = {'poses': self.poses, 'pins': self.pins, 'forces': self.forces, 'feet': self.feet}
+        return {
+            't': packed(self.t),
+            **{name: packed(rows.astype('<f4')) for name, rows in single.items()},
+            'modes': packed(self.modes),
+            'drive': packed(self.drive),
+        }
+
+    def plain(self, i: int) -> dict[str, Any]:
+        """One instant, as numbers and lists."""
+        rows = ('t', 'poses', 'pins', 'modes', 'forces', 'feet', 'drive')
+        return {name: getattr(self, name)[i].tolist() for name in rows}
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What of a machine is animated, and how large.
+
+    Attributes
+    ----------
+    low, high : corners (2,) [m] of all that moves, and room around it
+    force_scale : length of arrows per force [m/N]; 0 where there are no forces
+    """
+
+    machine: Machine
+    skeleton: Skeleton
+    low: Array
+    high: Array
+    force_scale: float
+
+    @property
+    def links(self) -> list[str]:
+        """The moving links, in the order of poses."""
+        return [body.name for body in self.machine.mechanism.bodies]
+
+    @cached_property
+    def joints(self) -> list[Joint]:
+        """Those whose forces are shown: all, or none where forces are not known or not asked."""
+        machine = self.machine
+        shown = machine.physics.has_forces and machine.scene.outputs.forces
+        return list(machine.mechanism.joints) if shown else []
+
+    @cached_property
+    def bearings(self) -> list[Joint]:
+        """Joints with a pin loose in a bushing."""
+        machine = self.machine
+        joints = machine.mechanism.joints
+        return [j for j in joints if isinstance(j, Revolute) and j.name in machine.clearances]
+
+    @cached_property
+    def _moving(self) -> list[Joint]:
+        return [joint for joint in self.joints if isinstance(joint, HigherPair)]
+
+    def to_json(self) -> dict[str, Any]:
+        """All that does not change from instant to instant."""
+        shapes = [shape for shape in self.skeleton.shapes if shape.kind != 'spring']
+        springs = [shape.outline for shape in self.skeleton.shapes if shape.kind == 'spring']
+        return {
+            'scene': self.machine.name,
+            'title': self.machine.scene.title,
+            'bounds': [*self.low.tolist(), *self.high.tolist()],
+            'symbol': self.skeleton.symbol,
+            'links': self.links,
+            'shapes': [
+                {
+                    'kind': shape.kind,
+                    'link': shape.link,
+                    'label': shape.label,
+                    'outline': [[float(x), float(y)] for _, (x, y) in shape.outline],
+                }
+                for shape in shapes
+            ],
+            'springs': [[[link, list(at)] for link, at in ends] for ends in springs],
+            'joints': [self._joint(joint) for joint in self.joints],
+            'force_scale': self.force_scale,
+            'bearings': [self._bearing(joint) for joint in self.bearings],
+            'main': self.machine.main,
+            'slides': self.machine.main in self.machine.physics.displacements,
+        }
+
+    def frames(self, t: Array, o: Observation, modes: NDArray[np.uint8]) -> Frames:
+        """The machine at times t (N,) [s].
+
+        Parameters
+        ----------
+        o : the observed machine then
+        modes : (m, N) of its gaps
+        """
+        physics, bearings = self.machine.physics, self.bearings
+        views = {
+            joint.name: JointView(self.machine.mechanism, joint, physics, o, modes)
+            for joint in (*self.joints, *bearings)
+        }
+        pins = [
+            view.place(j.first, j.on_first) - view.place(j.second, j.on_second)
+            for j in bearings
+            for view in [views[j.name]]
+        ]
+        known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
+        touching = np.zeros((count, len(bearings)), np.uint8)
+        for k, joint in enumerate(bearings):
+            if joint.name in known:  # an oil film has no gap
+                touching[:, k] = known[joint.name]
+        return Frames(
+            t,
+            self._poses(o),
+            _by_instant(pins, count),
+            touching,
+            _by_instant([views[j.name].force for j in self.joints], count),
+            _by_instant([_foot(views[j.name]) for j in self._moving], count),
+            o.position[physics.coordinates.index(self.machine.main)],
+        )
+
+    def _poses(self, o: Observation) -> Array:
+        mechanism = self.machine.mechanism
+        rows = []
+        for link in self.links:
+            frame, offset = mechanism.frame(link)
+            turn = 0.0 if frame == GROUND else o.position[mechanism.coordinates.index(frame)]
+            angle = np.full(o.position.shape[1], offset) + turn
+            wrapped = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
+            rows.append(np.vstack([mechanism.locate_all(link, o.position), wrapped]))
+        return np.array(rows).transpose(2, 0, 1)
+
+    def _joint(self, joint: Joint) -> dict[str, Any]:
+        """Where its force is shown: at a point of its second link, or at one of the feet."""
+        foot = {'foot': self._moving.index(joint)} if joint in self._moving else {}
+        return {
+            'name': joint.name,
+            'first': joint.first,
+            'link': joint.second,
+            'at': list(joint.on_second),
+            **foot,
+        }
+
+    def _bearing(self, joint: Joint) -> dict[str, Any]:
+        play = self.machine.clearances[joint.name]
+        return {
+            'joint': joint.name,
+            'first': joint.first,
+            'second': joint.second,
+            'on_first': list(joint.on_first),
+            'on_second': list(joint.on_second),
+            'radial': play.radial,
+            'restitution': play.restitution,
+            'friction': play.friction,
+            'contact': play.contact.law if play.contact else 'rigid',
+        }
+
+
+def stage_of(machine: Machine, observed: Observation) -> Stage:
+    """The stage of a machine that moves as it was observed to, over all of its motion."""
+    skeleton = skeleton_of(machine, observed.position)
+    low, high = bounds(skeleton, skeleton.placed(observed.position))
+    stage = Stage(machine, skeleton, low, high, 0.0)
+    if not stage.joints:
+        return stage
+    usual = float(np.percentile(np.hypot(*observed.reaction.swapaxes(0, 1)).max(axis=0), _RARELY))
+    scale = _LONGEST * skeleton.size / usual if usual else 0.0
+    return Stage(machine, skeleton, low, high, scale)
+
+
+def packed(rows: NDArray[Any]) -> dict[str, str]:
+    """An array as plotly writes it: type, bytes in base64, and shape if it has several axes."""
+    little = rows.astype(rows.dtype.newbyteorder('<'))
+    kind = f'{rows.dtype.kind}{rows.dtype.itemsize}'
+    data = base64.b64encode(np.ascontiguousarray(little).tobytes()).decode('ascii')
+    shape = {'shape': ', '.join(map(str, rows.shape))} if rows.ndim > 1 else {}
+    return {'dtype': kind, 'bdata': data, **shape}
+
+
+def _by_instant(rows: list[Array], count: int) -> Array:
+    """Vectors (K, 2, N) as (N, K, 2)."""
+    return np.array(rows).reshape(len(rows), 2, count).transpose(2, 0, 1)
+
+
+def _foot(view: JointView) -> Array:
+    """The foot (2, N) [m] of the second link's joint point on the force's line of action."""
+    force = view.force
+    square = (force**2).sum(axis=0)
+    lever = np.divide(view.moment, square, out=np.zeros_like(square), where=square > 0.0)
+    place = view.place(view.joint.second, view.joint.on_second)
+    return np.asarray(place + lever * np.array([force[1], -force[0]]))
