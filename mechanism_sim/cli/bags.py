@@ -119,6 +119,8 @@ def _analyze(options: argparse.Namespace) -> int:
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
 
+    if options.skip < 0:
+        raise InputError('--skip must be at least 0')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = Wanted(
         options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
@@ -246,8 +248,6 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
         with progress.share('reading', options.json) as read:
             return read_record(read_bag(bag, read), options.namespace)
 
-    if options.skip < 0:
-        raise InputError('--skip must be at least 0')
     if options.against and not wanted.deviations:
         raise InputError('--against goes with --deviation: it compares two deviations')
     record = record_of(options.bag)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,6 +90,8 @@ def _solve(options: argparse.Namespace) -> int:
 
     if options.no_events and not options.json:
         raise InputError('--no-events goes with --json: without it no events are listed')
+    if options.sample_rate is not None and not options.output:
+        raise InputError('--sample-rate goes with --output: it is that of the samples in the file')
     machine = read_machine(options)
     end = span(machine, options.revolutions, options.duration)
     snapshot = Snapshot.load(options.resume) if options.resume else None
@@ -125,7 +128,7 @@ def _run(options: argparse.Namespace) -> int:
 
     machine, overrides = read_machine(options), overrides_of(options)
     end = span(machine, options.revolutions, options.duration)
-    if options.realtime_factor < 0.0:
+    if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     if options.record and Path(options.record).exists() and not options.overwrite:
         raise InputError(

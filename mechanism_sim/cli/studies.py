@@ -248,6 +248,8 @@ def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
     from mechanism_sim.bench.hard import run  # noqa: PLC0415
     from mechanism_sim.report import hard, progress  # noqa: PLC0415
 
+    if options.markdown and not Path(options.markdown).resolve().parent.is_dir():
+        raise InputError(f'--markdown {options.markdown}: there is no such folder')
     outcomes = []
     for k, case in enumerate(cases):
         with progress.busy(f'bench: case {k + 1} of {len(cases)}', options.json) as say:

@@ -68,7 +68,7 @@ def _plain(message: str) -> str:
         (r'^argument ([^:]*): ', r'\1: '),
         (r'invalid float value: (.*)', r'\1 is not a number'),
         (r'invalid int value: (.*)', r'\1 is not a whole number'),
-        (r': expected one argument$', ' needs a value'),
+        (r': expected one argument$', ' needs a value, after = if it begins with -'),
         (r': ignored explicit argument (.*)', r' takes no value, but \1 was given'),
         (r': expected at least one argument$', ' needs at least one value'),
         (r'the following arguments are required: (.*)', r'\1 is missing; --help says more'),
