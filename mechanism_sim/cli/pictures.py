@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mechanism_sim.cli.options import (
     Command,
     length_options,
@@ -205,6 +203,8 @@ def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
 def _end(options: argparse.Namespace, record: Record, start: float) -> float:
     """The end of the part of a bag that is asked for [s]."""
     if options.revolutions is not None:
+        import numpy as np  # noqa: PLC0415
+
         record.whole_turns()
         (turned,) = record.turned(np.array([start]))
         return float(record.times_at(np.array([turned + options.revolutions]))[0])
