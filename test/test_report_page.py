@@ -213,6 +213,32 @@ def test_a_click_on_an_impact_goes_there(opened, record):
     assert abs(0.5 * (cursor[0] + cursor[2]) - x) < 1.5
 
 
+def test_a_click_over_the_angle_goes_to_when_the_drive_was_there(opened, record):
+    place = opened.locator('figure.chart[data-axis=angle] .plot').first
+    place.scroll_into_view_if_needed()
+    opened.wait_for_selector('figure.chart[data-axis=angle] .plot.js-plotly-plot')
+    x, y, angle = place.evaluate(
+        """plot => {
+            const traces = plot._fullData.filter(d => d.customdata);
+            const trace = traces.filter(d => d.hoverinfo !== 'skip').at(-1);
+            const i = trace.x.length >> 1, box = plot.getBoundingClientRect();
+            const { xaxis, yaxis } = plot._fullLayout;
+            return [box.left + xaxis._offset + xaxis.l2p(trace.x[i]),
+                    box.top + yaxis._offset + yaxis.l2p(trace.y[i]), trace.x[i]];
+        }"""
+    )
+    opened.mouse.move(x - 2.0, y)
+    opened.mouse.move(x, y)
+    place.locator('.hovertext').first.wait_for()
+    opened.mouse.click(x, y)
+    when(opened, 'document.documentElement.dataset.time > 0')
+    shown = np.degrees(record.angle(np.array([time_of(opened)]))[0])
+    assert shown == pytest.approx(angle, abs=2.0)
+    assert float(opened.locator('#drive').inner_text().strip(' \u2007°')) == pytest.approx(
+        shown, abs=0.1
+    )
+
+
 def test_paper_has_every_chart_and_no_controls(opened, record):
     count = sum(len(section.charts) for section in sections(record))
     drawn = opened.locator('.plot.js-plotly-plot')
