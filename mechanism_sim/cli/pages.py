@@ -43,6 +43,8 @@ def add(command: Command) -> None:
 def _report(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.record import Record, read_record  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
+    from mechanism_sim.pages.charts import sections  # noqa: PLC0415
+    from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
 
@@ -64,7 +66,10 @@ def _report(options: argparse.Namespace) -> int:
     digest = record.digest()
     record = record.between(options.start, options.end)
     with progress.bar('report', record.end, quiet=options.json) as show:
-        text = report.page(record, source, digest, show)
+        shown = recorded(record, show)
+    with progress.busy('drawing charts', quiet=options.json):
+        parts = sections(record)
+    text = report.page(shown, parts, source, digest)
     report.write(text, file)
     if options.json:
         print_json(

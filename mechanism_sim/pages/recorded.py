@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 PER_TURN = 120
 """Instants in a turn of the main drive."""
 MOST = 20_000
-"""Instants of a run at most, beside those at events."""
+"""Instants of a run at most, beside those at events; and impacts."""
 
 _OTHERS = 40  # in a turn of any other link
 _LEAST = 300  # of a run, however slow
-_BYTES = 2_000_000  # of all instants; events may take half as much again
+_BYTES = 2_000_000  # of all instants; events may take a quarter as much again
 _BLOCK = 4096  # instants observed at a time
 _SEEN = 1500  # instants by which sizes are chosen
 
@@ -39,6 +39,7 @@ class Recorded:
     left_out : how many impacts are not among them
     """
 
+    record: Record
     stage: Stage
     frames: Frames
     impacts: list[Impact]
@@ -80,11 +81,10 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     seen, _ = _observe(record, np.linspace(record.start, record.end, _SEEN))
     stage = stage_of(record.machine, seen)
     most = min(MOST, _BYTES // _size(stage))
-    impacts = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
-    changes = np.array([change.t for change in record.piece.modes])
-    most_events = most // 4  # each has an instant before it and one after it
-    kept = sorted(impacts[:most_events], key=lambda i: i.t)
-    events = np.concatenate([[i.t for i in kept], changes[: most_events - len(kept)]])
+    hardest_first = sorted(record.piece.impacts, key=lambda i: -i.normal_impulse)
+    kept = sorted(hardest_first[:MOST], key=lambda i: i.t)
+    changes = [change.t for change in record.piece.modes]
+    events = np.array([*(i.t for i in hardest_first), *changes])[: most // 8]
     before = np.nextafter(events, -np.inf)
     t = np.concatenate([instants(record, most), events, before[before >= record.start]])
     t = np.unique(np.clip(t, record.start, record.end))
@@ -97,8 +97,8 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     frames = Frames(
         *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Frames))
     )
-    hardest = impacts[0].normal_impulse if impacts else 0.0
-    return Recorded(stage, frames, kept, hardest, len(impacts) - len(kept))
+    hardest = max((i.normal_impulse for i in kept), default=0.0)
+    return Recorded(record, stage, frames, kept, hardest, len(hardest_first) - len(kept))
 
 
 def instants(record: Record, most: int = MOST) -> Array:

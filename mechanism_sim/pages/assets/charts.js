@@ -1,5 +1,18 @@
+import { bytes } from 'player';
+
 /* global Plotly */
 
+/** Unpacks plotly.js, which the page holds compressed: it is most of it. */
+export async function loadPlotly() {
+  const packed = document.getElementById('plotly').textContent;
+  if (!packed) return;
+  const unpacked = new Blob([bytes(packed)]).stream().pipeThrough(new DecompressionStream('gzip'));
+  const script = document.createElement('script');
+  script.textContent = await new Response(unpacked).text();
+  document.head.append(script);
+}
+
+const PAPER = 680; // [px] between the margins of a page
 const CONFIG = { responsive: true, displaylogo: false };
 
 /** The charts of a page: each is made when it comes into view, and all before printing. */
@@ -20,9 +33,19 @@ export class Charts {
     for (const place of this.places) this.watch.observe(place);
   }
 
-  /** All that are not yet there. */
-  drawAll() {
+  /** Draws all that are not yet there, as wide as paper; `screen` takes that back. */
+  paper() {
     for (const place of this.places) this.#draw(place);
+    for (const { plot, axis } of this.drawn.values()) {
+      Plotly.relayout(plot, { autosize: false, width: axis === 'polar' ? PAPER / 2 : PAPER });
+    }
+  }
+
+  /** As wide as there is room again. */
+  screen() {
+    for (const { plot } of this.drawn.values()) {
+      Plotly.relayout(plot, { autosize: true, width: null });
+    }
   }
 
   /** Moves the cursors of charts over time. @param {number} t [s] */
@@ -37,7 +60,7 @@ export class Charts {
     this.watch.unobserve(place);
     const plot = place.querySelector('.plot');
     const { data, layout } = this.figures[key];
-    const chart = { plot, cursors: [] };
+    const chart = { plot, axis, cursors: [] };
     this.drawn.set(key, chart);
     Plotly.newPlot(plot, data, { autosize: true, ...layout }, CONFIG);
     plot.on('plotly_click', ({ points: [point] }) => {

@@ -1,4 +1,4 @@
-import { Charts } from 'charts';
+import { Charts, loadPlotly } from 'charts';
 import { Lens } from 'lens';
 import { Player, Recording } from 'player';
 import { Stage, words } from 'stage';
@@ -12,11 +12,15 @@ const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
 const recording = new Recording(data);
 const stage = new Stage(by('stage'), data.stage);
-const charts = new Charts(JSON.parse(by('charts').textContent), (t) => seek(t));
 let lens = null;
+let charts = null;
 
 const player = new Player(recording, show);
 start();
+await loadPlotly();
+charts = new Charts(JSON.parse(by('charts').textContent), seek);
+charts.cursor(player.time);
+document.documentElement.dataset.ready = '1';
 
 function start() {
   player.speed = speeds();
@@ -36,18 +40,14 @@ function start() {
     by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
   }
   document.addEventListener('keydown', key);
-  window.addEventListener('beforeprint', () => charts.drawAll());
-  window.matchMedia('print').addEventListener('change', (event) => {
-    if (event.matches) charts.drawAll();
-  });
-  show(recording.at(recording.start), player);
-  document.documentElement.dataset.ready = '1';
+  window.addEventListener('beforeprint', () => charts?.paper());
+  window.addEventListener('afterprint', () => charts?.screen());
 }
 
 function show(frame, shown) {
   stage.show(frame);
   lens?.show(frame);
-  charts.cursor(frame.t);
+  charts?.cursor(frame.t);
   const share = (frame.t - recording.start) / (recording.end - recording.start || 1);
   by('scrub').value = share;
   by('scrub').style.setProperty('--share', share);
@@ -122,10 +122,11 @@ function seek(t) {
 
 function key(event) {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const typing = event.target.closest('select, button, input:not([type=range])');
   const acts = { ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
     Home: () => seek(recording.start), End: () => seek(recording.end) };
-  if (!(event.key in acts) || typing) return;
+  // what has the focus keeps its own keys
+  const own = event.key === ' ' ? 'button, select, input:not([type=range])' : 'select';
+  if (!(event.key in acts) || event.target.closest(own)) return;
   event.preventDefault();
   acts[event.key]();
 }

@@ -1,47 +1,6 @@
 """The charts of a run, made by plotly: what a report shows below the animated machine."""
 
-from __future__ import annotations
-
-from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.summary import Summary
-from mechanism_sim.pages.charts.contacts import contacts
-from mechanism_sim.pages.charts.course import Course
-from mechanism_sim.pages.charts.energy import energy, solver
-from mechanism_sim.pages.charts.impacts import impacts
-from mechanism_sim.pages.charts.motion import drive, forces, guides, motion
-from mechanism_sim.pages.charts.parts import parts
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.sensors import sensors
+from mechanism_sim.pages.charts.subjects import sections
 
 __all__ = ['Chart', 'Section', 'sections']
-
-
-def sections(record: Record, skip: int = 0, summary: Summary | None = None) -> list[Section]:
-    """All that there is to see of a run, subject by subject; only what its machine has.
-
-    However long the run, a line has no more than some 4,000 points; each keeps its extremes.
-
-    Parameters
-    ----------
-    skip : whole turns of the main drive at the start that are left out
-    summary : of the bag that the record was read from, if there is one
-
-    Raises
-    ------
-    InputError
-        If the run has no whole turn after those skipped.
-    """
-    course = Course(record, skip)
-    found = (
-        motion(course),
-        forces(course),
-        drive(course),
-        contacts(course),
-        impacts(course, skip),
-        sensors(course, skip),
-        *parts(course),
-        guides(course),
-        energy(course),
-        solver(course, summary),
-    )
-    return [section for section in found if section and (section.charts or section.rows)]

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 _SINGLE = 400  # spells of one mode that are drawn one by one
 _SHARES = 400  # bins of which the shares of modes are drawn if there are more
+_SHUT = 1e-12  # [m], never opened
 _BAND = 0.13  # height of the band of modes
 
 
@@ -64,10 +65,12 @@ def gaps_of(course: Course) -> dict[str, list[str]]:
 def _chart(
     course: Course, window: Window, joint: str, names: list[str], title: str, key: str
 ) -> Chart:
-    figure = chart('time [s]', 'gap [mm]', height=300 + 24 * (len(names) - 1))
-    figure.update_xaxes(range=[window.start, window.end], anchor='y2')
+    figure = chart('time [s]', 'gap [mm]', height=300 + 60 * (len(names) - 1))
+    figure.update_xaxes(range=[window.start, window.end], anchor=f'y{len(names) + 1}')
     low = _BAND * len(names)
     figure.update_layout(yaxis_domain=[low + 0.05, 1.0], yaxis_rangemode='tozero')
+    if max(np.abs(window.lines[f'gap.{name}'].values).max() for name in names) < _SHUT:
+        figure.update_layout(yaxis_range=[0.0, 1e-3])  # do not make a picture of rounding
     number = course.record.machine.physics.joints.index(joint)
     for i, name in enumerate(names):
         line = window.lines[f'gap.{name}']
@@ -76,6 +79,7 @@ def _chart(
             line={'color': colour(number), 'dash': dash(10 * i), 'width': 1.2},
             hovertemplate='%{x:.6f} s<br>%{y:.5g} mm', showlegend=len(names) > 1,
         )  # fmt: skip
+    for i, name in enumerate(names):
         axis = f'y{i + 2}'
         bottom = low - _BAND * (i + 1)
         figure.update_layout({
@@ -132,8 +136,8 @@ def add_band(
         name, shade = words.get(mode, (f'mode {mode}', '#dfe3e8'))
         figure.add_scatter(
             x=places(x), y=brief(y), yaxis=axis, mode='lines', fill='toself', fillcolor=shade,
-            line={'width': 0, 'color': shade}, hoverinfo='name', hoveron='fills', name=name,
-            legendgroup=name, showlegend=first,
+            line={'width': 0.6 if single else 0.0, 'color': shade}, hoverinfo='name',
+            hoveron='fills', name=name, legendgroup=name, showlegend=first,
         )  # fmt: skip
 
 

@@ -49,11 +49,13 @@ def energy(course: Course) -> Section | None:
 
 
 def books(course: Course) -> dict[str, Line]:
-    """The terms of the books by name, and what is ``missing`` [J], at the ends of all steps."""
+    """The terms of the books by name, and what is ``missing`` [J], at every step and between."""
     record, window = course.record, course.run
     curve = record.piece.motion.curve
     first = int(curve.locate(np.array([window.start]))[0])
-    marks = np.append(np.maximum(curve.start[first:], window.start), record.end)
+    steps = np.maximum(curve.start[first:], window.start)
+    marks = np.union1d(steps, np.arange(window.start, window.end, window.longest))
+    marks = np.append(marks, window.end)
     beginning = _terms(record, np.array([record.start]))[:, 0]
 
     def blocks() -> Iterator[tuple[Array, Array]]:
@@ -118,7 +120,7 @@ def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
         yield 'compilation', f'{stats.compile_time:.3g} s'
         yield 'CPU time', f'{stats.cpu_time:.3g} s'
         if stats.wall_time:
-            yield 'faster than real time', f'{span / stats.wall_time:.3g} times'
+            yield 'real-time factor', f'{span / stats.wall_time:.3g}'
     if summary and summary.ledger:
         yield 'messages lost on the way to the bag', f'{summary.ledger.lost:,}'
     yield 'digest', (summary and summary.digest) or _digest(record)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +39,7 @@ def impacts(course: Course, skip: int) -> Section | None:
     if not struck:
         return None
     charts = []
-    if course.long:
+    if course.long and any(course.detail.start <= i.t <= course.detail.end for i in struck):
         charts.append(
             _stems(course, struck, course.detail, 'Impacts in the last turns', 'impacts')
         )
@@ -60,7 +62,7 @@ def _text(course: Course, struck: list[Impact]) -> str:
         f'{many}, {sum(i.normal_impulse for i in struck):.4g} N s and {lost:.4g} J together; the '
         f'hardest in {hardest.joint} at {hardest.t:.6g} s with {hardest.normal_impulse:.4g} N s.'
     )
-    if len(struck) > STEMS:
+    if max(Counter(i.joint for i in struck).values()) > STEMS:
         text += f' Of the whole run the hardest of every 1/{STEMS} of its time are drawn.'
     if any(j in {i.joint for i in struck} for j in course.record.loose_joints):
         text += (
@@ -131,7 +133,7 @@ def _rose(course: Course, rose: Rose, on_pin: bool) -> Chart:
     impulse = 1e3 * rose.normal_impulse
     chosen = np.argsort(-impulse, kind='stable')[:RAYS]
     shade = colour(course.record.machine.physics.joints.index(rose.joint))
-    figure = polar('impulse [mN s]', showlegend=False)
+    figure = polar('mN s', impulse, degrees, showlegend=False)
     r = np.array([np.zeros(len(chosen)), impulse[chosen], np.full(len(chosen), np.nan)]).T
     figure.add_scatterpolar(
         r=brief(r.ravel()), theta=brief(np.repeat(degrees[chosen], 3)), mode='lines',
@@ -155,7 +157,7 @@ def _labels(size: Array, direction: Array) -> list[str]:
     place, found = size * np.exp(1j * direction), []
     kept: list[complex] = []
     for i, here in enumerate(place.tolist(), 1):
-        free = all(abs(here - other) > 0.15 * size.max() for other in kept)
+        free = all(abs(here - other) > 0.22 * size.max() for other in kept)
         found.append(f'Y{i}' if free else '')
         kept += [here] if free else []
     return found
@@ -176,7 +178,7 @@ def _wear(course: Course, joint: str, skip: int) -> list[Chart]:
 
 def _map(course: Course, joint: str, part: str, wear: WearMap) -> Chart:
     shade = colour(course.record.machine.physics.joints.index(joint))
-    figure = polar('[N m]', showlegend=False)
+    figure = polar('N m', wear.load_way, np.degrees(wear.middles), showlegend=False)
     figure.add_barpolar(
         r=brief(wear.load_way), theta=brief(np.degrees(wear.middles)),
         width=[360.0 / len(wear.load_way)] * len(wear.load_way),

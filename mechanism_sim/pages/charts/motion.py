@@ -6,13 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.pages.charts.course import Course, Window
-from mechanism_sim.pages.charts.curves import Curve, over_drive, over_time
+from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import brief, colour, pale, polar, written
+from mechanism_sim.pages.charts.style import brief, colour, pale, places, polar, written
 from mechanism_sim.planar.mechanism import Prismatic
 
 Array = NDArray[np.float64]
+
+_NOTHING = 1e-9
+"""Of the largest of its kind: what is less is rounding."""
 
 _KINDS = {
     'position': ('Angles', 'Displacements'),
@@ -24,9 +28,9 @@ _KINDS = {
 def over(course: Course) -> str:
     """In words, what is to be seen over which turns."""
     if course.turns is None:
-        return ''
+        return f'Over time, for the {course.record.machine.main} makes no whole turn.'
     first, last = course.turns
-    main, count = course.record.machine.main, last - first
+    main, count = course.record.machine.main, round(last - first)
     turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
     found = f'{turns} of the {main}'
     if count > 1:
@@ -46,14 +50,27 @@ def motion(course: Course) -> Section:
                 Curve(f'{kind}.{c}', c, i)
                 for i, c in enumerate(physics.coordinates)
                 if (c in physics.displacements) == straight
-                and not (kind == 'position' and c == machine.main and course.turns)
             ]
-            if curves:
+            if kind == 'position' and course.turns:
+                curves = [c for c in curves if c.label != machine.main]
+            if kind == 'acceleration':  # of a drive at constant speed there is none
+                curves = [c for c in curves if _varies(course, c)]
+            if any(_varies(course, c) for c in curves):
                 unit = unit_of(machine, curves[0].column)
                 key = f'motion-{kind}-{"straight" if straight else "turning"}'
                 words = title.lower()[:-1].replace('velocitie', 'velocity')
                 charts.append(over_drive(course, key, title, curves, words, unit))
+    main = machine.main
+    speed = Curve(f'velocity.{main}', main, physics.coordinates.index(main))
+    if course.turns and course.long and _varies(course, speed):
+        title = f'Speed of the {main} over the whole run'
+        charts.append(over_time(course, 'motion-speed-run', title, [speed], 'speed', 'rad/s'))
     return Section('motion', 'Motion', over(course), tuple(charts))
+
+
+def _varies(course: Course, curve: Curve) -> bool:
+    values = course.detail.lines[curve.column].values
+    return bool(np.ptp(values) > _NOTHING * np.abs(values).max())
 
 
 def forces(course: Course) -> Section | None:
@@ -63,12 +80,20 @@ def forces(course: Course) -> Section | None:
         return None
     joints = machine.physics.joints
     curves = [Curve(f'reaction.{j}.size', j, i) for i, j in enumerate(joints)]
+    if not above_rounding(course, curves, 'N'):
+        return None
     title = 'Force in each joint'
-    charts = [over_drive(course, 'forces', title, curves, 'force', 'N', height=340)]
+    charts = [over_drive(course, 'forces', title, curves, 'force', 'N')]
     if course.turns and course.long:
         title = 'Force in each joint over the whole run'
         charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
-    charts += [_hodograph(course, joint, i) for i, joint in enumerate(joints)]
+    lines = course.detail.lines
+    largest = {joint: lines[f'reaction.{joint}.size'].values.max() for joint in joints}
+    charts += [
+        _hodograph(course, joint, i)
+        for i, joint in enumerate(joints)
+        if largest[joint] > _NOTHING * max(largest.values())
+    ]
     text = (
         'Round charts show the force as a vector in the world: '
         'that of the first-named on the second-named link of the joint, without the impulses of '
@@ -79,17 +104,18 @@ def forces(course: Course) -> Section | None:
 
 def _hodograph(course: Course, joint: str, number: int) -> Chart:
     """The force of a joint as a vector in the world."""
-    figure = polar('[N]', showlegend=False)
-    shade = colour(number)
+    t, size, direction = _vector(course.detail, joint)
+    shade, r, theta = colour(number), size[:0], direction[:0]
     if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
-        _, size, direction = _vector(course.ideal, joint)
+        _, r, theta = _vector(course.ideal, joint)
+    figure = polar('N', np.append(size, r), np.append(direction, theta), showlegend=False)
+    if len(r):
         figure.add_scatterpolar(
-            r=brief(size), theta=brief(direction), mode='lines', hoverinfo='skip',
+            r=brief(r), theta=brief(theta), mode='lines', hoverinfo='skip',
             line={'color': pale(shade), 'width': 6}, name='ideal machine',
         )  # fmt: skip
-    t, size, direction = _vector(course.detail, joint)
     figure.add_scatterpolar(
-        r=brief(size), theta=brief(direction), customdata=t, mode='lines', name=joint,
+        r=brief(size), theta=brief(direction), customdata=places(t), mode='lines', name=joint,
         line={'color': shade, 'width': 1.2},
         hovertemplate='%{r:.5g} N<br>%{theta:.1f} deg<br>%{customdata:.6f} s',
     )  # fmt: skip
@@ -120,8 +146,8 @@ def drive(course: Course) -> Section | None:
             for i, c in enumerate(physics.driven)
             if (c in physics.displacements) == straight
         ]
-        if curves:
-            unit = 'N' if straight else 'N m'
+        unit = 'N' if straight else 'N m'
+        if above_rounding(course, curves, unit):
             key, title = f'drive-{word}', f'Drive {word}'
             charts.append(over_drive(course, key, title, curves, word, unit))
             if course.turns and course.long:
@@ -131,23 +157,27 @@ def drive(course: Course) -> Section | None:
 
 
 def guides(course: Course) -> Section | None:
-    """Moments that guides transmit."""
+    """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
-    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic)]
+    names = machine.physics.joints
+    joints = [j for j in machine.mechanism.joints if isinstance(j, Prismatic | PinInSlot)]
     if not machine.physics.has_forces or not joints:
         return None
 
     def curves(kind: str) -> list[Curve]:
-        names = machine.physics.joints
         return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
 
-    charts = (
-        over_drive(
-            course, 'guides-force', 'Force across each guide', curves('size'), 'force', 'N'
-        ),
-        over_drive(
-            course, 'guides-moment', 'Moment in each guide', curves('moment'), 'moment', 'N m'
-        ),
-    )
-    text = 'The moment of the first-named on the second-named link, about the point that slides.'
-    return Section('guides', 'Guides', text, charts)
+    if not above_rounding(course, curves('size'), 'N'):
+        return None
+    title, text = 'Force across each guide and slot', ''
+    charts = [over_drive(course, 'guides-force', title, curves('size'), 'force', 'N')]
+    if any(isinstance(j, Prismatic) for j in joints):
+        title = 'Moment in each guide'
+        charts.append(
+            over_drive(course, 'guides-moment', title, curves('moment'), 'moment', 'N m')
+        )
+        text = (
+            'The moment is that of the first-named on the second-named link, about the point that '
+            'slides.'
+        )
+    return Section('guides', 'Guides and slots', text, tuple(charts))

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 _ORDERS = 40  # drawn
 _MARKED = 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000
+_NUMBERED = 1, 10, 100, 1000
 _DECADES = 1e-7  # below the highest line nothing is drawn
 
 
@@ -119,7 +120,7 @@ def _envelope(name: str, line: Spectral, rate: float | None, shade: str) -> Char
     spectrum = thin(Line(found.frequency[shown], found.values[shown]))
     _add(figure, spectrum, shade, 'Hz', line.unit)
     _mark_orders(figure, rate, 0.0, end, log=False)
-    title = f'{name}: squared envelope from {low:.4g} Hz to {high:.4g} Hz'
+    title = f'{name}: squared envelope from {low:.6g} Hz to {high:.6g} Hz'
     return Chart(f'sensor-{name}-envelope', title, written(figure), 'frequency', name)
 
 
@@ -136,7 +137,8 @@ def _mark_orders(
     """Dotted lines at orders of the drive within a range [Hz], with their numbers on top."""
     if not rate:
         return
-    chosen = _MARKED if log else (1, 2, 3, 4, *range(5, _ORDERS + 1, 5))
+    fives = range(5, _ORDERS + 1, 5)
+    chosen, numbered = (_MARKED, _NUMBERED) if log else ((1, 2, 3, 4, *fives), (1, *fives))
     figure.update_layout(margin_t=24)
     for order in chosen:
         if low < (at := order * abs(rate)) < high:
@@ -144,7 +146,8 @@ def _mark_orders(
                 type='line', x0=at, x1=at, y0=0, y1=1, yref='paper', layer='below',
                 line={'color': '#aab3bd', 'width': 1, 'dash': 'dot'},
             )  # fmt: skip
-            figure.add_annotation(
-                x=np.log10(at) if log else at, y=1.0, yref='paper', yanchor='bottom',
-                text=str(order), showarrow=False, font={'size': 10, 'color': MUTED},
-            )  # fmt: skip
+            if order in numbered:
+                figure.add_annotation(
+                    x=np.log10(at) if log else at, y=1.0, yref='paper', yanchor='bottom',
+                    text=str(order), showarrow=False, font={'size': 10, 'color': MUTED},
+                )  # fmt: skip

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.hybrid.events import Mode
 
+Array = NDArray[np.float64]
+
 INK, MUTED, GRID = '#1f2933', '#66727f', '#e9ecf0'
 
 COLOURS = (
@@ -20,11 +22,11 @@ COLOURS = (
 
 MODES: dict[int, tuple[str, str]] = {
     Mode.UNKNOWN: ('unknown', '#dfe3e8'),
-    Mode.FREE_FLIGHT: ('free flight', '#f2b36b'),
-    Mode.FOLLOWING: ('following', '#7fa6cf'),
-    Mode.STICKING: ('sticking', '#3f6f9f'),
-    Mode.SLIDING_FORWARD: ('sliding forward', '#8cc3a4'),
-    Mode.SLIDING_BACKWARD: ('sliding backward', '#4f9a77'),
+    Mode.FREE_FLIGHT: ('free flight', '#a8cdea'),
+    Mode.FOLLOWING: ('following', '#e6a065'),
+    Mode.STICKING: ('sticking', '#a8500f'),
+    Mode.SLIDING_FORWARD: ('sliding forward', '#f0c896'),
+    Mode.SLIDING_BACKWARD: ('sliding backward', '#cf7d33'),
 }
 """Words and colours of the modes of contact."""
 
@@ -63,11 +65,11 @@ TEMPLATE = go.layout.Template(
                 'direction': 'counterclockwise', 'rotation': 0,
             },
             'radialaxis': {
-                **_CIRCLE, 'angle': 22.5, 'tickangle': 22.5, 'nticks': 5,
-                'rangemode': 'tozero', 'showline': False,
+                **_CIRCLE, 'nticks': 5, 'rangemode': 'tozero', 'showline': False,
             },
         },
-    }
+    },
+    data={'scatter': [{'line': {'simplify': False}}]},  # else what bends gently gets corners
 )  # fmt: skip
 
 
@@ -95,11 +97,25 @@ def chart(x: str, y: str, **layout: Any) -> go.Figure:
     return figure
 
 
-def polar(radial: str, **layout: Any) -> go.Figure:
-    """An empty figure over directions, with the radial axis named."""
+def polar(unit: str, size: Array, direction: Array, **layout: Any) -> go.Figure:
+    """An empty figure over directions, its scale where the least is of what it will show.
+
+    Parameters
+    ----------
+    unit : on the radial axis
+    size, direction : (N,) of what will be in it, [deg]
+    """
+    sector = np.floor(np.mod(direction, 360.0) / 45.0).astype(int) % 8
+    reach = [float(size[sector == k].max(initial=0.0)) for k in range(8)]
+    largest = max(reach) or 1.0
+    free = 22.5 + 45.0 * int(np.argmin(np.round(np.array(reach) / largest, 1)))
     margin = {'l': 36, 'r': 36, 't': 30, 'b': 30}
     figure = go.Figure(layout={'template': TEMPLATE, 'height': 320, 'margin': margin, **layout})
-    figure.update_polars(radialaxis_title={'text': radial, 'font': {'size': 11, 'color': MUTED}})
+    figure.update_polars(
+        radialaxis={'angle': free, 'tickangle': free, 'ticksuffix': f' {unit}'},
+        radialaxis_showticksuffix='last',
+        radialaxis_range=[0.0, 1.08 * largest],
+    )
     return figure
 
 
@@ -112,7 +128,7 @@ def places(x: NDArray[np.float64]) -> NDArray[Any]:
     """Times or the like, as briefly as tells them apart on any screen."""
     span = float(np.ptp(x)) if len(x) else 0.0
     short = brief(x)
-    fine = not len(x) or np.spacing(np.abs(short).max()) < 1e-5 * span
+    fine = not len(x) or np.spacing(np.abs(short).max()) < 3e-5 * span
     return short if fine else x
 
 

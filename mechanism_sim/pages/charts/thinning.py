@@ -25,7 +25,7 @@ class Line(NamedTuple):
 
 
 class Extremes:
-    """The least and the largest value of C rows in each of n bins between two places.
+    """The least and the largest value of C rows in each of n bins, and their first and last.
 
     Memory does not grow with what is entered.
     """
@@ -35,9 +35,16 @@ class Extremes:
         self._least = np.full((bins, rows), np.inf)
         self._largest = np.full((bins, rows), -np.inf)
         self._at_least, self._at_largest = np.zeros((2, bins, rows))
+        self._first: tuple[float, Array] | None = None
+        self._last: tuple[float, Array] | None = None
 
     def add(self, at: Array, values: Array) -> None:
         """Enter values (C, N) at places (N,) that do not fall; what is no number is left out."""
+        if not len(at):
+            return
+        if self._first is None:
+            self._first = float(at[0]), values[:, 0].copy()
+        self._last = float(at[-1]), values[:, -1].copy()
         bins = len(self._least)
         of = np.clip(((at - self._start) * self._per_place).astype(np.intp), 0, bins - 1)
         firsts = np.flatnonzero(np.diff(of, prepend=-1))
@@ -55,25 +62,27 @@ class Extremes:
                 kept[k, new], places[k, new] = found[new], at[a + best[new]]
 
     def lines(self) -> list[Line]:
-        """The C rows, two points or one of each bin in which there is something."""
-        return [
-            _joined(*columns)
-            for columns in zip(
-                self._at_least.T, self._least.T, self._at_largest.T, self._largest.T, strict=True
-            )
-        ]
+        """The C rows, two points or one of each bin in which there is something, and the ends."""
+        at = np.stack([self._at_least, self._at_largest], axis=1)
+        values = np.stack([self._least, self._largest], axis=1)
+        order = np.argsort(at, axis=1, kind='stable')
+        at, values = (
+            np.take_along_axis(x, order, axis=1).reshape(-1, x.shape[2]).T for x in (at, values)
+        )
+        if self._first and self._last:
+            (start, first), (end, last) = self._first, self._last
+            ends = np.full((len(at), 1), start), np.full((len(at), 1), end)
+            at = np.concatenate([ends[0], at, ends[1]], axis=1)
+            values = np.concatenate([first[:, None], values, last[:, None]], axis=1)
+        return [_tidy(*row) for row in zip(at, values, strict=True)]
 
 
-def _joined(at_least: Array, least: Array, at_largest: Array, largest: Array) -> Line:
-    known = np.isfinite(least)
-    at = np.array([at_least, at_largest])[:, known]
-    values = np.array([least, largest])[:, known]
-    order = np.argsort(at, axis=0, kind='stable')
-    at, values = (np.take_along_axis(x, order, axis=0).T for x in (at, values))
-    wanted = np.ones(at.shape, bool)
-    wanted[:, 1] = at[:, 1] > at[:, 0]
-    wanted[:, 1] |= values[:, 1] != values[:, 0]
-    return Line(at[wanted], values[wanted])
+def _tidy(at: Array, values: Array) -> Line:
+    """Without empty bins, and no point twice."""
+    known = np.isfinite(values)
+    at, values = at[known], values[known]
+    new = (np.diff(at, prepend=np.nan) != 0.0) | (np.diff(values, prepend=np.nan) != 0.0)
+    return Line(at[new], values[new])
 
 
 def thinned(blocks: Iterable[tuple[Array, Array]], count: int, span: tuple[float, float],

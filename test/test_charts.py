@@ -1,0 +1,323 @@
+"""The charts of a report: their numbers by a second route, their extremes, their units."""
+
+import base64
+import json
+import math
+import re
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mechanism_sim as ms
+from mechanism_sim.analysis.modes import ModeCollector
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.pages.charts import contacts, impacts, sections
+from mechanism_sim.pages.charts.course import Course
+from mechanism_sim.pages.charts.thinning import MOST, Line, thin, thinned
+
+JOINT = 'coupler_rocker'
+
+
+def numbers(given):
+    """An array as plotly writes it: of numbers, or in base64."""
+    if isinstance(given, dict):
+        shape = [int(n) for n in str(given.get('shape', '-1')).split(',')]
+        found = np.frombuffer(base64.b64decode(given['bdata']), given['dtype'])
+        return found.reshape(shape).astype(float)
+    return np.array(given, dtype=float)
+
+
+def charts_of(found):
+    return {chart.key: chart for section in found for chart in section.charts}
+
+
+def traces(chart, name=None):
+    """The traces of a name, its turns in their order; all without one."""
+    return [t for t in chart.figure['data'] if name is None or t['name'] == name]
+
+
+def recorded(name, overrides=(), **span):
+    machine = ms.load_scene(name, overrides)
+    return Record(machine, ms.simulate(machine, **span), {})
+
+
+@pytest.fixture(scope='module')
+def loose():
+    """Ten revolutions of the thesis scene: so long that lines are thinned."""
+    return recorded('four_bar_clearance', revolutions=10)
+
+
+@pytest.fixture(scope='module')
+def found(loose):
+    return sections(loose)
+
+
+@pytest.fixture(scope='module')
+def charts(found):
+    return charts_of(found)
+
+
+def test_lines_over_the_angle_are_the_motion_at_that_angle(loose, charts):
+    for key, column, scale in (
+        ('motion-position-turning', 'position.rocker', math.degrees(1.0)),
+        ('motion-velocity-turning', 'velocity.coupler', 1.0),
+        ('drive-torque', 'drive_torque', 1.0),
+    ):
+        name = 'crank' if key == 'drive-torque' else column.partition('.')[2]
+        turns = traces(charts[key], name)
+        assert len(turns) == 2
+        for turn, trace in zip((8, 9), turns, strict=True):
+            x, y, t = (numbers(trace[axis]) for axis in ('x', 'y', 'customdata'))
+            assert x[0] == pytest.approx(0.0, abs=0.5)
+            assert x[-1] == pytest.approx(360.0, abs=0.5)
+            # without events: a line has two values there
+            smooth = np.flatnonzero(
+                (np.diff(t, prepend=-1.0) > 2e-6) & (np.diff(t, append=9) > 2e-6)
+            )
+            exact = loose.piece.sample(loose.times_at(turn + x[smooth] / 360.0))
+            expected = scale * exact[column]
+            near = np.abs(y[smooth] - expected) < 1e-4 * np.abs(expected).max()
+            assert near.mean() > 0.99  # but for what float32 puts on the other side of an event
+            at = np.mod(loose.piece.sample(t)['position.crank'] - np.radians(x) + 1.0, 2 * np.pi)
+            assert at == pytest.approx(np.ones(len(at)), abs=1e-3)
+
+
+def test_beneath_lies_the_ideal_four_bar(loose, charts):
+    """By intersecting circles about the ends of crank and rocker."""
+    (trace,) = traces(charts['motion-position-turning'], 'rocker, ideal')
+    crank, rocker = np.radians(numbers(trace['x'])), numbers(trace['y'])
+    f = loose.machine.linkage
+    tip = f.crank * np.exp(1j * crank)
+    apart = tip - f.ground
+    d = np.abs(apart)
+    cosine = (d**2 + f.rocker**2 - f.coupler**2) / (2.0 * d * f.rocker)
+    both = [np.degrees(np.angle(apart * np.exp(1j * s * np.arccos(cosine)))) for s in (1, -1)]
+    assert min(np.abs(rocker - x).max() for x in both) < 1e-3
+
+
+def test_a_turn_may_begin_at_any_angle():
+    record = recorded('valve_train', revolutions=1.1)  # from 200 deg on: no turn from zero to zero
+    chart = charts_of(sections(record))['motion-position-straight']
+    for name in ('valve', 'valve, ideal'):
+        parts = [numbers(t['x']) for t in traces(chart, name)]
+        assert [x[0] for x in parts] == pytest.approx([236.0, 0.0], abs=0.01)
+        assert [x[-1] for x in parts] == pytest.approx([360.0, 236.0], abs=0.01)
+    for trace in traces(chart, 'valve'):
+        exact = record.piece.sample(numbers(trace['customdata']))['position.valve']
+        assert numbers(trace['y']) == pytest.approx(1e3 * exact, abs=1e-4)
+    assert [t['showlegend'] for t in traces(chart, 'valve')] == [False, True]
+
+
+def test_there_is_no_ideal_of_a_drive_that_was_commanded_otherwise(loose):
+    assert Course(loose).ideal is not None
+    faster = ms.load_scene('four_bar_clearance', {'drive.speed': '36.7 rad/s'})
+    assert Course(Record(faster, loose.piece, {})).ideal is None
+    assert Course(recorded('pendulum')).ideal is None
+    assert Course(recorded('four_bar_nominal', revolutions=2)).ideal is None
+
+
+def test_forces_are_vectors_in_the_world(loose, charts):
+    (trace,) = traces(charts[f'forces-{JOINT}'], JOINT)
+    r, theta, t = (numbers(trace[axis]) for axis in ('r', 'theta', 'customdata'))
+    chosen = np.abs(t[:, None] - [i.t for i in loose.piece.impacts]).min(axis=1) > 1e-5
+    exact = loose.piece.sample(t[chosen])
+    force = r[chosen] * np.exp(1j * np.radians(theta[chosen]))
+    expected = exact[f'reaction.{JOINT}.x'] + 1j * exact[f'reaction.{JOINT}.y']
+    assert np.quantile(np.abs(force - expected), 0.99) < 1e-4 * np.abs(expected).max()
+
+
+def test_extremes_of_a_long_run_are_in_its_charts(loose, charts):
+    dense = {}
+    for t in np.array_split(np.linspace(loose.start, loose.end, 100_000), 10):
+        for name, x in loose.piece.sample(t).items():
+            low, high = dense.get(name, (np.inf, -np.inf))
+            dense[name] = min(low, x.min()), max(high, x.max())
+    for key, name, column, scale in (
+        ('drive-torque-run', 'crank', 'drive_torque', 1.0),
+        (f'gap-{JOINT}-run', f'gap {JOINT}', f'gap.{JOINT}', 1e3),
+        ('energy', 'kinetic', 'energy.kinetic', 1.0),
+    ):
+        (trace,) = traces(charts[key], name)
+        y, (low, high) = numbers(trace['y']), dense[column]
+        assert len(y) <= MOST + 2
+        slack = 2e-3 * scale * (high - low)
+        assert y.min() == pytest.approx(scale * low, abs=slack)
+        assert y.max() == pytest.approx(scale * high, abs=slack)
+        assert np.all(np.diff(numbers(trace['x'])) >= 0.0)
+
+
+@given(st.data())
+def test_thinned_lines_keep_the_extremes_of_every_bin(data):
+    values = np.array(data.draw(st.lists(st.integers(-9, 9), min_size=21, max_size=120)), float)
+    steps = data.draw(st.lists(st.integers(0, 5), min_size=len(values), max_size=len(values)))
+    at = np.cumsum(steps).astype(float)
+    if at[0] == at[-1]:
+        return
+    cuts = sorted(data.draw(st.sets(st.integers(1, len(at) - 1), max_size=5)))
+    rows = np.array([values, values[::-1]])
+    parts = zip(np.split(at, cuts), np.split(rows, cuts, axis=1), strict=True)
+    lines = thinned(parts, len(at), (at[0], at[-1]), most=20)
+    bins = np.minimum(((at - at[0]) * (10 / (at[-1] - at[0]))).astype(int), 9)
+    for line, row in zip(lines, rows, strict=True):
+        assert len(line.at) <= 22
+        assert (line.at[0], line.at[-1]) == (at[0], at[-1])
+        assert np.all(np.diff(line.at) >= 0.0)
+        assert set(zip(*line, strict=True)) <= set(zip(at, row, strict=True))
+        mine = np.minimum(((line.at - at[0]) * (10 / (at[-1] - at[0]))).astype(int), 9)
+        for k in np.unique(bins):
+            for extreme in (np.min, np.max):
+                assert extreme(row[bins == k]) == extreme(line.values[mine == k])
+
+
+def test_a_line_that_is_short_stays_as_it_is():
+    line = Line(np.arange(5.0), np.arange(5.0))
+    assert thin(line) is line
+
+
+def test_there_is_a_stem_for_every_impact(loose, charts):
+    start, end = loose.times_at(np.array([8.0, 10.0]))
+    for key, since, until in (('impacts', start, end), ('impacts-run', 0.0, loose.end)):
+        struck = [i for i in loose.piece.impacts if since <= i.t <= until]
+        (trace,) = traces(charts[key], JOINT)
+        assert numbers(trace['x']).tolist() == [i.t for i in struck]
+        assert numbers(trace['customdata']).tolist() == [i.t for i in struck]
+        heights = [1e3 * i.normal_impulse for i in struck]
+        assert numbers(trace['y']) == pytest.approx(heights, rel=1e-6)
+
+
+def test_of_many_impacts_the_hardest_are_drawn(loose, monkeypatch):
+    monkeypatch.setattr(impacts, 'STEMS', 30)
+    course = Course(loose)
+    section = impacts.impacts(course, 0)
+    (trace,) = traces(section.charts[1], JOINT)
+    assert len(numbers(trace['x'])) <= 30
+    hardest = max(i.normal_impulse for i in loose.piece.impacts)
+    assert numbers(trace['y']).max() == pytest.approx(1e3 * hardest, rel=1e-6)
+    assert '1/30 of its time' in section.text
+
+
+def test_the_band_shows_how_long_the_pin_flies(loose, monkeypatch):
+    collector = ModeCollector()
+    for change in loose.piece.modes:
+        collector.add(
+            type('ModeChange', (), {
+                'joint': change.joint, 'time': change.t, 'mode': change.mode,
+                'previous_mode': change.previous,
+            })
+        )  # fmt: skip
+    (told,) = collector.summary(loose.start, loose.end)
+    for single in (10**6, 0):
+        monkeypatch.setattr(contacts, '_SINGLE', single)
+        chart = charts_of([contacts.contacts(Course(loose))])[f'gap-{JOINT}-run']
+        for mode, words in ((Mode.FREE_FLIGHT, 'free flight'), (Mode.FOLLOWING, 'following')):
+            (trace,) = traces(chart, words)
+            x, y = numbers(trace['x']), numbers(trace['y'])
+            edges = np.flatnonzero(np.isnan(x))
+            area = sum(
+                abs(np.sum(a * np.roll(b, -1) - b * np.roll(a, -1))) / 2.0
+                for a, b in (
+                    (p[~np.isnan(p)], q[~np.isnan(p)])
+                    for p, q in zip(np.split(x, edges), np.split(y, edges), strict=True)
+                )
+            )
+            share = told.share[mode.name.lower()]
+            assert area == pytest.approx(share * loose.end, rel=1e-3)
+
+
+def test_energy_and_solver_agree_with_the_solution(loose, found, charts):
+    solution = loose.piece
+    (missing,) = traces(charts['energy-missing'])
+    assert numbers(missing['y'])[-1] == pytest.approx(solution.energy.residual, abs=1e-12)
+    (work,) = traces(charts['energy'], 'drive work')
+    assert numbers(work['y'])[-1] == pytest.approx(solution.energy.drive_work, rel=1e-6)
+    rows = dict(next(s for s in found if s.key == 'solver').rows)
+    assert rows['digest'] == solution.digest()
+    assert rows['steps'] == f'{solution.stats.steps:,}'
+    assert rows['impacts'] == f'{len(solution.impacts):,}'
+    assert rows['largest error of a closure'] == f'{solution.max_closure_error:.3g} m'
+    told = float(rows['energy missing at the end'].removesuffix(' J'))
+    assert told == pytest.approx(solution.energy.residual, abs=1e-15)
+
+
+def test_a_sensor_has_its_peak_and_its_orders(loose, charts):
+    signal = loose.signal('rocker_accelerometer').longest
+    (trace,) = traces(charts['sensor-rocker_accelerometer-run'])
+    assert np.abs(numbers(trace['y'])).max() == pytest.approx(np.abs(signal).max(), rel=1e-6)
+    (orders,) = traces(charts['sensor-rocker_accelerometer-orders'])
+    x, y = numbers(orders['x']), numbers(orders['y'])
+    assert x[np.argmax(y)] == pytest.approx(1.0, abs=1e-3)
+    shapes = charts['sensor-rocker_accelerometer-density'].figure['layout']['shapes']
+    rate = loose.machine.start_of_crank[1] / (2.0 * np.pi)
+    assert shapes[0]['x0'] == pytest.approx(max(1, math.ceil(shapes[0]['x0'] / rate - 0.5)) * rate)
+
+
+def test_turns_at_the_start_can_be_left_out(loose):
+    begin = loose.times_at(np.array([5.0]))[0]
+    for chart in charts_of(sections(loose, skip=5)).values():
+        if chart.axis == 'time':
+            ends = [numbers(t['x']) for t in chart.figure['data'] if len(numbers(t['x']))]
+            assert min(np.nanmin(x) for x in ends) >= begin - 1e-6
+    with pytest.raises(InputError, match='whole turns'):
+        sections(loose, skip=10)
+
+
+def test_a_cam_and_a_gear_show_lift_off_and_backlash():
+    charts = charts_of(sections(recorded('valve_train', revolutions=2.5)))
+    law, follower = (
+        numbers(traces(charts['cam-contact-lift'], name)[-1]['y'])
+        for name in ('law of the cam', 'follower')
+    )
+    gap = numbers(traces(charts['gap-contact'], 'gap contact')[0]['y'])
+    assert (follower - law).max() == pytest.approx(gap.max(), rel=1e-4)  # a flat face
+    assert numbers(traces(charts['cam-contact-contact-force'])[0]['y']).min() < 0.0  # ideal: held
+    charts = charts_of(sections(recorded('gear_rattle', revolutions=2.5)))
+    left, right = (
+        numbers(traces(charts['gap-mesh'], f'gap mesh_{side}')[0]['y'])
+        for side in ('left', 'right')
+    )
+    error = numbers(traces(charts['gear-train-mesh-transmission-error'], 'error')[-1]['y'])
+    assert np.ptp(error) == pytest.approx(left.max(), rel=1e-3)
+    assert left.max() == pytest.approx(right.max(), rel=1e-6)
+
+
+def titles(layout):
+    """What stands on the axes that are to be seen, with the units of round ones."""
+    for name, axis in layout.items():
+        if re.fullmatch(r'[xy]axis\d*', name) and axis.get('visible', True):
+            yield axis['title']['text']
+        elif name == 'polar':
+            yield f'[{axis["radialaxis"]["ticksuffix"].strip()}]'
+
+
+@pytest.mark.parametrize('name', ms.scene_names())
+def test_every_scene_has_its_charts(name):
+    machine = ms.load_scene(name)
+    span = {} if machine.scene.duration else {'revolutions': 1.3}
+    record = Record(machine, ms.simulate(machine, **span), {})
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        found = sections(record)
+    keys = [section.key for section in found]
+    assert keys[0] == 'motion'
+    assert keys[-1] == 'solver'
+    assert ('contact' in keys) == bool(machine.physics.clearances)
+    assert ('energy' in keys) == machine.physics.has_forces
+    table = record.piece.sample(np.linspace(record.start, record.end, 23))
+    loads = [np.abs(x).max() for n, x in table.items() if re.fullmatch(r'reaction\..*\.[xy]', n)]
+    assert ('forces' in keys) == (max(loads, default=0.0) > 1e-9)
+    assert ('oscillators' in keys) == bool(machine.scene.oscillators)
+    assert len(charts_of(found)) == sum(len(section.charts) for section in found)
+    for chart in charts_of(found).values():
+        json.dumps(chart.figure, allow_nan=False)
+        assert chart.figure['data'], chart.key
+        for title in titles(chart.figure['layout']):
+            assert re.search(r'\[.+\]$', title), (chart.key, title)
+        for trace in chart.figure['data']:
+            lengths = {len(numbers(trace[a])) for a in ('x', 'y', 'r', 'theta') if a in trace}
+            assert len(lengths) == 1
+            assert max(lengths) <= 3 * MOST
