@@ -29,7 +29,7 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {'identify', 'node', 'run', 'sweep'}
+APART = {'identify', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
 
 

@@ -100,6 +100,19 @@ def test_beneath_lies_the_ideal_four_bar(loose, charts):
     assert min(np.abs(rocker - x).max() for x in both) < 1e-3
 
 
+def test_a_turn_may_begin_at_any_angle():
+    record = recorded('valve_train', revolutions=1.1)  # from 200 deg on: no turn from zero to zero
+    chart = charts_of(sections(record))['motion-position-straight']
+    for name in ('valve', 'valve, ideal'):
+        parts = [numbers(t['x']) for t in traces(chart, name)]
+        assert [x[0] for x in parts] == pytest.approx([236.0, 0.0], abs=0.01)
+        assert [x[-1] for x in parts] == pytest.approx([360.0, 236.0], abs=0.01)
+    for trace in traces(chart, 'valve'):
+        exact = record.piece.sample(numbers(trace['customdata']))['position.valve']
+        assert numbers(trace['y']) == pytest.approx(1e3 * exact, abs=1e-4)
+    assert [t['showlegend'] for t in traces(chart, 'valve')] == [False, True]
+
+
 def test_there_is_no_ideal_of_a_drive_that_was_commanded_otherwise(loose):
     assert Course(loose).ideal is not None
     faster = ms.load_scene('four_bar_clearance', {'drive.speed': '36.7 rad/s'})

@@ -14,8 +14,8 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.errors import InputError
+from mechanism_sim.pages import charts, report
 from mechanism_sim.pages import recorded as frames
-from mechanism_sim.pages import report
 from mechanism_sim.pages.stage import packed, stage_of
 from mechanism_sim.planar.mechanism import GROUND, Revolute
 from mechanism_sim.recording import BagWriter, Qos, read_bag
@@ -221,12 +221,11 @@ def test_a_part_of_a_run_is_what_the_whole_says(loose):
     assert loose.between() is loose
 
 
-def test_the_page_holds_everything_and_asks_for_nothing(loose, monkeypatch):
-    monkeypatch.setattr(report, 'sections', lambda _: [])
+def test_the_page_holds_everything_and_asks_for_nothing(loose):
     nasty = "</script><script>alert('x')</script> & <b>"
     scene = loose.machine.scene.model_copy(update={'title': nasty})
     machine = type(loose.machine)(loose.machine.name, scene)
-    page = report.page(Record(machine, loose.piece, {}), 'run.mcap')
+    page = report.page(frames.recorded(Record(machine, loose.piece, {})), (), 'run.mcap')
     assert nasty not in page
     assert '&lt;/script&gt;' in page
     data = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
@@ -238,7 +237,7 @@ def test_the_page_holds_everything_and_asks_for_nothing(loose, monkeypatch):
 
 
 def test_the_command_makes_pages_of_bags_and_scenes(loose, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, 'sections', lambda _: [])
+    monkeypatch.setattr(charts, 'sections', lambda _: [])
     monkeypatch.chdir(tmp_path)
     write_bag(tmp_path / 'one.mcap', loose)
     done = command('report', 'one.mcap', '--from', '0.1', '--to', '0.2', '--json')
@@ -252,7 +251,7 @@ def test_the_command_makes_pages_of_bags_and_scenes(loose, tmp_path, monkeypatch
 
 
 def test_one_of_several_machines_is_chosen_by_its_namespace(loose, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, 'sections', lambda _: [])
+    monkeypatch.setattr(charts, 'sections', lambda _: [])
     several = write_bag(tmp_path / 'one.mcap', loose, ('/left', '/right'))
     assert read_record(several, '/left').digest() == loose.digest()
     page = str(tmp_path / 'left.html')

@@ -41,7 +41,7 @@ def record(bag):
 @pytest.fixture(scope='module')
 def file(bag, record):
     path = bag.with_suffix('.html')
-    report.write(report.page(record, bag.name), path)
+    report.write(report.page(recorded(record), sections(record), bag.name), path)
     return path
 
 
@@ -248,19 +248,18 @@ def test_nothing_overlaps_or_sticks_out(tab, file, width):
     tab.shoot(f'report_{width}')
 
 
-def test_every_kind_of_scene_is_drawn(tab, tmp_path, monkeypatch):
+def test_every_kind_of_scene_is_drawn(tab, tmp_path):
     """As many shapes as its skeleton has, all within the picture."""
-    monkeypatch.setattr(report, 'sections', lambda _: [])
     for scene in KINDS:
-        record = simulated(scene, duration=0.05)
+        run = recorded(simulated(scene, duration=0.05))
         file = tmp_path / f'{scene}.html'
-        report.write(report.page(record), file)
+        report.write(report.page(run), file)
         open_page(tab, file)
         scrub(tab.page, 0.4)
         drawn = tab.page.locator('#stage g[data-kind]').evaluate_all(
             'all => all.map(x => x.dataset.kind)'
         )
-        wanted = [shape.kind for shape in recorded(record).stage.skeleton.shapes]
+        wanted = [shape.kind for shape in run.stage.skeleton.shapes]
         assert sorted(drawn) == sorted(wanted)
         (stage,) = boxes(tab.page, '#stage')
         for box in boxes(tab.page, '#stage g[data-kind]'):
@@ -268,18 +267,17 @@ def test_every_kind_of_scene_is_drawn(tab, tmp_path, monkeypatch):
             assert box[1] > stage[1] - 1.0, scene
             assert box[2] < stage[2] + 1.0, scene
             assert box[3] < stage[3] + 1.0, scene
-        assert tab.page.locator('#lens').count() == bool(recorded(record).stage.bearings)
+        assert tab.page.locator('#lens').count() == bool(run.stage.bearings)
         tab.shoot(f'report_{scene}')
     assert tab.complaints == []
     assert all(request.startswith('file:') for request in tab.requests)
 
 
-def test_each_of_several_bearings_has_its_lens(tab, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, 'sections', lambda _: [])
+def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
     second = {'joints.crank_coupler.clearance': {'radial': '0.1 mm', 'restitution': 0.3}}
-    record = simulated('four_bar_clearance', second, duration=0.05)
+    run = recorded(simulated('four_bar_clearance', second, duration=0.05))
     file = tmp_path / 'two.html'
-    report.write(report.page(record), file)
+    report.write(report.page(run), file)
     open_page(tab, file)
     titles = []
     for index in range(2):
@@ -288,9 +286,21 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path, monkeypatch):
         titles.append(tab.page.locator('#lens .title').text_content())
         shown = tab.page.locator('#lens .journal')
         at = math.hypot(*(float(shown.get_attribute(f'data-{x}')) for x in 'xy'))
-        stage = recorded(record).stage
-        play = record.machine.clearances[stage.bearings[index].name]
+        play = run.record.machine.clearances[run.stage.bearings[index].name]
         assert at <= play.radial * (1.0 + 1e-6)
         assert f'{1e6 * play.radial:g} µm' in tab.page.locator('#lens .note').text_content()
     assert titles == ['crank coupler', 'coupler rocker']
+    assert tab.complaints == []
+
+
+def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
+    """350 turns, 17,000 impacts: less than 10 MB, and the last instant is there."""
+    run = recorded(simulated('four_bar_clearance', duration=60.0))
+    text = report.page(run, sections(run.record))
+    file = tmp_path / 'minute.html'
+    report.write(text, file)
+    assert file.stat().st_size < 10e6
+    open_page(tab, file)
+    tab.page.keyboard.press('End')
+    assert time_of(tab.page) == pytest.approx(60.0, abs=1e-9)
     assert tab.complaints == []

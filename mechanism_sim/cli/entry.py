@@ -18,10 +18,10 @@ from mechanism_sim.cli import (
     runs,
     studies,
 )
-from mechanism_sim.cli.options import tell
 from mechanism_sim.cli.overview import Overview, render_start
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.terminal import echo, tell
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -93,5 +93,5 @@ def _start(options: argparse.Namespace) -> int:
         except PackageNotFoundError:  # sources that nothing has installed
             print('mechanism-sim, not installed')
     else:
-        print(render_start())
+        echo(render_start())
     return 0

@@ -9,6 +9,13 @@ from mechanism_sim.cli.options import Command, print_json
 
 SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
+HOW = (
+    'In ~/.bashrc or ~/.zshrc: eval "$(mechanism-sim completion bash)" (or zsh). In fish: '
+    'mechanism-sim completion fish | source. In PowerShell: mechanism-sim completion powershell | '
+    'Out-String | Invoke-Expression.'
+)
+"""How the script is used."""
+
 
 def add(command: Command) -> None:
     """The commands of this file."""
@@ -16,14 +23,15 @@ def add(command: Command) -> None:
     sub.add_argument('name', metavar='NAME', help='of the scene; the file is NAME.yaml')
     sub.add_argument(
         '--from', default='four_bar', metavar='SCENE', dest='scene',
-        help='begin with this one: four_bar if not given, a scene of the package, or a YAML file',
+        help='the scene to begin with: four_bar, linkage, one of the package, or a YAML file',
     )  # fmt: skip
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help="change a value, for example 'drive.speed=300 rpm'",
+        help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
     )  # fmt: skip
     sub = command('completion', _completion, 'a script by which a shell completes names')
-    sub.add_argument('shell', metavar='SHELL', choices=SHELLS, help=', '.join(SHELLS))
+    sub.add_argument('shell', metavar='SHELL', choices=SHELLS, help='one of ' + ', '.join(SHELLS))
+    sub.epilog = HOW
 
 
 def _new(options: argparse.Namespace) -> int:

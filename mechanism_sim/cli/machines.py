@@ -6,23 +6,26 @@ import argparse
 
 from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import echo
 
 
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('scenes', _scenes, 'list the scenes of the package')
     sub.add_argument(
-        '--schema', action='store_true', help='instead what scenes may say, as a JSON schema'
+        '--schema',
+        action='store_true',
+        help='what scenes may say, as a JSON schema for editors, instead of the list',
     )
     sub = command('check', _check, 'say what a scene comes down to, without running it')
     scene_options(sub)
     sub = command('equations', _equations, "write down a scene's own equations")
     scene_options(sub)
-    sub.add_argument('--rates', action='store_true', help='closures and gaps differentiated too')
+    sub.add_argument('--rates', action='store_true', help='add the rates of closures and gaps')
     form = sub.add_mutually_exclusive_group()
-    form.add_argument('--latex', action='store_true', help='a fragment of LaTeX')
-    form.add_argument('--markdown', action='store_true', help='Markdown')
-    sub.add_argument('-o', '--output', metavar='FILE', help='.tex, .md or .txt to write')
+    form.add_argument('--latex', action='store_true', help='print a fragment of LaTeX')
+    form.add_argument('--markdown', action='store_true', help='print Markdown')
+    sub.add_argument('-o', '--output', metavar='FILE', help='write a .tex, .md or .txt file')
 
 
 def _scenes(options: argparse.Namespace) -> int:
@@ -57,7 +60,7 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         print_json(report.to_json())
     else:
-        print(render(report))
+        echo(render(report))
     return 0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
@@ -39,16 +38,18 @@ def scene_options(
     sub.add_argument('scene', metavar=metavar, help=text, nargs=count)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help="override a value, for example 'drive.speed=300 rpm'",
+        help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
     )  # fmt: skip
-    sub.add_argument('--rtol', metavar='R', help='relative tolerance')
-    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m]')
+    sub.add_argument('--rtol', metavar='R', help='relative tolerance of a step, for solver.rtol')
+    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m], for solver.atol')
 
 
 def length_options(sub: argparse.ArgumentParser) -> None:
     """Add what says how long a run is."""
-    sub.add_argument('--duration', type=float, metavar='S', help='length in seconds')
-    sub.add_argument('--revolutions', type=float, metavar='N', help='length in crank revolutions')
+    sub.add_argument('--duration', type=float, metavar='S', help='length of the run in seconds')
+    sub.add_argument(
+        '--revolutions', type=float, metavar='N', help='length of the run in turns of the drive'
+    )
 
 
 def overrides_of(options: argparse.Namespace) -> list[str]:
@@ -116,9 +117,3 @@ def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
     raise InputError(
         f"{option} '{text}' is not a quantity with a unit: write for example {example}"
     )
-
-
-def tell(error: Exception, code: int) -> int:
-    """Say on standard error what went wrong, and give back the exit code."""
-    print(f'mechanism-sim: {error}', file=sys.stderr)
-    return code

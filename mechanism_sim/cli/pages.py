@@ -43,6 +43,8 @@ def add(command: Command) -> None:
 def _report(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.record import Record, read_record  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
+    from mechanism_sim.pages.charts import sections  # noqa: PLC0415
+    from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
 
@@ -64,7 +66,10 @@ def _report(options: argparse.Namespace) -> int:
     digest = record.digest()
     record = record.between(options.start, options.end)
     with progress.bar('report', record.end, quiet=options.json) as show:
-        text = report.page(record, source, digest, show)
+        shown = recorded(record, show)
+    with progress.busy('drawing charts', quiet=options.json):
+        parts = sections(record)
+    text = report.page(shown, parts, source, digest)
     report.write(text, file)
     if options.json:
         print_json(
@@ -88,6 +93,8 @@ def _view(options: argparse.Namespace) -> int:
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]
     run = _run_to_be_viewed(options) if options.scene else []
+    if not run and (overrides_of(options) or options.duration or options.paused):
+        raise InputError('--set, --duration and --paused are for a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
 

@@ -133,7 +133,8 @@ def _plot(options: argparse.Namespace) -> int:
         over = lines.TIME
         if options.against == 'angle':
             over = lines.over_angle_of(asked.record)
-        drawn = lines.draw(series, Path(options.scene).name, over)
+        title = Path(options.scene).name if bag else asked.record.machine.scene.title
+        drawn = lines.draw(series, title, over)
         with figures.style():
             for picture in pictures:
                 figures.save(drawn, picture)

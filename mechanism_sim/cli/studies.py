@@ -7,51 +7,89 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options, tell
+from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import tell
 
 
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
     scene_options(sub)
-    sub.add_argument('--longest', type=int, default=8, metavar='P', help='period to look for')
-    sub.add_argument('--transient', type=int, default=60, metavar='N', help='revolutions to wait')
+    sub.add_argument(
+        '--longest',
+        type=int,
+        default=8,
+        metavar='P',
+        help='longest period to look for, in revolutions',
+    )
+    sub.add_argument(
+        '--transient',
+        type=int,
+        default=60,
+        metavar='N',
+        help='revolutions to wait until it has settled',
+    )
     sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
     scene_options(sub)
-    sub.add_argument('--revolutions', type=int, default=200, metavar='N', help='to run')
-    sub.add_argument('--skip', type=int, default=20, metavar='K', help='revolutions to leave out')
+    sub.add_argument('--revolutions', type=int, default=200, metavar='N', help='how many to run')
+    sub.add_argument(
+        '--skip',
+        type=int,
+        default=20,
+        metavar='K',
+        help='revolutions to leave out at the beginning',
+    )
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     scene_options(sub)
-    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run')
+    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='how many to run')
     sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
     scene_options(sub)
     sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
     scene_options(sub)
-    sub.add_argument('--angles', type=int, default=24, metavar='N', help='around the turn')
-    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run each')
+    sub.add_argument(
+        '--angles', type=int, default=24, metavar='N', help='how many start angles around the turn'
+    )
+    sub.add_argument(
+        '--revolutions', type=float, default=3.0, metavar='N', help='how many to run from each'
+    )
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
-    sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
     sub.add_argument(
-        '--workers', type=int, metavar='N', help='processes; one for each core if not'
+        '-o',
+        '--output',
+        metavar='TABLE',
+        help='the table, a Parquet file; NAME.parquet if not given',
+    )
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='processes; one for each core if not given'
     )
     sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
-    sub.add_argument('--bags', metavar='DIR', help='also record every run there')
-    sub.add_argument('--windows', metavar='DIR', help='where windows go; TABLE.windows if not')
+    sub.add_argument('--bags', metavar='DIR', help='folder in which to record every run, too')
+    sub.add_argument(
+        '--windows',
+        metavar='DIR',
+        help='folder for windows of signals; TABLE.windows if not given',
+    )
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
-    sub.add_argument('--over', metavar='PATH', help='draw them over this one')
+    sub.add_argument('--over', metavar='PATH', help='with --plot: over this swept value')
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
         help='problems; scaling; middleware; hard, or hard cases; nothing lists what there is',
     )  # fmt: skip
-    sub.add_argument('--output', metavar='DIR', help='write picture, JSON and table there')
-    sub.add_argument('--repeats', type=int, default=7, metavar='N', help='of every run')
-    sub.add_argument('--methods', metavar='NAME,...', help='only these')
-    sub.add_argument('--tolerances', metavar='R,...', help='instead of the usual ones, for rtol')
-    sub.add_argument('--markdown', metavar='FILE', help='write the hard cases for people')
+    sub.add_argument('--output', metavar='DIR', help='folder for picture, JSON and table')
+    sub.add_argument(
+        '--repeats', type=int, default=7, metavar='N', help='how often to repeat every run'
+    )
+    sub.add_argument('--methods', metavar='NAME,...', help='only these methods')
+    sub.add_argument(
+        '--tolerances', metavar='R,...', help='relative tolerances, instead of the usual ones'
+    )
+    sub.add_argument(
+        '--markdown', metavar='FILE', help='write the hard cases as a page of Markdown'
+    )
 
 
 def _periodic(options: argparse.Namespace) -> int:
@@ -210,6 +248,8 @@ def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
     from mechanism_sim.bench.hard import run  # noqa: PLC0415
     from mechanism_sim.report import hard, progress  # noqa: PLC0415
 
+    if options.markdown and not Path(options.markdown).resolve().parent.is_dir():
+        raise InputError(f'--markdown {options.markdown}: there is no such folder')
     outcomes = []
     for k, case in enumerate(cases):
         with progress.busy(f'bench: case {k + 1} of {len(cases)}', options.json) as say:

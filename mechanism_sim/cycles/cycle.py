@@ -258,6 +258,8 @@ def instant(
     """
     if t is not None and t < 0.0:
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
+    if duration is not None:
+        duration = span(machine, None, duration)
     if is_steady(machine):
         if t is not None:
             duration = max(t, duration or machine.period)

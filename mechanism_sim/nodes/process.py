@@ -22,6 +22,7 @@ from mechanism_sim.middleware import (
     remove_ros_args,
 )
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.terminal import tell
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.described_node import DescribedNode
@@ -93,12 +94,6 @@ def run_nodes(
             leave(nodes, PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
         except MiddlewareError as error:
             code = code or tell(error, 1)
-    return code
-
-
-def tell(error: Exception, code: int) -> int:
-    """Say what went wrong on standard error; gives the exit code back."""
-    print(f'mechanism-sim: {error}', file=sys.stderr, flush=True)
     return code
 
 

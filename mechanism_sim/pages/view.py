@@ -42,7 +42,6 @@ NEWEST = QoSProfile(
 
 _FRAMES, _LISTEN, _LOOK = 0.04, 0.02, 0.5  # [s] between batches, commands, looks at the run
 _PATIENCE = 10.0  # [s] for the answer to a command, before the next is begun
-_WAITING: dict[str, Any] = {'type': 'waiting'}
 _PACE = 1.0  # [s] over which the real-time factor is measured
 
 
@@ -59,6 +58,7 @@ class View(DescribedNode):
     Parameters
     ----------
     opened : called with the address of the page
+    starting : whether a machine to be shown is being started
 
     Raises
     ------
@@ -67,14 +67,18 @@ class View(DescribedNode):
     """
 
     def __init__(
-        self, parameters: Sequence[Parameter] = (), opened: Callable[[str], None] = _print
+        self,
+        parameters: Sequence[Parameter] = (),
+        opened: Callable[[str], None] = _print,
+        starting: bool = False,
     ) -> None:
         super().__init__('view', parameters)
         port = self.declare('port', PORT, 'Of the web server on this machine; 0: any', None, True)
         browse = self.declare('open', False, 'Open a browser', read_only=True)
         self._live: Live | None = None
         self._controls: dict[str, Control] = {}
-        self._greeting: list[dict[str, Any]] = [_WAITING]
+        self._waiting = {'type': 'waiting', 'starting': starting}
+        self._greeting: list[dict[str, Any]] = [self._waiting]
         self._asked: SimpleQueue[dict[str, Any]] = SimpleQueue()
         self._busy_since: float | None = None
         self._state: int | None = None
@@ -125,7 +129,7 @@ class View(DescribedNode):
                 'controls': found,
             }
         else:
-            message = _WAITING
+            message = self._waiting
         self._greeting = [message]
         self.server.send(message)
 
@@ -151,6 +155,7 @@ class View(DescribedNode):
         if not self.get_publishers_info_by_topic(self._topic):
             if self._live:
                 self._live, self._state = None, None
+                self._waiting = {'type': 'waiting', 'starting': False}
                 self._greet()
             return
         live, now = self._live, time.monotonic()
@@ -282,8 +287,8 @@ def view(
     runs: list[subprocess.Popen[bytes]] = []
 
     def make() -> list[View]:
-        node = View(parameters, opened or _print)  # the network first, then who joins it
-        if run:
+        node = View(parameters, opened or _print, bool(run))
+        if run:  # now that there is a network to join
             command = [sys.executable, '-m', 'mechanism_sim', 'run', *run, '--json']
             runs.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))  # noqa: S603 - ours
         return [node]

@@ -127,7 +127,9 @@ class Labels:
         self, name: str, outline: Array, places: Iterable[Array], at: Array, **more: Any
     ) -> Move:
         """A name that keeps its distance from the middle of an outline."""
-        offsets = list(places)
+        # and where many parts are in one place, a line or two farther up or down
+        near, up = list(places), self._pt(11.0) * np.array([0.0, 1.0])
+        offsets = [x + n * np.sign(x) * up for n in (0, 1, 2) for x in near]
         best = offsets[self._best(name, (_Spot(at + offset, 0.0) for offset in offsets))]
         text = self._text(name, _Spot(at + best, 0.0), **more)
 

@@ -16,8 +16,8 @@ from mechanism_sim.sensing.joint_view import JointView
 
 Array = NDArray[np.float64]
 
-ACCENT = '#b03a2e'
-"""Of forces and impacts."""
+ACCENT, FLASH = '#b03a2e', '#e2b3ad'
+"""Of forces, and of impacts."""
 
 EDGE = 1.32
 """Half the width of the lens, in radii of the bushing."""
@@ -110,5 +110,5 @@ class Lens:
         self._arrow.set_UVC(arrow[:1], arrow[1:])
         self._arrow.set_visible(bool(np.hypot(*arrow) > 1e-3))
         before = np.searchsorted(self._struck, [now - _FLASH * self._pace, now], side='right')
-        self._rim.set_facecolor(ACCENT if before[1] > before[0] else FILL)
+        self._rim.set_facecolor(FLASH if before[1] > before[0] else FILL)
         self._mode.set_text(self._words[i])

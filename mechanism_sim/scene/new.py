@@ -44,6 +44,8 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
         If the file exists or cannot be written, or the scene cannot be read or built.
     """
     file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
+    if file.stem.startswith('.') or not Path(name).name or name.endswith('/'):
+        raise InputError(f"'{name}' is no name for a scene: write for example my_machine")
     if file.exists():
         raise InputError(f"'{file}' exists already; choose another name")
     path = find_scene(source)

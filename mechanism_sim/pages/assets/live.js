@@ -53,11 +53,13 @@ function ask(message) {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
 }
 
-function waiting() {
+function waiting({ starting }) {
   if (shown) say('The run has ended.');
+  by('starting').hidden = !starting;
+  by('none').hidden = starting;
   shown = null;
   document.body.dataset.shown = 'waiting';
-  by('title').textContent = 'No machine is running';
+  by('title').textContent = starting ? 'The machine is being started' : 'No machine is running';
   html.dataset.time = '';
 }
 
@@ -71,7 +73,6 @@ function begin({ stage, controls }) {
   document.body.classList.toggle('tight', !loose);
   by('magnified').hidden = !loose;
   by('choice').hidden = loose < 2;
-  by('struck').hidden = !loose;
   by('arrows').hidden = !stage.joints.length;
   by('bearing').replaceChildren(...stage.bearings.map(({ joint }, i) => new Option(words(joint), i)));
   shown = { data: stage, stage: new Stage(by('stage'), stage), stream: new Stream(stage) };
@@ -151,6 +152,7 @@ function tell(news) {
   html.dataset.run = state.run;
   by('factor').textContent = state.factor === null ? '' : `${Number(state.factor.toPrecision(2))} ×`;
   by('impacts').textContent = state.impacts;
+  by('struck').hidden = !shown?.data.bearings.length && !state.impacts;
   by('play').setAttribute('aria-label', state.playing ? 'pause' : 'play');
   by('play').disabled = by('reset').disabled = !state.operable;
   by('step').disabled = !state.operable || state.playing;

@@ -1,18 +1,19 @@
 import { quantity } from 'svg';
 
-const ROOM = { left: 4, right: 4, top: 8, bottom: 16 }; // [px]
+const ROOM = { left: 62, right: 4, top: 8, bottom: 16 }; // [px]
 const LINES = 3;
 
 /** A curve over the last moments, and marks where something struck. */
 export class Strip {
   /**
    * @param {HTMLElement} parent
-   * @param {{label: string, unit: string, scale?: number}} what `scale`: of its unit in SI; a
-   *   unit without one takes the prefixes of SI
+   * @param {{label: string, unit: string, scale?: number}} what `scale`: how many of its unit
+   *   an SI unit is; without it units take the prefixes of SI
    */
   constructor(parent, { label, unit, scale }) {
     this.unit = unit;
-    this.scale = scale;
+    this.plain = scale !== undefined;
+    this.scale = scale ?? 1;
     const figure = document.createElement('figure');
     const caption = document.createElement('figcaption');
     const name = document.createElement('span');
@@ -38,7 +39,7 @@ export class Strip {
     for (let i = 0; i < t.length; i += 1) {
       if (!this.t.length || t[i] > this.t.at(-1)) {
         this.t.push(t[i]);
-        this.y.push(y[i]);
+        this.y.push(this.scale * y[i]);
       }
     }
   }
@@ -114,18 +115,18 @@ export class Strip {
       pen.lineTo(width - ROOM.right, at);
     }
     pen.stroke();
-    pen.textBaseline = 'bottom';
-    for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
-      pen.fillText(this.#written(k * each), ROOM.left, Math.round(y(k * each)) - 1);
-    }
     pen.textAlign = 'right';
+    pen.textBaseline = 'middle';
+    for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
+      pen.fillText(this.#written(k * each), ROOM.left - 5, Math.round(y(k * each)));
+    }
+    pen.textBaseline = 'bottom';
     pen.fillText(`last ${quantity(span, 's')}`, width - ROOM.right, height - 1);
-    pen.textAlign = 'left';
   }
 
   #written(value) {
-    if (!this.scale) return quantity(value, this.unit);
-    return `${Number((value * this.scale).toPrecision(4))} ${this.unit}`;
+    return this.plain ? `${Number(value.toPrecision(4))} ${this.unit}`
+      : quantity(value, this.unit);
   }
 }
 

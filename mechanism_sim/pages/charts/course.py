@@ -47,6 +47,7 @@ class Window:
         self.record = record
         self.start, self.end = start, end
         self._frames = frames
+        self._names: list[str] = []
 
     @cached_property
     def lines(self) -> dict[str, Line]:
@@ -71,7 +72,7 @@ class Window:
     def longest(self) -> float:
         """Time from one place to the next at most [s]."""
         record = self.record
-        if record.has_turns:
+        if abs(record.rate) * (record.end - record.start) >= 1.0:
             return 1.0 / (abs(record.rate) * _PER_TURN)
         return (self.end - self.start) / (MOST // 2)
 
@@ -128,7 +129,8 @@ class Course:
     record : the run
     begin : from when on it counts [s]
     run : all of it from then on
-    turns : the last whole turns of the main drive, from and up to; None if it makes none
+    turns : the last turns of the main drive, from and up to: whole ones from angle zero on, or
+        the last one from any angle; None if it makes none
     detail : these turns; all of the run if there are none
     """
 
@@ -140,13 +142,10 @@ class Course:
             for name in record.machine.scene.oscillators
         }
         self.run = Window(record, self.begin, record.end, self._frames)
-        self.turns: tuple[int, int] | None = None
+        self.turns = _last_turns(record, skip)
         self.detail = self.run
-        if record.has_turns:
-            first, last = record.whole_turns(skip)
-            count = TURNS if record.machine.dynamic else 1
-            self.turns = max(first, last - count), last
-            start, end = record.times_at(np.array(self.turns, float)).tolist()
+        if self.turns:
+            start, end = record.times_at(np.array(self.turns)).tolist()
             self.detail = Window(record, start, end, self._frames)
 
     @property
@@ -177,6 +176,20 @@ class Course:
         if not np.allclose(own, told, rtol=0.0, atol=_SAME):
             return None
         return Window(beside, detail.start, end, {})
+
+
+def _last_turns(record: Record, skip: int) -> tuple[float, float] | None:
+    if record.has_turns:
+        first, last = record.whole_turns(skip)
+        return max(first, last - (TURNS if record.machine.dynamic else 1)), last
+    begin, end = record.turned(np.array([record.start, record.end])).tolist()
+    if not end - begin >= 1.0 - 1e-9:  # nor is it where the drive slides: no number
+        return None
+    try:
+        record.times_at(np.array([end - 1.0]))
+    except InputError:
+        return None  # it turns back on the way
+    return end - 1.0, end
 
 
 def _driven(record: Record, t: Array) -> Array:

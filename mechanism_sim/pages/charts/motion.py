@@ -30,7 +30,7 @@ def over(course: Course) -> str:
     if course.turns is None:
         return f'Over time, for the {course.record.machine.main} makes no whole turn.'
     first, last = course.turns
-    main, count = course.record.machine.main, last - first
+    main, count = course.record.machine.main, round(last - first)
     turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
     found = f'{turns} of the {main}'
     if count > 1:
@@ -83,7 +83,7 @@ def forces(course: Course) -> Section | None:
     if not above_rounding(course, curves, 'N'):
         return None
     title = 'Force in each joint'
-    charts = [over_drive(course, 'forces', title, curves, 'force', 'N', height=340)]
+    charts = [over_drive(course, 'forces', title, curves, 'force', 'N')]
     if course.turns and course.long:
         title = 'Force in each joint over the whole run'
         charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
@@ -105,10 +105,11 @@ def forces(course: Course) -> Section | None:
 def _hodograph(course: Course, joint: str, number: int) -> Chart:
     """The force of a joint as a vector in the world."""
     t, size, direction = _vector(course.detail, joint)
-    figure = polar('N', size, direction, showlegend=False)
-    shade = colour(number)
+    shade, r, theta = colour(number), size[:0], direction[:0]
     if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
         _, r, theta = _vector(course.ideal, joint)
+    figure = polar('N', np.append(size, r), np.append(direction, theta), showlegend=False)
+    if len(r):
         figure.add_scatterpolar(
             r=brief(r), theta=brief(theta), mode='lines', hoverinfo='skip',
             line={'color': pale(shade), 'width': 6}, name='ideal machine',
