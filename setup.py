@@ -24,6 +24,7 @@ setup(
         'console_scripts': [
             'mechanism-sim = mechanism_sim.cli:main',
             *(f'{node} = mechanism_sim.nodes.{node}:main' for node in NODES),
+            'view = mechanism_sim.pages.view:main',
         ]
     },
 )

@@ -1,84 +1,78 @@
 """The pictures of docs/mechanisms.md: ``python docs/gallery.py [NAME...]``.
 
-Draws every scene of the package, or those named, as docs/pictures/mechanisms/NAME.svg.
+Every scene of the package, or those named, is drawn as docs/pictures/mechanisms/NAME.svg by the
+command ``mechanism-sim draw``.
 """
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import matplotlib as mpl
 
-import mechanism_sim as ms
-from mechanism_sim.cycles.cycle import instant
-from mechanism_sim.report import drawing, figures
 from mechanism_sim.catalogue import scene_names
+from mechanism_sim.cli import main as mechanism_sim
 
 FOLDER = Path(__file__).parent / 'pictures' / 'mechanisms'
-
-
-class View(NamedTuple):
-    """What of a scene is drawn: an instant [s], others as ghosts, paths of points."""
-
-    at: float = 0.0
-    positions: int = 1
-    paths: tuple[str, ...] = ()
-
-
-COG = ('coupler.cog',)
-VIEWS = {
-    'adjustable_stroke_drive': View(0.06, 6),
-    'catapult': View(0.0, 5, ('arm.cup',)),
-    'constant_velocity_slider': View(0.7, 4),
-    'double_rocker_tracing': View(0.0, 6, ('connecting_link.tracer',)),
-    'double_toggle_punch': View(0.0, 4),
-    'dump_truck': View(6.0, 3),
-    'film_advance': View(0.0, 6, ('coupler.end',)),
-    'five_bar': View(0.1, 6),
-    'four_bar_clearance': View(0.0, 6),
-    'four_bar_coupler_curve': View(0.0, 3, ('coupler.near', 'coupler.middle', 'coupler.far')),
-    'four_bar_crank_rocker': View(0.0, 8, COG),
-    'four_bar_crossed': View(0.0, 6),
-    'four_bar_double_crank': View(0.1, 8, COG),
-    'four_bar_double_rocker': View(0.0, 8, COG),
-    'four_bar_measured': View(0.0, 1),
-    'four_bar_nominal': View(0.0, 8, COG),
-    'four_bar_triple_rocker': View(0.0, 6, COG),
-    'geneva': View(0.22),
-    'hand_pump': View(0.3, 5, ('handle.grip',)),
-    'linear_intermittent': View(0.4),
-    'loader': View(0.35, 3, ('bucket.edge',)),
-    'locking_pliers': View(0.0, 3),
-    'material_handling': View(0.0, 4, ('coupler.A',)),
-    'oscillating_cylinder': View(0.04, 6),
-    'pendulum': View(0.0, 9, ('bar.end',)),
-    'punch': View(0.0, 3),
-    'quick_return': View(0.1, 6),
-    'quick_return_shaper': View(0.0, 6),
-    'rotary_engine': View(0.006, 8, ('piston.start',)),
-    'scotch_yoke': View(0.025, 4),
-    'scotch_yoke_offset': View(0.025, 4),
-    'slider_crank': View(0.0125, 6, ('rod.cog',)),
-    'slider_crank_engine': View(0.005),
-    'slider_crank_offset': View(0.06, 6),
-    'slider_crank_piston_driven': View(0.5, 4),
-    'straight_line_drive': View(0.0, 4, ('link.end',)),
-    'ten_links': View(0.7, 1, ('foot.toe',)),
-    'variable_stroke_drive': View(0.0, 4),
-    'windshield_wiper': View(0.3, 4, ('left_rocker.end', 'right_rocker.end')),
+OPTIONS = {
+    'adjustable_stroke_drive': "--at '0.06 s' --positions 6",
+    'catapult': '--positions 5 --path arm.cup',
+    'constant_velocity_slider': "--at '0.7 s' --positions 4",
+    'double_rocker_tracing': '--positions 6 --path connecting_link.tracer',
+    'double_toggle_punch': '--positions 4',
+    'dump_truck': "--at '6 s' --positions 3",
+    'film_advance': '--positions 6 --path coupler.end',
+    'five_bar': "--at '0.1 s' --positions 6",
+    'four_bar_clearance': '--positions 6',
+    'four_bar_coupler_curve': (
+        '--positions 3 --path coupler.near --path coupler.middle --path coupler.far'
+    ),
+    'four_bar_crank_rocker': '--positions 8 --path coupler.cog',
+    'four_bar_crossed': '--positions 6',
+    'four_bar_double_crank': "--at '0.1 s' --positions 8 --path coupler.cog",
+    'four_bar_double_rocker': '--positions 8 --path coupler.cog',
+    'four_bar_nominal': '--positions 8 --path coupler.cog',
+    'four_bar_triple_rocker': '--positions 6 --path coupler.cog',
+    'geneva': "--at '0.22 s'",
+    'hand_pump': "--at '0.3 s' --positions 5 --path handle.grip",
+    'linear_intermittent': "--at '0.4 s'",
+    'loader': "--at '0.35 s' --positions 3 --path bucket.edge",
+    'locking_pliers': '--positions 3',
+    'material_handling': '--positions 4 --path coupler.A',
+    'oscillating_cylinder': "--at '0.04 s' --positions 6",
+    'pendulum': '--positions 9 --path bar.end',
+    'punch': '--positions 3',
+    'quick_return': "--at '0.1 s' --positions 6",
+    'quick_return_shaper': '--positions 6',
+    'rotary_engine': "--at '0.006 s' --positions 8 --path piston.start",
+    'scotch_yoke': "--at '0.025 s' --positions 4",
+    'scotch_yoke_offset': "--at '0.025 s' --positions 4",
+    'slider_crank': "--at '0.0125 s' --positions 6 --path rod.cog",
+    'slider_crank_engine': "--at '0.005 s'",
+    'slider_crank_offset': "--at '0.06 s' --positions 6",
+    'slider_crank_piston_driven': "--at '0.5 s' --positions 4",
+    'straight_line_drive': '--positions 4 --path link.end',
+    'ten_links': "--at '0.7 s' --path foot.toe",
+    'variable_stroke_drive': '--positions 4',
+    'windshield_wiper': (
+        "--at '0.3 s' --positions 4 --path left_rocker.end --path right_rocker.end"
+    ),
 }
+"""What is shown of a scene besides its start; nothing more of those that are not here."""
 
 
-def draw(name: str) -> Path:
-    """Draw one scene, and say where the picture is."""
-    view = VIEWS.get(name, View())
-    alone = view.positions == 1 and not view.paths
-    found, t = instant(ms.load_scene(name), t=view.at, points=view.paths, still=alone)
-    file = FOLDER / f'{name}.svg'
-    with figures.style(), mpl.rc_context({'svg.fonttype': 'none'}):  # letters as paths are large
-        figures.save(drawing.draw(found, t, view.positions, labels='links'), file, cropped=True)
+def draw(name: str, folder: Path = FOLDER) -> Path:
+    """Draw one scene, and give back where the picture is."""
+    file = folder / f'{name}.svg'
+    more = shlex.split(OPTIONS.get(name, ''))
+    with mpl.rc_context({'svg.fonttype': 'none'}):  # letters as paths are large
+        try:
+            mechanism_sim(['draw', name, '--labels', 'links', *more, '-o', str(file)])
+        except SystemExit as end:
+            if end.code:
+                raise
     return file
 
 
@@ -86,7 +80,7 @@ def main() -> None:
     """Draw what is named, or everything."""
     FOLDER.mkdir(exist_ok=True)
     for name in sys.argv[1:] or scene_names():
-        print(draw(name).name)
+        draw(name)
 
 
 if __name__ == '__main__':

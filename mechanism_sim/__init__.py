@@ -11,7 +11,18 @@ from typing import Any
 
 __path__ = extend_path(__path__, __name__)
 
-__all__ = ['cycle', 'load_scene', 'scene_names', 'simulate', 'stream']
+from mechanism_sim.hybrid import plotting
+
+__all__ = ['animate', 'cycle', 'draw', 'load_scene', 'scene_names', 'simulate', 'stream']
+
+
+def _plot() -> Any:
+    from mechanism_sim.report.lines import plot  # noqa: PLC0415 - Matplotlib takes half a second
+
+    return plot
+
+
+plotting.drawn_by(_plot)
 
 
 def __getattr__(name: str) -> Any:
@@ -20,6 +31,10 @@ def __getattr__(name: str) -> Any:
         from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
 
         return cycle
+    if name in ('animate', 'draw'):
+        from mechanism_sim.report import shown  # noqa: PLC0415
+
+        return getattr(shown, name)
     if name in __all__:
         from mechanism_sim import scene  # noqa: PLC0415
 

@@ -99,7 +99,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
 def _text_to_si(value: str, unit: str, hint: str) -> float:
     match = _NUMBER.fullmatch(value)
     if not match:
-        raise ValueError(f'is not a number with a unit: {hint}')
+        raise ValueError(f'is not a number{" with a unit" if unit else ""}: {hint}')
     number, given = match.groups()
     if not given:
         return float(number)

@@ -100,6 +100,27 @@ def test_beneath_lies_the_ideal_four_bar(loose, charts):
     assert min(np.abs(rocker - x).max() for x in both) < 1e-3
 
 
+def test_a_turn_may_begin_at_any_angle():
+    record = recorded('valve_train', revolutions=1.1)  # from 200 deg on: no turn from zero to zero
+    chart = charts_of(sections(record))['motion-position-straight']
+    for name in ('valve', 'valve, ideal'):
+        parts = [numbers(t['x']) for t in traces(chart, name)]
+        assert [x[0] for x in parts] == pytest.approx([236.0, 0.0], abs=0.01)
+        assert [x[-1] for x in parts] == pytest.approx([360.0, 236.0], abs=0.01)
+    for trace in traces(chart, 'valve'):
+        exact = record.piece.sample(numbers(trace['customdata']))['position.valve']
+        assert numbers(trace['y']) == pytest.approx(1e3 * exact, abs=1e-4)
+    assert [t['showlegend'] for t in traces(chart, 'valve')] == [False, True]
+
+
+def test_there_is_no_ideal_of_a_drive_that_was_commanded_otherwise(loose):
+    assert Course(loose).ideal is not None
+    faster = ms.load_scene('four_bar_clearance', {'drive.speed': '36.7 rad/s'})
+    assert Course(Record(faster, loose.piece, {})).ideal is None
+    assert Course(recorded('pendulum')).ideal is None
+    assert Course(recorded('four_bar_nominal', revolutions=2)).ideal is None
+
+
 def test_forces_are_vectors_in_the_world(loose, charts):
     (trace,) = traces(charts[f'forces-{JOINT}'], JOINT)
     r, theta, t = (numbers(trace[axis]) for axis in ('r', 'theta', 'customdata'))
@@ -285,7 +306,10 @@ def test_every_scene_has_its_charts(name):
     assert keys[0] == 'motion'
     assert keys[-1] == 'solver'
     assert ('contact' in keys) == bool(machine.physics.clearances)
-    assert ('forces' in keys) == machine.physics.has_forces
+    assert ('energy' in keys) == machine.physics.has_forces
+    table = record.piece.sample(np.linspace(record.start, record.end, 23))
+    loads = [np.abs(x).max() for n, x in table.items() if re.fullmatch(r'reaction\..*\.[xy]', n)]
+    assert ('forces' in keys) == (max(loads, default=0.0) > 1e-9)
     assert ('oscillators' in keys) == bool(machine.scene.oscillators)
     assert len(charts_of(found)) == sum(len(section.charts) for section in found)
     for chart in charts_of(found).values():

@@ -14,13 +14,34 @@ from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Revolute
-from mechanism_sim.report import drawing, figures
 
 ORIGIN = (0.0, 0.0)
 
 
 def shapes(skeleton, kind):
     return [shape for shape in skeleton.shapes if shape.kind == kind]
+
+
+def overlapping(figure):
+    """Pairs of texts of a drawn figure whose boxes, turned as they are, have a place in common."""
+    boxes = []
+    for text in figure.axes[0].texts:
+        turn = np.radians(text.get_rotation())
+        text.set_rotation(0.0)
+        box = text.get_window_extent()
+        text.set_rotation(np.degrees(turn))
+        middle = 0.5 * (box.min + box.max)
+        if text.get_va() == 'center':
+            middle = text.get_transform().transform(text.get_position())
+        sides = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        boxes.append((text.get_text(), middle, 0.46 * box.size, sides))
+    for i, (name, at, half, sides) in enumerate(boxes):
+        for other, there, others, turned in boxes[:i]:
+            apart = np.concatenate([sides, turned]) @ (there - at)
+            reach = np.abs(np.concatenate([sides, turned]) @ sides.T) @ half
+            reach += np.abs(np.concatenate([sides, turned]) @ turned.T) @ others
+            if (np.abs(apart) < reach).all():
+                yield name, other
 
 
 @pytest.mark.parametrize('scene', ms.scene_names())
@@ -34,6 +55,8 @@ def test_every_scene_is_drawn(scene, tmp_path):
     assert machine.scene.title in text
     assert {b.name.replace('_', ' ') for b in machine.mechanism.bodies} <= text
     assert (tmp_path / 'picture.svg').stat().st_size > 5000
+    figure.canvas.draw()
+    assert not list(overlapping(figure))
 
 
 def test_bars_reach_from_joint_to_joint():
@@ -123,6 +146,16 @@ def test_a_pin_that_indexes_is_in_a_slot_while_something_moves(scene):
         share = np.clip(((pin - start) * along).sum(axis=0), 0.0, np.hypot(*(end - start)))
         away.append(np.hypot(*(pin - start - share * along)))
     assert np.min(away, axis=0)[moving].max() < 1e-9
+
+
+def test_from_python_in_one_line():
+    machine = ms.load_scene('four_bar_nominal')
+    figure = ms.draw(machine, math.radians(50.0), positions=3, points=['coupler.cog'])
+    crank = machine.scene.links.crank.length
+    pins = [x.center for x in figure.axes[0].patches if x.get_gid() == 'pin-crank_coupler']
+    turn = np.radians(50.0)
+    np.testing.assert_allclose(pins, [[crank * np.cos(turn), crank * np.sin(turn)]], atol=1e-12)
+    assert figure._repr_png_()[0].startswith(b'\x89PNG')
 
 
 def test_an_angle_and_the_time_of_it_give_the_same_picture(tmp_path):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
+from mechanism_sim.catalogue import config_folder
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import Ideal
@@ -19,7 +20,6 @@ from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.nodes.publications import transforms
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
-from mechanism_sim.catalogue import config_folder
 
 SCENES = ms.scene_names()
 

@@ -19,13 +19,13 @@ from matplotlib.mathtext import MathTextParser
 from running import environment, run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.catalogue import scene_names
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.reactions import generalized_forces
 from mechanism_sim.planar.switches import Table
-from mechanism_sim.catalogue import scene_names
 
 sympy = pytest.importorskip('sympy')
 

@@ -7,10 +7,10 @@ import pytest
 from four_bars import RADIAL, RESTITUTION, SPEED
 
 import mechanism_sim as ms
+from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import span
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.catalogue import config_folder
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.scene.machine import Level
 from mechanism_sim.scene.motion_notes import mobility_note

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from mechanism_sim.cli.entry import _parser
+from mechanism_sim.cli.entry import make_parser
 
 PAGE = 'docs/commands'
 
@@ -23,7 +23,7 @@ def _append(_app: Any, page: str, source: list[str]) -> None:
 
 def reference() -> str:
     """All commands as Markdown, a section each."""
-    choices = next(a for a in _parser()._actions if isinstance(a, argparse._SubParsersAction))
+    choices = next(a for a in make_parser()._actions if isinstance(a, argparse._SubParsersAction))
     return ''.join(_section(name, sub) for name, sub in choices.choices.items())
 
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
+from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.util import logging
+
+SIZES = re.compile(r'\\[bB]igg?[lrm]?(?![a-zA-Z])')  # of brackets; the converter knows none
+logger = logging.getLogger(__name__)
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -15,10 +21,19 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 def _inline(translator: Any, node: nodes.math) -> None:
-    translator.body.append(tex2mathml(node.astext(), as_block=False))
+    translator.body.append(_converted(node, as_block=False))
     raise nodes.SkipNode
 
 
 def _block(translator: Any, node: nodes.math_block) -> None:
-    translator.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+    translator.body.append(f'<div class="math">{_converted(node, as_block=True)}</div>')
     raise nodes.SkipNode
+
+
+def _converted(node: nodes.Element, as_block: bool) -> str:
+    text = SIZES.sub('', node.astext()).replace('°', r'^\circ ')
+    try:
+        return tex2mathml(text, as_block=as_block)
+    except MathError as error:
+        logger.warning('%s in the formula %s', error, text, location=node)
+        return ''

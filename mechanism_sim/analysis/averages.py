@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.cycles.columns import columns_of, unit_of
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.sensing.orders import Turns
 
 Array = NDArray[np.float64]
@@ -55,7 +54,9 @@ def sampled(record: Record, quantity: str, t: Array) -> Array:
     """
     values = np.empty(len(t))
     for first in range(0, len(t), _BLOCK):
-        columns = _columns(record, t[first : first + _BLOCK], quantity.startswith('energy.'))
+        columns = columns_of(
+            record.piece, t[first : first + _BLOCK], quantity.startswith('energy.')
+        )
         if quantity not in columns:
             known = [*record.sensors, *columns]
             raise InputError(
@@ -64,17 +65,6 @@ def sampled(record: Record, quantity: str, t: Array) -> Array:
             )
         values[first : first + _BLOCK] = columns[quantity]
     return values
-
-
-def _columns(record: Record, t: Array, with_work: bool) -> dict[str, Array]:
-    """The columns of `Piece.sample`; without the work so far, which costs eight times the rest."""
-    piece = record.piece
-    if with_work:
-        return table(piece.physics, piece.samples(t))
-    k, dt = piece.motion.curve.find(t)
-    seen = piece.physics.observe(piece.motion, k, dt)
-    unknown = np.full(len(t), np.nan)
-    return table(piece.physics, Samples(t, piece.motion.modes[k].T, seen, unknown, unknown))
 
 
 def unit(record: Record, quantity: str) -> str:

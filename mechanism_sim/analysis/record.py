@@ -83,6 +83,23 @@ class Record:
         """Of the motion [s]."""
         return self.piece.motion.curve.end
 
+    def part(self, start: float | None, end: float | None) -> tuple[float, float]:
+        """Start and end [s] of a part of the run; those of the run where they are None.
+
+        Raises
+        ------
+        InputError
+            If that is no part of it.
+        """
+        begin, finish = (self.start if start is None else start, self.end if end is None else end)
+        slack = 1e-9 * max(1.0, self.end)
+        if not self.start - slack <= begin < finish <= self.end + slack:
+            raise InputError(
+                f'from {begin:g} s to {finish:g} s is no part of the run, which goes from '
+                f'{self.start:g} s to {self.end:g} s'
+            )
+        return max(begin, self.start), min(finish, self.end)
+
     @property
     def slides(self) -> bool:
         """Whether the main drive moves straight, so that it makes no turns."""
@@ -285,8 +302,8 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         a motion of that machine.
     """
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    machine = machine_of(bag, namespace)
     topics = find_topics(bag, namespace)
+    machine = machine_of(bag, namespace)
     motions: list[Motion] = []
     impacts: list[Impact] = []
     changes: list[ModeChange] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.cli.options import (
     Command,
@@ -13,42 +13,56 @@ from mechanism_sim.cli.options import (
     overrides_of,
     print_json,
     quantity,
+    read_machine,
     scene_options,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import echo
+
+if TYPE_CHECKING:
+    from mechanism_sim.analysis.record import Record
 
 
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('info', _info, 'say what a bag holds')
-    sub.add_argument('bag', metavar='BAG')
+    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
     sub = command('analyze', _analyze, 'say what happened in a recorded run')
-    sub.add_argument('bag', metavar='BAG')
-    sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
+    sub.add_argument(
+        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
+    )
     _detail_options(sub)
     sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
-    scene_options(sub, 'a scene, or a bag (.mcap) of a run')
+    scene_options(sub, 'a scene, or a bag (.mcap) of a run', 'SCENE|BAG')
     length_options(sub)
-    sub.add_argument('-o', '--output', metavar='FILE', help='.wav; SCENE.wav if not')
-    sub.add_argument('--distance', default='1 m', metavar='R', help='of the listener')
     sub.add_argument(
-        '--direction', default='0 deg', metavar='ANGLE', help='to the listener, from the x axis'
+        '-o', '--output', metavar='FILE', help='the .wav file; SCENE.wav if not given'
+    )
+    sub.add_argument(
+        '--distance', default='1 m', metavar='R', help='of the listener from the machine'
+    )
+    sub.add_argument(
+        '--direction',
+        default='0 deg',
+        metavar='ANGLE',
+        help='in which the listener is, from the x axis',
     )
     sub.add_argument('--pulse', metavar='T', help="how long impacts last, as '0.1 ms'")
     sub.add_argument('--slow', type=float, default=1.0, metavar='N', help='play N times slower')
     sub = command('identify', _identify, "fit a bearing's parameters to an accelerometer's signal")
-    sub.add_argument('bags', nargs='+', metavar='BAG', help='recorded or measured')
+    sub.add_argument('bags', nargs='+', metavar='BAG', help='recorded, or made of a measurement')
     sub.add_argument(
         '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
-        help='machine and chain, one for each bag or for all; those in the bag if not',
+        help='machine and sensor, one for each bag or one for all; those in the bag if not given',
     )  # fmt: skip
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help='override a value of the scenes',
+        help='change a value of the scenes',
     )  # fmt: skip
     sub.add_argument(
         '--fit', default='restitution,friction,radial', metavar='NAME,...',
-        help='what is to be found: these, noise, or dotted paths',
+        help='what is to be found: some of these, noise, or dotted paths',
     )  # fmt: skip
     sub.add_argument(
         '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
@@ -56,21 +70,34 @@ def add(command: Command) -> None:
     )  # fmt: skip
     sub.add_argument('--joint', metavar='J', help='the loose joint, where there are several')
     sub.add_argument('--sensor', metavar='S', help='the sensor, where there are several')
-    sub.add_argument('--skip', type=float, default=0.0, metavar='S', help='seconds to leave out')
-    sub.add_argument('--seed', type=int, default=0, metavar='N', help='of the search')
     sub.add_argument(
-        '--rounds', metavar='N,...', help='simulations of each round; 128,48,48,48 if not given'
+        '--skip',
+        type=float,
+        default=0.0,
+        metavar='S',
+        help='seconds to leave out at the beginning',
     )
     sub.add_argument(
-        '--workers', type=int, metavar='N', help='processes; one for each core if not'
+        '--seed', type=int, default=0, metavar='N', help='of the random numbers of the search'
+    )
+    sub.add_argument(
+        '--rounds', metavar='N,...', help='simulations in each round; 128,48,48,48 if not given'
+    )
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='processes; one for each core if not given'
     )
     sub = command(
         'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
     )
-    sub.add_argument('folder', metavar='DIR', help='of bags, see sweep --bags')
-    sub.add_argument('-o', '--output', metavar='DIR|FILE', help='for figures: folder, .pdf, .svg')
+    sub.add_argument('folder', metavar='DIR', help='folder of bags, as sweep --bags writes them')
     sub.add_argument(
-        '--skip', type=int, metavar='K', help='whole turns to leave out; the first half if not'
+        '-o', '--output', metavar='DIR|FILE', help='draw the figures: a folder, .pdf or .svg'
+    )
+    sub.add_argument(
+        '--skip',
+        type=int,
+        metavar='K',
+        help='whole turns to leave out at the beginning; the first half if not given',
     )
 
 
@@ -81,7 +108,7 @@ def _info(options: argparse.Namespace) -> int:
     if options.json:
         print_json(found.to_json())
     else:
-        print(render_info(found))
+        echo(render_info(found))
     return 0
 
 
@@ -89,8 +116,11 @@ def _analyze(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis import analyze, render  # noqa: PLC0415
     from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
     from mechanism_sim.analysis.render_details import render_details  # noqa: PLC0415
-    from mechanism_sim.report import figures  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
 
+    if options.skip < 0:
+        raise InputError('--skip must be at least 0')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = Wanted(
         options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
@@ -103,22 +133,26 @@ def _analyze(options: argparse.Namespace) -> int:
     if details and plots:
         from mechanism_sim.report.condition import draw  # noqa: PLC0415
 
-        with figures.style():
+        with progress.busy('plots', options.json), figures.style():
             figures.save_all(draw(details), plots)
+    if details and wanted and not options.json:
+        echo(render_details(details))
+        return 0
+    with progress.share('reading', options.json) as read:
+        summary = analyze(read_bag(options.bag, read), namespace=options.namespace)
     if options.json:
         more = {'details': details.to_json()} if details else {}
-        print_json(analyze(options.bag, namespace=options.namespace).to_json() | more)
-    elif details and wanted:
-        print(render_details(details))
+        print_json(summary.to_json() | more)
     else:
-        print(render(analyze(options.bag, namespace=options.namespace)))
+        echo(render(summary))
     return 0
 
 
 def _sound(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress, sound  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
     from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
 
     listener = Listener(
@@ -130,15 +164,18 @@ def _sound(options: argparse.Namespace) -> int:
     if Path(options.scene).suffix == '.mcap':
         if overrides_of(options) or options.duration or options.revolutions:
             raise InputError('a bag is heard as it was recorded: leave out --set and lengths')
-        record = read_record(options.scene)
+        with progress.share('reading', options.json) as read:
+            record = read_record(read_bag(options.scene, read))
         machine, run = record.machine, record.piece
     else:
-        machine = load_scene(options.scene, overrides_of(options))
+        machine = read_machine(options)
         end = span(machine, options.revolutions, options.duration)
         with progress.bar('sound', end, quiet=options.json) as show:
             run = simulate(machine, duration=end, progress=show)
-    train = strikes(machine.mechanism, run.motion, run.impacts)
-    written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
+    with progress.busy('sound', options.json) as say:
+        say(f'of {len(run.impacts)} impacts')
+        train = strikes(machine.mechanism, run.motion, run.impacts)
+        written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
     if options.json:
         print_json(written.to_json())
     else:
@@ -160,9 +197,10 @@ def _identify(options: argparse.Namespace) -> int:
     workers = os.cpu_count() or 1 if options.workers is None else options.workers
     if workers < 1 or options.seed < 0:
         raise InputError('--workers must be at least 1, --seed at least 0')
-    signals = measurements(
-        options.bags, options.scenes, options.overrides, options.sensor, options.skip
-    )
+    with progress.busy('reading', options.json):
+        signals = measurements(
+            options.bags, options.scenes, options.overrides, options.sensor, options.skip
+        )
     first = signals[0]
     wanted = parameters(
         first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
@@ -203,14 +241,19 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
     """What is asked of a bag, or everything that can be drawn."""
     from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
 
-    if options.skip < 0:
-        raise InputError('--skip must be at least 0')
+    def record_of(bag: str) -> Record:
+        with progress.share('reading', options.json) as read:
+            return read_record(read_bag(bag, read), options.namespace)
+
     if options.against and not wanted.deviations:
         raise InputError('--against goes with --deviation: it compares two deviations')
-    record = read_record(options.bag, options.namespace)
-    against = read_record(options.against, options.namespace) if options.against else None
-    return find_details(record, wanted if wanted else everything(record, wanted), against)
+    record = record_of(options.bag)
+    against = record_of(options.against) if options.against else None
+    with progress.busy('analyze', options.json):
+        return find_details(record, wanted if wanted else everything(record, wanted), against)
 
 
 def _band(text: str | None) -> tuple[float, float] | None:
@@ -225,18 +268,32 @@ def _band(text: str | None) -> tuple[float, float] | None:
 def _detail_options(sub: argparse.ArgumentParser) -> None:
     more = sub.add_argument_group('instead of the summary; each may be given several times')
     for name, metavar, text in (
-        ('spectrum', 'SENSOR', 'power spectral density'),
+        ('spectrum', 'SENSOR', 'power spectral density of its signal'),
         ('orders', 'SENSOR', 'amplitudes over multiples of the speed of the drive'),
         ('envelope', 'SENSOR', 'spectrum of the squared envelope'),
-        ('average', 'NAME', 'over a turn of the drive; a sensor, or as acceleration.LINK'),
+        (
+            'average',
+            'NAME',
+            'over a turn of the drive: of a sensor, or a quantity such as acceleration.LINK',
+        ),
         ('impacts-on', 'JOINT', 'by direction on pin and bushing, and turn by turn'),
         ('wear', 'JOINT', 'impulses and sliding by direction on pin and bushing'),
-        ('deviation', 'NAME', 'from the machine without clearance'),
+        ('deviation', 'NAME', 'of this quantity from that of the machine without clearance'),
     ):
         more.add_argument(f'--{name}', action='append', default=[], metavar=metavar, help=text)
     how = sub.add_argument_group('how')
-    how.add_argument('--against', metavar='BAG', help='divide deviations by those of this bag')
-    how.add_argument('--band', metavar='A:B', help="of envelopes, as '500 Hz:2 kHz'")
-    how.add_argument('--skip', type=int, default=0, metavar='N', help='whole turns to leave out')
-    how.add_argument('--pin-radius', metavar='R', help="of wear, as '6 mm'; the scene's if not")
-    how.add_argument('--plots', metavar='DIR|FILE', help='folder, .pdf, .png or .svg')
+    how.add_argument(
+        '--against', metavar='BAG', help='divide deviations by those of this other bag'
+    )
+    how.add_argument('--band', metavar='A:B', help="frequencies of envelopes, as '500 Hz:2 kHz'")
+    how.add_argument(
+        '--skip',
+        type=int,
+        default=0,
+        metavar='N',
+        help='whole turns to leave out at the beginning',
+    )
+    how.add_argument(
+        '--pin-radius', metavar='R', help="for wear, as '6 mm'; that of the scene if not given"
+    )
+    how.add_argument('--plots', metavar='DIR|FILE', help='draw them: a folder, .pdf, .png or .svg')

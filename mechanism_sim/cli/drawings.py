@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from mechanism_sim.cli.options import Command, overrides_of, print_json, quantity, scene_options
+from mechanism_sim.cli.options import Command, print_json, quantity, read_machine, scene_options
 from mechanism_sim.errors import InputError
 
 
@@ -13,55 +13,125 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('cycle', _cycle, 'tables, extremes and plots over a turn of the drive')
     scene_options(sub)
-    sub.add_argument('--samples', type=int, default=360, metavar='N', help='intervals in a cycle')
-    sub.add_argument('--from', metavar='ANGLE', dest='start', help="begin at, as '30 deg'")
-    sub.add_argument('--periods', type=int, default=1, metavar='N', help='turns of the drive')
-    sub.add_argument('--duration', type=float, metavar='S', help='instead, in seconds')
     sub.add_argument(
-        '--points', nargs='+', default=[], metavar='LINK.POINT', help='whose paths are wanted'
+        '--samples',
+        type=int,
+        default=360,
+        metavar='N',
+        help='intervals in a cycle',
     )
-    sub.add_argument('--local', action='store_true', help='forces along and across each link')
-    sub.add_argument('--static', action='store_true', help='forces without those of inertia')
-    sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
-    sub.add_argument('--plots', metavar='DIR|FILE', help='folder, .pdf, .png or .svg')
+    sub.add_argument(
+        '--from',
+        metavar='ANGLE',
+        dest='start',
+        help="position of the drive to begin at, as '30 deg'",
+    )
+    sub.add_argument(
+        '--periods', type=int, default=1, metavar='N', help='how many turns of the drive'
+    )
+    sub.add_argument(
+        '--duration', type=float, metavar='S', help='seconds, for a drive without a constant speed'
+    )
+    sub.add_argument(
+        '--points',
+        nargs='+',
+        default=[],
+        metavar='LINK.POINT',
+        help='points whose paths are wanted',
+    )
+    sub.add_argument(
+        '--local', action='store_true', help='add the forces along and across each link'
+    )
+    sub.add_argument('--static', action='store_true', help='leave out the forces of inertia')
+    sub.add_argument(
+        '--output', metavar='FILE', help='write the samples to a .npz, .csv or .parquet file'
+    )
+    sub.add_argument('--plots', metavar='DIR|FILE', help='draw them: a folder, .pdf, .png or .svg')
     sub = command('draw', _draw, 'a picture of a mechanism')
     scene_options(sub)
-    sub.add_argument('-o', '--output', metavar='FILE', help='.svg, .png or .pdf; SCENE.svg if not')
-    sub.add_argument('--at', metavar='ANGLE|TIME', help="as '30 deg' or '20 ms'; the start if not")
-    sub.add_argument('--positions', type=int, default=1, metavar='K', help='this one and ghosts')
     sub.add_argument(
-        '--path', action='append', default=[], metavar='LINK.POINT', help='draw the path of'
+        '-o', '--output', metavar='FILE', help='a .svg, .png or .pdf file; SCENE.svg if not given'
     )
-    sub.add_argument('--duration', type=float, metavar='S', help='of a drive without a period')
+    sub.add_argument(
+        '--at',
+        metavar='ANGLE|TIME',
+        help="where to draw it, as '30 deg' of the drive or '20 ms'; the start if not given",
+    )
+    sub.add_argument(
+        '--positions',
+        type=int,
+        default=1,
+        metavar='K',
+        help='how many positions, all but one of them faint',
+    )
+    sub.add_argument(
+        '--path',
+        action='append',
+        default=[],
+        metavar='LINK.POINT',
+        help='draw the path of this point; several times',
+    )
+    sub.add_argument(
+        '--duration', type=float, metavar='S', help='seconds, for a drive without a constant speed'
+    )
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
     sub = command('layout', _layout, 'a layout for Foxglove, or a configuration for RViz')
     scene_options(sub)
-    sub.add_argument('--for', choices=('foxglove', 'rviz'), required=True, dest='viewer')
-    sub.add_argument('-o', '--output', metavar='FILE', help='SCENE.json or SCENE.rviz if not')
-    sub.add_argument('--namespace', default='', metavar='NAME', help='of the nodes')
-    sub.add_argument('--frame-prefix', default='', metavar='TEXT', help='before names of links')
+    sub.add_argument(
+        '--for', choices=('foxglove', 'rviz'), required=True, dest='viewer', help='which viewer'
+    )
+    sub.add_argument(
+        '-o', '--output', metavar='FILE', help='the file; SCENE.json or SCENE.rviz if not given'
+    )
+    sub.add_argument('--namespace', default='', metavar='NAME', help='namespace of the nodes')
+    sub.add_argument(
+        '--frame-prefix',
+        default='',
+        metavar='TEXT',
+        help='what stands before names of links in /tf',
+    )
     sub = command(
         'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
     )
     scene_options(sub)
-    sub.add_argument('joint', metavar='JOINT', help='with a cam or teeth')
-    sub.add_argument('-o', '--output', metavar='FILE', help='.svg or .dxf for the outlines')
-    sub.add_argument('--gear', metavar='NAME', help='the outline of this gear only')
-    sub.add_argument('--friction', type=float, default=0.05, metavar='MU', help='between teeth')
+    sub.add_argument('joint', metavar='JOINT', help='a joint with a cam or teeth')
+    sub.add_argument(
+        '-o', '--output', metavar='FILE', help='draw the outlines to a .svg or .dxf file'
+    )
+    sub.add_argument('--gear', metavar='NAME', help='only the outline of this gear')
+    sub.add_argument(
+        '--friction',
+        type=float,
+        default=0.05,
+        metavar='MU',
+        help='coefficient of friction between teeth',
+    )
     sub = command('export', _export, 'a machine for viewers and for other simulators')
     scene_options(sub)
-    sub.add_argument('--format', required=True, choices=('urdf', 'mjcf', 'sdf'), help='of what')
-    sub.add_argument('-o', '--output', metavar='FILE', help='standard output if not given')
-    sub.add_argument('--prefix', default='', help='of the names of frames, in a URDF')
+    sub.add_argument(
+        '--format', required=True, choices=('urdf', 'mjcf', 'sdf'), help='of the description'
+    )
+    sub.add_argument(
+        '-o', '--output', metavar='FILE', help='the file; standard output if not given'
+    )
+    sub.add_argument(
+        '--prefix', default='', metavar='TEXT', help='before names of frames, in a URDF'
+    )
     sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
     sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
-    sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs in series')
+    sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs of gears in series')
     sub.add_argument(
-        '--tolerance', type=float, default=0.0, metavar='X', help='largest relative error'
+        '--tolerance',
+        type=float,
+        default=0.0,
+        metavar='X',
+        help='largest relative error of the ratio',
     )
-    sub.add_argument('--teeth', default='18:120', metavar='A:B', help='fewest and most of a gear')
+    sub.add_argument(
+        '--teeth', default='18:120', metavar='A:B', help='fewest and most teeth of a gear'
+    )
     sub.add_argument(
         '--centre-distance', metavar='C', help="of every stage, as '60 mm'; with --modules"
     )
@@ -71,25 +141,26 @@ def add(command: Command) -> None:
 def _cycle(options: argparse.Namespace) -> int:
     from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
-    from mechanism_sim.report import figures, tables  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
         tables.check_output(options.output)
     start = options.start and quantity('--from', options.start, 'rad')[0]
-    machine = load_scene(options.scene, overrides_of(options))
-    found = cycle(
-        machine, options.samples, start, options.periods, options.duration, options.points,
-        options.local, options.static,
-    )  # fmt: skip
-    if options.output:
-        tables.write(options.output, found.table())
-    if plots:
-        from mechanism_sim.report.plots import draw  # noqa: PLC0415
+    machine = read_machine(options)
+    with progress.busy('cycle', options.json) as say:
+        found = cycle(
+            machine, options.samples, start, options.periods, options.duration, options.points,
+            options.local, options.static,
+        )  # fmt: skip
+        if options.output:
+            tables.write(options.output, found.table())
+        if plots:
+            from mechanism_sim.report.plots import draw  # noqa: PLC0415
 
-        with figures.style():
-            figures.save_all(draw(found), plots)
+            say('plots')
+            with figures.style():
+                figures.save_all(draw(found), plots)
     if options.json:
         print_json(report.to_json(found))
     else:
@@ -99,23 +170,22 @@ def _cycle(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace) -> int:
     from mechanism_sim.cycles.cycle import instant  # noqa: PLC0415
-    from mechanism_sim.report import drawing, figures  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import drawing, figures, progress  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     file = figures.check_picture('--output', options.output or f'{machine.name}.svg')
     if options.positions < 1:
         raise InputError('--positions must be at least 1')
     value, unit = quantity('--at', options.at, 'rad', 's') if options.at else (None, '')
-    found, t = instant(
-        machine,
-        value if unit == 'rad' else None,
-        value if unit == 's' else None,
-        options.duration,
-        options.path,
-        still=options.positions == 1 and not options.path,
-    )
-    with figures.style():
+    with progress.busy('draw', options.json), figures.style():
+        found, t = instant(
+            machine,
+            value if unit == 'rad' else None,
+            value if unit == 's' else None,
+            options.duration,
+            options.path,
+            still=options.positions == 1 and not options.path,
+        )
         picture = drawing.draw(found, t, options.positions, options.labels)
         figures.save(picture, file, cropped=True)
     if options.json:
@@ -129,14 +199,15 @@ def _layout(options: argparse.Namespace) -> int:
     from pathlib import Path  # noqa: PLC0415
 
     from mechanism_sim.nodes.force_markers import preview  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
     from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     to, ending = (to_foxglove, 'json') if options.viewer == 'foxglove' else (to_rviz, 'rviz')
     file = Path(options.output or f'{machine.name}.{ending}')
-    text = to(preview(machine), options.namespace, options.frame_prefix)
+    with progress.busy('layout', options.json):
+        text = to(preview(machine), options.namespace, options.frame_prefix)
     try:
         file.write_text(text, encoding='utf-8')
     except OSError as error:
@@ -150,10 +221,9 @@ def _layout(options: argparse.Namespace) -> int:
 
 def _profile(options: argparse.Namespace) -> int:
     from mechanism_sim.report import profile  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
     file = profile.check_file(options.output) if options.output else None
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
     if file:
         profile.write(outline, file)
@@ -167,11 +237,10 @@ def _profile(options: argparse.Namespace) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     from mechanism_sim.export import markup, mjcf, sdf, urdf  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
 
     if options.prefix and options.format != 'urdf':
         raise InputError('--prefix is for --format urdf')
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     if options.format == 'urdf':
         text, missing = urdf.to_urdf(machine, options.prefix), urdf.left_out(machine)
     elif options.format == 'mjcf':

@@ -8,11 +8,20 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.cli import bags, drawings, first, machines, pages, runs, studies
-from mechanism_sim.cli.options import tell
+from mechanism_sim.cli import (
+    bags,
+    drawings,
+    first,
+    machines,
+    pages,
+    pictures,
+    runs,
+    studies,
+)
 from mechanism_sim.cli.overview import Overview, render_start
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.terminal import echo, tell
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -21,7 +30,7 @@ def main(args: Sequence[str] | None = None) -> None:
     if '_ARGCOMPLETE' in os.environ:
         from mechanism_sim.cli.completion import complete  # noqa: PLC0415
 
-        complete(parser)
+        complete(parser, parser.commands().choices)
     try:
         options = _read(parser, sys.argv[1:] if args is None else args)
         code = options.run(options)
@@ -57,7 +66,7 @@ def make_parser() -> Overview:
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
         return sub
 
-    for module in (first, machines, runs, bags, pages, drawings, studies):
+    for module in (first, machines, runs, bags, pages, pictures, drawings, studies):
         module.add(command)
     return parser
 
@@ -65,8 +74,10 @@ def make_parser() -> Overview:
 def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
     own, ros_args = split_ros_args(args)
     options, rest = parser.parse_known_args(own)
-    if ros_args and options.command not in ('run', 'node'):
-        options.parser.error('--ros-args is for the commands run and node')
+    if ros_args and options.command not in ('run', 'node', 'view'):
+        options.parser.error('--ros-args is for the commands run, node and view')
+    if options.command == 'plot' and not any(word.startswith('-') for word in rest):
+        options.what, rest = [*options.what, *rest], []  # argparse looks for them in one place
     if rest and options.command != 'node':
         options.parser.refuse(rest)
     options.rest, options.ros_args = rest, ros_args
@@ -82,5 +93,5 @@ def _start(options: argparse.Namespace) -> int:
         except PackageNotFoundError:  # sources that nothing has installed
             print('mechanism-sim, not installed')
     else:
-        print(render_start())
+        echo(render_start())
     return 0

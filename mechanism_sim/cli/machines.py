@@ -4,29 +4,46 @@ from __future__ import annotations
 
 import argparse
 
-from mechanism_sim.cli.options import Command, overrides_of, print_json, scene_options
+from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import echo
 
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    command('scenes', _scenes, 'list the scenes of the package')
+    sub = command('scenes', _scenes, 'list the scenes of the package')
+    sub.add_argument(
+        '--schema',
+        action='store_true',
+        help='what scenes may say, as a JSON schema for editors, instead of the list',
+    )
     sub = command('check', _check, 'say what a scene comes down to, without running it')
     scene_options(sub)
     sub = command('equations', _equations, "write down a scene's own equations")
     scene_options(sub)
-    sub.add_argument('--rates', action='store_true', help='closures and gaps differentiated too')
+    sub.add_argument('--rates', action='store_true', help='add the rates of closures and gaps')
     form = sub.add_mutually_exclusive_group()
-    form.add_argument('--latex', action='store_true', help='a fragment of LaTeX')
-    form.add_argument('--markdown', action='store_true', help='Markdown')
-    sub.add_argument('-o', '--output', metavar='FILE', help='.tex, .md or .txt to write')
+    form.add_argument('--latex', action='store_true', help='print a fragment of LaTeX')
+    form.add_argument('--markdown', action='store_true', help='print Markdown')
+    sub.add_argument('-o', '--output', metavar='FILE', help='write a .tex, .md or .txt file')
 
 
 def _scenes(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.scene import load_scene, scene_names  # noqa: PLC0415
 
-    machines = [load_scene(name) for name in scene_names()]
-    rows = [{'name': m.name, 'title': m.scene.title, 'level': m.level.value} for m in machines]
+    if options.schema:
+        from mechanism_sim.scene.new import json_schema  # noqa: PLC0415
+
+        print_json(json_schema())
+        return 0
+    names, rows = scene_names(), []
+    with progress.count('scenes', len(names), quiet=options.json) as show:
+        for name in names:
+            machine = load_scene(name)
+            level = machine.level.value
+            rows.append({'name': name, 'title': machine.scene.title, 'level': level})
+            show(len(rows), 0)
     if options.json:
         print_json(rows)
     else:
@@ -37,19 +54,18 @@ def _scenes(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.scene.check import check, render  # noqa: PLC0415
 
-    report = check(load_scene(options.scene, overrides_of(options)))
+    report = check(read_machine(options))
     if options.json:
         print_json(report.to_json())
     else:
-        print(render(report))
+        echo(render(report))
     return 0
 
 
 def _equations(options: argparse.Namespace) -> int:
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
 
     try:
         from mechanism_sim.report import typeset  # noqa: PLC0415
@@ -60,8 +76,9 @@ def _equations(options: argparse.Namespace) -> int:
         raise InputError(
             "equations needs the package 'sympy': pip install 'mechanism_sim[equations]'"
         ) from missing
-    machine = load_scene(options.scene, overrides_of(options))
-    setter = typeset.Typesetter(derive(machine, options.rates))
+    machine = read_machine(options)
+    with progress.busy('equations', options.json):
+        setter = typeset.Typesetter(derive(machine, options.rates))
     if options.output:
         typeset.write(setter, options.output)
     if options.json:

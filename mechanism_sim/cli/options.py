@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal
 
 from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene import Machine
 
 Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 """Adds a command: its name, what runs it and returns the exit code, what its help says."""
@@ -16,26 +19,37 @@ NODE_NAMES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
     'display', 'recorder',
 )  # fmt: skip
-"""Nodes that `node` runs."""
+"""Nodes of a run, which `node` runs one by one."""
+
+NODE_MODULES = {
+    **{name: f'mechanism_sim.nodes.{name}' for name in NODE_NAMES},
+    'view': 'mechanism_sim.pages.view',
+}
+"""Where the nodes are that `node` runs: those, and the one that shows a run from outside."""
 
 
 def scene_options(
-    sub: argparse.ArgumentParser, text: str = 'a scene of the package, or a YAML file'
+    sub: argparse.ArgumentParser,
+    text: str = 'a scene of the package, or a YAML file',
+    metavar: str = 'SCENE',
+    count: Literal['?'] | None = None,
 ) -> None:
-    """Add what commands take that begin with a scene."""
-    sub.add_argument('scene', metavar='SCENE', help=text)
+    """Add what commands take that begin with a scene; `count` '?': it may be left out."""
+    sub.add_argument('scene', metavar=metavar, help=text, nargs=count)
     sub.add_argument(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
-        help="override a value, for example 'drive.speed=300 rpm'",
+        help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
     )  # fmt: skip
-    sub.add_argument('--rtol', metavar='R', help='relative tolerance')
-    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m]')
+    sub.add_argument('--rtol', metavar='R', help='relative tolerance of a step, for solver.rtol')
+    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m], for solver.atol')
 
 
 def length_options(sub: argparse.ArgumentParser) -> None:
     """Add what says how long a run is."""
-    sub.add_argument('--duration', type=float, metavar='S', help='length in seconds')
-    sub.add_argument('--revolutions', type=float, metavar='N', help='length in crank revolutions')
+    sub.add_argument('--duration', type=float, metavar='S', help='length of the run in seconds')
+    sub.add_argument(
+        '--revolutions', type=float, metavar='N', help='length of the run in turns of the drive'
+    )
 
 
 def overrides_of(options: argparse.Namespace) -> list[str]:
@@ -46,6 +60,34 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
         if value is not None
     ]
     return [*options.overrides, *tolerances]
+
+
+def read_machine(options: argparse.Namespace) -> Machine:
+    """The scene that a command line asks for, as a machine.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is no machine.
+    """
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    with progress.busy('reading the scene', options.json):
+        from mechanism_sim.scene import load_scene  # noqa: PLC0415
+
+        return load_scene(options.scene, overrides_of(options))
+
+
+def ros_args(options: argparse.Namespace) -> list[str]:
+    """What the command line says in the way of ROS, the namespace among it."""
+    found = list(options.ros_args)
+    if options.namespace is not None:
+        found += [
+            *([] if found else ['--ros-args']),
+            '-r',
+            f'__ns:=/{options.namespace.strip("/")}',
+        ]
+    return found
 
 
 def print_json(data: object) -> None:
@@ -75,9 +117,3 @@ def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
     raise InputError(
         f"{option} '{text}' is not a quantity with a unit: write for example {example}"
     )
-
-
-def tell(error: Exception, code: int) -> int:
-    """Say on standard error what went wrong, and give back the exit code."""
-    print(f'mechanism-sim: {error}', file=sys.stderr)
-    return code

@@ -55,7 +55,7 @@ class Overview(Parser):
 
     def format_help(self) -> str:
         """All commands, each with one line."""
-        texts = {a.dest: a.help or '' for a in self._commands()._choices_actions}
+        texts = {a.dest: a.help or '' for a in self.commands()._choices_actions}
         width = max(map(len, texts))
         lines = ['usage: mechanism-sim COMMAND ...', '', str(self.description)]
         for purpose, names in GROUPS.items():
@@ -86,7 +86,7 @@ class Overview(Parser):
             self.error(f"'{value}' is a bag, not a command: try 'mechanism-sim analyze {value}'")
         self.error(f"there is no command '{value}'{nearest(value, known)}; --help lists them")
 
-    def _commands(self) -> Any:
-        """What argparse keeps of the commands."""
+    def commands(self) -> Any:
+        """What argparse keeps of the commands; their parsers by name are its `choices`."""
         assert self._subparsers is not None  # noqa: S101 - `make_parser` has added them
         return self._subparsers._group_actions[0]

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import math
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mechanism_sim.cli.options import (
-    NODE_NAMES,
+    NODE_MODULES,
     Command,
     length_options,
     overrides_of,
     print_json,
+    read_machine,
+    ros_args,
     scene_options,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
@@ -26,12 +30,22 @@ def add(command: Command) -> None:
     sub = command('solve', _solve, 'run a scene in this process, without middleware')
     scene_options(sub)
     length_options(sub)
-    sub.add_argument('--sample-rate', type=float, metavar='HZ', help='sample the solution at')
-    sub.add_argument('--output', metavar='FILE', help='.npz, .csv or .parquet for the samples')
     sub.add_argument(
-        '--no-events', action='store_true', help='JSON with the counts of events, not their lists'
+        '--sample-rate', type=float, metavar='HZ', help='samples a second, for --output'
     )
-    sub.add_argument('--save', metavar='FILE', help='write what it takes to go on from the end')
+    sub.add_argument(
+        '--output',
+        metavar='FILE',
+        help='write samples of everything to a .npz, .csv or .parquet file',
+    )
+    sub.add_argument(
+        '--no-events',
+        action='store_true',
+        help='with --json: counts of events instead of their lists',
+    )
+    sub.add_argument(
+        '--save', metavar='FILE', help='write what --resume needs to go on from the end'
+    )
     sub.add_argument(
         '--resume', metavar='FILE',
         help='go on from what --save wrote; lengths still count from the very beginning',
@@ -39,20 +53,32 @@ def add(command: Command) -> None:
     sub = command('run', _run, 'run a scene as nodes that publish and record')
     scene_options(sub)
     length_options(sub)
-    sub.add_argument('--record', metavar='FILE', help='MCAP file to write')
+    sub.add_argument('--record', metavar='FILE', help='record the run in this MCAP file')
     sub.add_argument('--overwrite', action='store_true', help='replace an existing bag')
-    sub.add_argument('--realtime-factor', type=float, default=0.0, metavar='F', help='0: no limit')
-    sub.add_argument('--display', action='store_true', help='markers for RViz and Foxglove, too')
-    sub.add_argument('--processes', action='store_true', help='each node in its own process')
+    sub.add_argument(
+        '--realtime-factor',
+        type=float,
+        default=0.0,
+        metavar='F',
+        help='simulated seconds in a second; 0: as fast as possible',
+    )
+    sub.add_argument(
+        '--display', action='store_true', help='publish markers for RViz and Foxglove, too'
+    )
+    sub.add_argument(
+        '--processes', action='store_true', help='run each node in a process of its own'
+    )
     sub.add_argument('--paused', action='store_true', help='begin paused, to be played or stepped')
     sub.add_argument('--hold', action='store_true', help='pause at the end instead of ending')
     sub.add_argument(
         '--listeners', default='', metavar='NAMES',
-        help='other nodes that must hear everything, separated by commas',
+        help='other nodes of yours that must hear everything, separated by commas',
     )  # fmt: skip
-    sub.add_argument('--namespace', metavar='NS', help='of all nodes and topics of the run')
+    sub.add_argument(
+        '--namespace', metavar='NS', help='namespace of all nodes and topics of the run'
+    )
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
-    sub.add_argument('name', nargs='?', metavar='NAME', help=', '.join(NODE_NAMES))
+    sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_MODULES))
 
 
 def _solve(options: argparse.Namespace) -> int:
@@ -60,11 +86,13 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import progress, summary  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, span, stream  # noqa: PLC0415
+    from mechanism_sim.scene import span, stream  # noqa: PLC0415
 
     if options.no_events and not options.json:
         raise InputError('--no-events goes with --json: without it no events are listed')
-    machine = load_scene(options.scene, overrides_of(options))
+    if options.sample_rate is not None and not options.output:
+        raise InputError('--sample-rate goes with --output: it is that of the samples in the file')
+    machine = read_machine(options)
     end = span(machine, options.revolutions, options.duration)
     snapshot = Snapshot.load(options.resume) if options.resume else None
     digest = MotionDigest()
@@ -89,19 +117,18 @@ def _solve(options: argparse.Namespace) -> int:
         events = (None, None) if options.no_events else (impacts, modes)
         print_json(summary.to_json(run, digest.hexdigest(), *events))
     else:
-        print(summary.render(run))
+        echo(summary.render(run))
     return 0
 
 
 def _run(options: argparse.Namespace) -> int:
     from mechanism_sim.nodes.run import Plan, run  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, span  # noqa: PLC0415
+    from mechanism_sim.scene import span  # noqa: PLC0415
 
-    overrides = overrides_of(options)
-    machine = load_scene(options.scene, overrides)
+    machine, overrides = read_machine(options), overrides_of(options)
     end = span(machine, options.revolutions, options.duration)
-    if options.realtime_factor < 0.0:
+    if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     if options.record and Path(options.record).exists() and not options.overwrite:
         raise InputError(
@@ -109,7 +136,7 @@ def _run(options: argparse.Namespace) -> int:
         )
     plan = Plan(
         machine, options.scene, overrides, end, options.record, options.overwrite,
-        options.realtime_factor, options.paused, options.hold, _ros_args(options),
+        options.realtime_factor, options.paused, options.hold, ros_args(options),
         options.display, tuple(name for name in options.listeners.split(',') if name),
     )  # fmt: skip
     with progress.bar('run', end, quiet=options.json) as show:
@@ -117,20 +144,8 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(outcome.to_json())
     elif outcome.code == 0:
-        print(progress.render(outcome))
+        echo(progress.render(outcome))
     return outcome.code
-
-
-def _ros_args(options: argparse.Namespace) -> list[str]:
-    """What the command line says in the way of ROS, the namespace among it."""
-    found = list(options.ros_args)
-    if options.namespace is not None:
-        found += [
-            *([] if found else ['--ros-args']),
-            '-r',
-            f'__ns:=/{options.namespace.strip("/")}',
-        ]
-    return found
 
 
 def _node(options: argparse.Namespace) -> int:
@@ -139,14 +154,14 @@ def _node(options: argparse.Namespace) -> int:
     if options.name is None:
         options.parser.print_help()
         return 0
-    if options.name not in NODE_NAMES:
+    if options.name not in NODE_MODULES:
         from mechanism_sim.errors import nearest  # noqa: PLC0415
 
         raise InputError(
-            f"there is no node '{options.name}'{nearest(options.name, NODE_NAMES)}; known are: "
-            f'{", ".join(NODE_NAMES)}'
+            f"there is no node '{options.name}'{nearest(options.name, NODE_MODULES)}; known are: "
+            f'{", ".join(NODE_MODULES)}'
         )
-    import_module(f'mechanism_sim.nodes.{options.name}').main([*options.rest, *options.ros_args])
+    import_module(NODE_MODULES[options.name]).main([*options.rest, *options.ros_args])
     return 0
 
 

@@ -3,67 +3,104 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.cli.options import Command, overrides_of, print_json, scene_options, tell
+from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import tell
 
 
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
     scene_options(sub)
-    sub.add_argument('--longest', type=int, default=8, metavar='P', help='period to look for')
-    sub.add_argument('--transient', type=int, default=60, metavar='N', help='revolutions to wait')
+    sub.add_argument(
+        '--longest',
+        type=int,
+        default=8,
+        metavar='P',
+        help='longest period to look for, in revolutions',
+    )
+    sub.add_argument(
+        '--transient',
+        type=int,
+        default=60,
+        metavar='N',
+        help='revolutions to wait until it has settled',
+    )
     sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
     scene_options(sub)
-    sub.add_argument('--revolutions', type=int, default=200, metavar='N', help='to run')
-    sub.add_argument('--skip', type=int, default=20, metavar='K', help='revolutions to leave out')
+    sub.add_argument('--revolutions', type=int, default=200, metavar='N', help='how many to run')
+    sub.add_argument(
+        '--skip',
+        type=int,
+        default=20,
+        metavar='K',
+        help='revolutions to leave out at the beginning',
+    )
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     scene_options(sub)
-    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run')
+    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='how many to run')
     sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
     scene_options(sub)
     sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
     scene_options(sub)
-    sub.add_argument('--angles', type=int, default=24, metavar='N', help='around the turn')
-    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='to run each')
+    sub.add_argument(
+        '--angles', type=int, default=24, metavar='N', help='how many start angles around the turn'
+    )
+    sub.add_argument(
+        '--revolutions', type=float, default=3.0, metavar='N', help='how many to run from each'
+    )
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
-    sub.add_argument('-o', '--output', metavar='TABLE', help='Parquet file; NAME.parquet if not')
     sub.add_argument(
-        '--workers', type=int, metavar='N', help='processes; one for each core if not'
+        '-o',
+        '--output',
+        metavar='TABLE',
+        help='the table, a Parquet file; NAME.parquet if not given',
+    )
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='processes; one for each core if not given'
     )
     sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
-    sub.add_argument('--bags', metavar='DIR', help='also record every run there')
-    sub.add_argument('--windows', metavar='DIR', help='where windows go; TABLE.windows if not')
+    sub.add_argument('--bags', metavar='DIR', help='folder in which to record every run, too')
+    sub.add_argument(
+        '--windows',
+        metavar='DIR',
+        help='folder for windows of signals; TABLE.windows if not given',
+    )
     sub.add_argument('--restart', action='store_true', help='forget what is computed already')
     sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
-    sub.add_argument('--over', metavar='PATH', help='draw them over this one')
+    sub.add_argument('--over', metavar='PATH', help='with --plot: over this swept value')
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
         help='problems; scaling; middleware; hard, or hard cases; nothing lists what there is',
     )  # fmt: skip
-    sub.add_argument('--output', metavar='DIR', help='write picture, JSON and table there')
-    sub.add_argument('--repeats', type=int, default=7, metavar='N', help='of every run')
-    sub.add_argument('--methods', metavar='NAME,...', help='only these')
-    sub.add_argument('--tolerances', metavar='R,...', help='instead of the usual ones, for rtol')
-    sub.add_argument('--markdown', metavar='FILE', help='write the hard cases for people')
+    sub.add_argument('--output', metavar='DIR', help='folder for picture, JSON and table')
+    sub.add_argument(
+        '--repeats', type=int, default=7, metavar='N', help='how often to repeat every run'
+    )
+    sub.add_argument('--methods', metavar='NAME,...', help='only these methods')
+    sub.add_argument(
+        '--tolerances', metavar='R,...', help='relative tolerances, instead of the usual ones'
+    )
+    sub.add_argument(
+        '--markdown', metavar='FILE', help='write the hard cases as a page of Markdown'
+    )
 
 
 def _periodic(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
     from mechanism_sim.study.periodic import find_periodic  # noqa: PLC0415
 
     if options.longest < 1 or options.transient < 1:
         raise InputError('--longest and --transient must be at least 1')
-    machine = load_scene(options.scene, overrides_of(options))
-    response = find_periodic(machine, options.longest, options.transient)
+    machine = read_machine(options)
+    with progress.busy('periodic', options.json) as say:
+        response = find_periodic(machine, options.longest, options.transient, progress=say)
     if options.json:
         print_json(study.periodic_json(response))
     elif response is None:
@@ -78,10 +115,9 @@ def _periodic(options: argparse.Namespace) -> int:
 
 def _statistics(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.study.statistics import statistics  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     end = options.revolutions * machine.period
     with progress.bar('statistics', end, quiet=options.json) as show:
         found = statistics(machine, options.revolutions, options.skip, show)
@@ -93,11 +129,12 @@ def _statistics(options: argparse.Namespace) -> int:
 
 
 def _contact_loss(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
     from mechanism_sim.study.losses import losses  # noqa: PLC0415
 
-    found = losses(load_scene(options.scene, overrides_of(options)), options.revolutions)
+    machine = read_machine(options)
+    with progress.busy('contact-loss', options.json):
+        found = losses(machine, options.revolutions)
     if options.json:
         print_json(study.losses_json(found))
     else:
@@ -106,11 +143,12 @@ def _contact_loss(options: argparse.Namespace) -> int:
 
 
 def _lift_off(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.report import progress, study  # noqa: PLC0415
     from mechanism_sim.study.lift_off import lift_offs  # noqa: PLC0415
 
-    found = lift_offs(load_scene(options.scene, overrides_of(options)))
+    machine = read_machine(options)
+    with progress.busy('lift-off', options.json) as say:
+        found = lift_offs(machine, say)
     if options.json:
         print_json(study.lift_offs_json(found))
     else:
@@ -120,11 +158,10 @@ def _lift_off(options: argparse.Namespace) -> int:
 
 def _starts(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, study  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.study.starts import starts  # noqa: PLC0415
 
-    machine = load_scene(options.scene, overrides_of(options))
-    with progress.bar('starts', float(max(options.angles, 1)), quiet=options.json) as show:
+    machine = read_machine(options)
+    with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
         found = starts(machine, options.angles, options.revolutions, show)
     if options.json:
         print_json(study.starts_json(found))
@@ -169,7 +206,7 @@ def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
     from mechanism_sim.bench.middleware import middleware  # noqa: PLC0415
     from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
-    from mechanism_sim.report import bench  # noqa: PLC0415
+    from mechanism_sim.report import bench, progress  # noqa: PLC0415
 
     if not options.names:
         listed = choose.listing()
@@ -187,16 +224,19 @@ def _bench(options: argparse.Namespace) -> int:
         raise InputError('--repeats must be at least 1')
     here, content = machine(), bench.Pages(options.output)
     for problem in problems:
-        found = measure(problem, options.repeats, methods, tolerances, _say)
+        with progress.busy('bench', options.json) as say:
+            found = measure(problem, options.repeats, methods, tolerances, say)
         content.add(found, here)
         if not options.json:
             print(content.text[-1], flush=True)
     if choose.SCALING in tables:
-        content.add_scaling(scaling(_say), here)
+        with progress.busy('bench', options.json) as say:
+            content.add_scaling(scaling(say), here)
         if not options.json:
             print(content.text[-1], flush=True)
     if choose.MIDDLEWARE in tables:
-        content.add_middleware(middleware(options.repeats, _say), here)
+        with progress.busy('bench', options.json) as say:
+            content.add_middleware(middleware(options.repeats, say), here)
         if not options.json:
             print(content.text[-1], flush=True)
     if options.json:
@@ -204,16 +244,17 @@ def _bench(options: argparse.Namespace) -> int:
     return 1 if any(row.failure for m in content.found for row in m.rows) else 0
 
 
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
 def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
     from mechanism_sim.bench.hard import run  # noqa: PLC0415
-    from mechanism_sim.report import hard  # noqa: PLC0415
+    from mechanism_sim.report import hard, progress  # noqa: PLC0415
 
+    if options.markdown and not Path(options.markdown).resolve().parent.is_dir():
+        raise InputError(f'--markdown {options.markdown}: there is no such folder')
     outcomes = []
-    for outcome in run(tuple(cases)):
+    for k, case in enumerate(cases):
+        with progress.busy(f'bench: case {k + 1} of {len(cases)}', options.json) as say:
+            say(case.name)
+            (outcome,) = run((case,))
         outcomes.append(outcome)
         if not options.json:
             print(hard.render(outcome), flush=True)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from mechanism_sim.hybrid.sampling import Samples, table
+from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.hybrid.system import Array
 from mechanism_sim.scene import Machine
 
 _UNITS = {
@@ -20,14 +25,24 @@ _UNITS = {
 """Units of columns by the first part of their name: of what turns, and of what slides."""
 
 
-def unit_of(machine: Machine, column: str) -> str:
+def unit_of(run: Machine | Piece, column: str) -> str:
     """The SI unit of a column of `Piece.sample` or `Cycle`; empty for a number."""
     kind, _, rest = column.partition('.')
     if column.endswith('.direction'):
         return 'rad'
     if column.endswith('.moment'):
         return 'N m'
-    mechanism = machine.mechanism
-    turns = kind == 'drive_torque' and not rest and machine.main not in mechanism.displacements
-    turning = rest in mechanism.coordinates and rest not in mechanism.displacements
-    return _UNITS.get(kind, ('N', 'N'))[0 if turns or turning else 1]
+    physics = run.physics
+    first = physics.driven[:1] if kind == 'drive_torque' and not rest else (rest,)
+    turning = all(c in physics.coordinates and c not in physics.displacements for c in first)
+    return _UNITS.get(kind, ('N', 'N'))[0 if turning else 1]
+
+
+def columns_of(piece: Piece, t: Array, with_work: bool) -> dict[str, Array]:
+    """The columns of `Piece.sample`; without the work so far, which costs eight times the rest."""
+    if with_work:
+        return table(piece.physics, piece.samples(t))
+    k, dt = piece.motion.curve.find(t)
+    seen = piece.physics.observe(piece.motion, k, dt)
+    unknown = np.full(len(t), np.nan)
+    return table(piece.physics, Samples(t, piece.motion.modes[k].T, seen, unknown, unknown))

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_s
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.sampling import table
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
@@ -121,6 +123,19 @@ class Cycle:
         driven = [self.machine.physics.coordinates.index(c) for c in self.machine.physics.driven]
         power = (seen.drive_torque * o.velocity[driven]).sum(axis=0)
         return seen._replace(velocity=o.velocity, acceleration=o.acceleration, drive_power=power)
+
+    def plot(self, *names: str, **how: Any) -> Any:
+        """Plot columns by name, or an overview, over the angle of a steady drive.
+
+        The keywords are those of `mechanism_sim.report.lines.plot`: ``against='time'``, and
+        ``start`` and ``end`` [s]. A Matplotlib figure comes back.
+
+        Raises
+        ------
+        InputError
+            If there is no such column, or no such part of the cycle.
+        """
+        return plotting.plot(self, *names, **how)
 
     def extremes(self) -> dict[str, Extremes]:
         """Least and greatest value of each column, and when, finer than the samples."""
@@ -243,6 +258,8 @@ def instant(
     """
     if t is not None and t < 0.0:
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
+    if duration is not None:
+        duration = span(machine, None, duration)
     if is_steady(machine):
         if t is not None:
             duration = max(t, duration or machine.period)

@@ -97,8 +97,14 @@ def choose(
         If nothing can be found, with the nearest ratio, or the search would be too long.
     """
     fewest, most = teeth
-    if not (0 < ratio < math.inf and stages >= 1 and 1 <= fewest <= most and tolerance >= 0.0):
-        raise InputError('the search needs a positive ratio, a stage, and a range of teeth')
+    if not 0 < ratio < math.inf:
+        raise InputError(f'a ratio must be positive and finite, not {float(ratio):g}')
+    if stages < 1:
+        raise InputError(f'a train has at least 1 stage, not {stages}')
+    if not 1 <= fewest <= most:
+        raise InputError(f'teeth go from few to many, as 18:120, not from {fewest} to {most}')
+    if not tolerance >= 0.0:
+        raise InputError(f'the tolerance of the ratio must be at least 0, not {tolerance:g}')
     if stages > MOST_STAGES:
         raise InputError(f'{stages} stages are too many: {MOST_STAGES} at most')
     if most - fewest >= MOST_COUNTS:

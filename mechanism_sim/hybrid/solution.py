@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
@@ -70,6 +72,19 @@ class Piece:
             For a time outside of the motion.
         """
         return table(self.physics, self.samples(t))
+
+    def plot(self, *names: str, **how: Any) -> Any:
+        """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.
+
+        The keywords are those of `mechanism_sim.report.lines.plot`: ``against='angle'``, and
+        ``start`` and ``end`` [s].
+
+        Raises
+        ------
+        InputError
+            If there is no such quantity, or no such part of the run.
+        """
+        return plotting.plot(self, *names, **how)
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,20 @@ from typing import Any, NoReturn
 from mechanism_sim.errors import InputError, nearest
 
 
+class _Formatter(argparse.HelpFormatter):
+    """Says the defaults that are worth it."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        if action.default in (None, False, '', []) or action.default is argparse.SUPPRESS:
+            return action.help
+        return f'{action.help} (default: %(default)s)'
+
+
 class Parser(argparse.ArgumentParser):
     """Answers what it cannot read by one sentence, with the nearest word that exists."""
 
-    def __init__(self, *args: Any, **more: Any) -> None:
-        super().__init__(*args, allow_abbrev=False, **more)
+    def __init__(self, **more: Any) -> None:
+        super().__init__(**more, allow_abbrev=False, formatter_class=_Formatter)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the command line.
@@ -59,7 +68,7 @@ def _plain(message: str) -> str:
         (r'^argument ([^:]*): ', r'\1: '),
         (r'invalid float value: (.*)', r'\1 is not a number'),
         (r'invalid int value: (.*)', r'\1 is not a whole number'),
-        (r': expected one argument$', ' needs a value'),
+        (r': expected one argument$', ' needs a value, after = if it begins with -'),
         (r': ignored explicit argument (.*)', r' takes no value, but \1 was given'),
         (r': expected at least one argument$', ' needs at least one value'),
         (r'the following arguments are required: (.*)', r'\1 is missing; --help says more'),

@@ -42,7 +42,10 @@ class DescribedNode(Node):
     Attributes
     ----------
     results : names of the topics on which it publishes results
+    done : whether it has nothing left to do
     """
+
+    done = False
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         self.results: list[str] = []

@@ -22,9 +22,10 @@ from mechanism_sim.middleware import (
     remove_ros_args,
 )
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
+from mechanism_sim.terminal import tell
 
 if TYPE_CHECKING:
-    from mechanism_sim.nodes.simulation_node import SimulationNode
+    from mechanism_sim.nodes.described_node import DescribedNode
 
 INTERRUPTED = 130
 """Exit code after SIGINT, as shells have it."""
@@ -34,7 +35,7 @@ PATIENCE, PATIENCE_AFTER_INTERRUPT = 60.0, 1.0
 
 
 def run_nodes(
-    make: Callable[[], Sequence[SimulationNode]],
+    make: Callable[[], Sequence[DescribedNode]],
     running: Callable[[], bool] | None = None,
     ros_args: Sequence[str] = (),
 ) -> int:
@@ -50,7 +51,7 @@ def run_nodes(
     -------
     Exit code: 0 done, 1 failed, 2 bad input, 130 interrupted. Errors are told in one sentence.
     """
-    nodes: list[SimulationNode] = []
+    nodes: list[DescribedNode] = []
     asked_to_end: list[int] = []
     executors: list[SingleThreadedExecutor] = []
 
@@ -96,12 +97,6 @@ def run_nodes(
     return code
 
 
-def tell(error: Exception, code: int) -> int:
-    """Say what went wrong on standard error; gives the exit code back."""
-    print(f'mechanism-sim: {error}', file=sys.stderr, flush=True)
-    return code
-
-
 def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None = None) -> None:
     """The main function of a node's executable: options become parameters of the node.
 
@@ -143,6 +138,8 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
         type=float,
         help='display: of clearances shown',
     )
+    parser.add_argument('--port', type=int, help='view: of its page on this machine; 0: any')
+    parser.add_argument('--open', action='store_true', help='view: open a browser')
     parser.add_argument('--file', help='recorder: the bag to write')
     parser.add_argument('--overwrite', action='store_true', help='recorder: replace the bag')
 

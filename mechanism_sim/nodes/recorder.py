@@ -45,7 +45,7 @@ class Recorder(SimulationNode):
         self.declare('file', '', 'The bag to write', read_only=True)
         self.declare('overwrite', False, 'Replace bags that exist', read_only=True)
         if not self.value('file'):
-            raise InputError('recorder: give the bag to write, for example --record run.mcap')
+            raise InputError('recorder: give the bag to write, for example --file run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'))
         self._now = 0

@@ -52,7 +52,6 @@ class SimulationNode(DescribedNode):
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(name, parameters)
-        self.done = False
         self.ready = False
         self.run = 0
         self.progress_of: dict[str, Any] = {}

@@ -39,6 +39,7 @@ class Recorded:
     left_out : how many impacts are not among them
     """
 
+    record: Record
     stage: Stage
     frames: Frames
     impacts: list[Impact]
@@ -97,7 +98,7 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
         *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Frames))
     )
     hardest = max((i.normal_impulse for i in kept), default=0.0)
-    return Recorded(stage, frames, kept, hardest, len(hardest_first) - len(kept))
+    return Recorded(record, stage, frames, kept, hardest, len(hardest_first) - len(kept))
 
 
 def instants(record: Record, most: int = MOST) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -15,11 +15,10 @@ import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
-from mechanism_sim.pages.charts import Section, sections
-from mechanism_sim.pages.recorded import Recorded, recorded
+from mechanism_sim.pages.charts import Section
+from mechanism_sim.pages.recorded import Recorded
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'report'
 _HEIGHT = 360  # [px] of a chart that does not say
@@ -34,24 +33,18 @@ class Fact:
     long: str = ''
 
 
-def page(
-    record: Record,
-    source: str = '',
-    digest: str = '',
-    show: Callable[[float, int], None] | None = None,
-) -> str:
+def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest: str = '') -> str:
     """The page of a run as HTML.
 
     Parameters
     ----------
+    parts : the charts, section by section
     source : the file it was recorded in
     digest : of the whole run, where this is a part of one
-    show : called now and then, see `recorded`
     """
-    run = recorded(record, show)
+    record = run.record
     scene = record.machine.scene
-    data = json.dumps({**run.to_json(), 'turn': _turn(record, run)}, allow_nan=False)
-    parts = sections(record)
+    data = json.dumps({**run.to_json(), 'turn': _turn(run)}, allow_nan=False)
     charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
@@ -59,7 +52,7 @@ def page(
         title=scene.title,
         scene=record.machine.name,
         description=scene.description.strip(),
-        facts=_facts(record, source, digest or record.digest(), run),
+        facts=_facts(run, source, digest or record.digest()),
         sections=[_section(part) for part in parts],
         bearings=[joint.name.replace('_', ' ') for joint in run.stage.bearings],
         forces=bool(run.stage.joints),
@@ -101,16 +94,18 @@ def write(text: str, file: Path) -> None:
         raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
 
 
-def _turn(record: Record, run: Recorded) -> float | None:
+def _turn(run: Recorded) -> float | None:
     """How long a turn of the main drive takes [s] in the mean, or its way there and back."""
+    record = run.record
     moved = run.frames.drive
     way = 2.0 * float(np.ptp(moved)) if record.slides else 2.0 * np.pi
     passed = float(np.abs(np.diff(moved)).sum())
     return (record.end - record.start) * way / passed if passed > 0.25 * way else None
 
 
-def _facts(record: Record, source: str, digest: str, run: Recorded) -> list[Fact]:
+def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
     """What the header says."""
+    record = run.record
     machine, solver = record.machine, record.machine.scene.solver
     span = f'{record.start:.6g} s to {record.end:.6g} s'
     if not record.slides:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,8 +42,11 @@ class Bag:
 
     """
 
-    def __init__(self, path: Path, layout: Layout) -> None:
+    def __init__(
+        self, path: Path, layout: Layout, progress: Callable[[float], None] | None = None
+    ) -> None:
         self.path = path
+        self._progress = progress
         self.complete = layout.complete
         self.start, self.end = layout.start, layout.end
         self.compression = ', '.join(sorted(filter(None, layout.compression))) or 'none'
@@ -100,6 +103,8 @@ class Bag:
     def _payloads(self, channels: dict[int, str]) -> Iterator[tuple[int, bytes, int]]:
         with self.path.open('rb') as stream:
             for block in blocks(self.path, stream, self._layout, channels):
+                if self._progress:
+                    self._progress(stream.tell() / self._layout.readable)
                 for channel, log_time, start, stop in messages(block):
                     if channel in channels:
                         yield channel, block[start:stop], log_time
@@ -121,8 +126,12 @@ class Bag:
         return schema.name
 
 
-def read_bag(path: Path | str) -> Bag:
+def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) -> Bag:
     """Open a bag for reading: a file, or a folder that `ros2 bag record -s mcap` made.
+
+    Args:
+        path: Of the file or folder.
+        progress: Called with the part of the file that is read, whenever messages are.
 
     Raises:
         InputError: No such file, not an MCAP, or its index is damaged; a folder with other than
@@ -136,7 +145,7 @@ def read_bag(path: Path | str) -> Bag:
             names = ', '.join(file.name for file in found) or 'none'
             raise InputError(f'{path} is a folder, which has to hold one MCAP file: {names}.')
         path = found[0]
-    return Bag(path, survey(path))
+    return Bag(path, survey(path), progress)
 
 
 def _topics(layout: Layout) -> dict[str, Topic]:

@@ -11,6 +11,8 @@ from mechanism_sim.errors import InputError
 
 SUFFIXES = ('.png', '.svg', '.pdf')
 
+_DASHES = ('-', '--', '-.', ':', (0, (5, 1)), (0, (1, 1)), (0, (3, 1, 1, 1, 1, 1)))
+
 _STYLE: dict[Any, Any] = {
     'font.size': 9.0,
     'axes.linewidth': 0.7,
@@ -31,6 +33,13 @@ def style() -> Iterator[None]:
 
     with mpl.rc_context(_STYLE):
         yield
+
+
+def strokes(count: int) -> Iterator[dict[str, Any]]:
+    """How so many lines are drawn, told apart in grey: from dark to light, dashed or dotted."""
+    for k in range(count):
+        shade = f'{0.55 * k / max(1, count - 1):.2f}'
+        yield {'color': shade, 'ls': _DASHES[k % len(_DASHES)], 'lw': 1.1}
 
 
 def check_picture(option: str, file: str, folder_too: bool = False) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import cycle as endless
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +11,13 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.report import cycle as report
+from mechanism_sim.report.figures import strokes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
-_LINES = ('-', '--', '-.', ':', (0, (5, 1)), (0, (1, 1)), (0, (3, 1, 1, 1, 1, 1)))
 _KINDS = ('position', 'velocity', 'acceleration')
 _WORDS = {
     'rad': ('angle', 'angular velocity', 'angular acceleration'),
@@ -57,9 +56,8 @@ def _lines(axes: Any, cycle: Cycle, columns: dict[str, str], words: str) -> None
     """Columns of one unit over the cycle; values are their labels."""
     x, _ = _abscissa(cycle)
     shown, scale = report.for_people(report.unit(cycle, next(iter(columns))))
-    for k, ((column, label), line) in enumerate(zip(columns.items(), endless(_LINES))):
-        shade = f'{0.55 * k / max(1, len(columns) - 1):.2f}'
-        axes.plot(x, scale * cycle[column], color=shade, ls=line, lw=1.1, label=label)
+    for (column, label), stroke in zip(columns.items(), strokes(len(columns)), strict=True):
+        axes.plot(x, scale * cycle[column], label=label, **stroke)
     axes.set_ylabel(f'{words} [{shown}]')
     if cycle.repeats:
         axes.set_xlim(x.min(), x.max())
@@ -180,11 +178,10 @@ def _drive(cycle: Cycle) -> Figure:
 def _paths(cycle: Cycle) -> Figure:
     figure = _figure(cycle, 5.5, 4.5)
     axes = figure.subplots()
-    for k, (name, line) in enumerate(zip(cycle.points, endless(_LINES))):
+    for name, stroke in zip(cycle.points, strokes(len(cycle.points)), strict=True):
         x, y = (1e3 * cycle[f'position.{name}.{axis}'] for axis in 'xy')
-        shade = f'{0.55 * k / max(1, len(cycle.points) - 1):.2f}'
-        axes.plot(x, y, color=shade, ls=line, lw=1.1, label=name)
-        axes.plot(x[:1], y[:1], 'o', color=shade, ms=4.0)
+        axes.plot(x, y, label=name, **stroke)
+        axes.plot(x[:1], y[:1], 'o', color=stroke['color'], ms=4.0)
     axes.set_aspect('equal', adjustable='datalim')
     axes.set_xlabel('x [mm]')
     axes.set_ylabel('y [mm]')

@@ -13,9 +13,7 @@ from mechanism_sim.middleware.errors import InvalidNameError
 from mechanism_sim.middleware.names import resolve_namespace
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.scene import Machine
-
-UNITS = {'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm'}
-"""Of what a sensor may give."""
+from mechanism_sim.scene.sensor_keys import QUANTITIES
 
 
 @dataclass(frozen=True)
@@ -148,7 +146,7 @@ def _of(topic: str, name: str, value: str, key: str = 'joint') -> str:
 def _sensors(machine: Machine) -> Iterator[Plot]:
     for name, sensor in machine.scene.sensors.items():
         what = sensor.quantity
-        title = f'{name}: {what} [{UNITS[what]}], latest samples'
+        title = f'{name}: {what} [{QUANTITIES[what]}], latest samples'
         yield Plot('Sensors', title, {name: f'accelerometer/{name}.{what}[:]'}, 'array')
         if sensor.imu:
             axes = {x: f'imu/{name}.linear_acceleration.{x}' for x in 'xy'}

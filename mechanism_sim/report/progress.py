@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
+
     from mechanism_sim.nodes.run import Outcome
 
 Show = Callable[..., None]
@@ -17,21 +20,14 @@ Show = Callable[..., None]
 @contextmanager
 def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
     """A progress bar on standard error: simulated time, real-time factor, impacts so far."""
-    if quiet or not sys.stderr.isatty():
+    if not _watched(quiet):
         yield lambda *_: None
         return
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+    from rich.progress import TextColumn  # noqa: PLC0415
 
-    columns = (
-        TextColumn('{task.description}'),
-        BarColumn(),
-        TextColumn('{task.completed:.3f}/{task.total:.3f} s'),
-        TextColumn('{task.fields[note]}'),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
-        task = display.add_task(label, total=total, note='')
+    done = TextColumn('{task.completed:.3f}/{task.total:.3f} s')
+    with _display(done) as display:
+        task = display.add_task(label, total=total, note='preparing')
 
         def show(time: float, *rest: float) -> None:
             *factor, impacts = rest
@@ -42,34 +38,71 @@ def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
 
 
 @contextmanager
-def count(label: str, total: int, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
     """A progress bar on standard error for so many runs: finished, failed, time left."""
-    if quiet or not sys.stderr.isatty():
+    if not _watched(quiet):
         yield lambda *_: None
         return
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import (  # noqa: PLC0415
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import MofNCompleteColumn  # noqa: PLC0415
 
-    columns = (
-        TextColumn('{task.description}'),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn('{task.fields[note]}'),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
+    with _display(MofNCompleteColumn()) as display:
         task = display.add_task(label, total=total, note='')
 
-        def show(finished: int, failed: int) -> None:
+        def show(finished: int, failed: int = 0) -> None:
             display.update(task, completed=finished, note=f'{failed} failed' if failed else '')
 
         yield show
+
+
+@contextmanager
+def share(label: str, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """A progress bar on standard error for work of which the part done is known, as of a file."""
+    if not _watched(quiet):
+        yield lambda _: None
+        return
+    from rich.progress import TaskProgressColumn  # noqa: PLC0415
+
+    with _display(TaskProgressColumn()) as display:
+        task = display.add_task(label, total=1.0, note='')
+        # what is read a second time does not begin anew
+        yield lambda done: display.update(task, completed=max(done, display.tasks[0].completed))
+
+
+@contextmanager
+def busy(label: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """What is going on, and for how long, on standard error, where no end is known beforehand."""
+    if not _watched(quiet):
+        yield lambda _: None
+        return
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
+    text = TextColumn('{task.description}', markup=False)
+    note = TextColumn('{task.fields[note]}', markup=False)
+    with _live(SpinnerColumn(), text, TimeElapsedColumn(), note) as display:
+        task = display.add_task(label, total=None, note='')
+        yield lambda doing: display.update(task, note=doing)
+
+
+def _watched(quiet: bool) -> bool:
+    """Whether somebody looks on, at a terminal that can rewrite a line."""
+    return not quiet and sys.stderr.isatty() and os.environ.get('TERM') != 'dumb'
+
+
+def _display(done: ProgressColumn) -> Progress:
+    """A bar between what it is about and how much is done, a note, and the time left."""
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+
+    text = TextColumn('{task.description}', markup=False)
+    note = TextColumn('{task.fields[note]}', markup=False)
+    return _live(text, BarColumn(), done, note, TimeRemainingColumn())
+
+
+def _live(*columns: ProgressColumn) -> Progress:
+    """A line on standard error that goes away when it ends; standard output is left alone."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import Progress  # noqa: PLC0415
+
+    return Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False)
 
 
 def render(outcome: Outcome) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Self
@@ -40,7 +41,7 @@ def check_rate(rate: float | None) -> float:
     ------
     InputError
     """
-    if rate is None or rate <= 0.0:
+    if rate is None or not 0.0 < rate < math.inf:
         raise InputError('--output needs a positive --sample-rate in Hz')
     return rate
 

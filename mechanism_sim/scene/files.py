@@ -44,6 +44,10 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
         If there is no such file; names the nearest, and says `known_by` what it could be.
     """
     path = Path(name)
+    if path.suffix == '.mcap':
+        raise InputError(
+            f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' says what is in it"
+        )
     try:
         exists, is_file = path.exists(), path.is_file()
     except (OSError, ValueError):  # longer than the file system allows, or with a null character
@@ -94,8 +98,12 @@ def read_yaml(path: Path, kind: str) -> dict[str, Any]:
         line = f' line {mark.line + 1}' if mark else ''
         problem = getattr(error, 'problem', None) or 'is not readable'
         raise InputError(f'{path.name}:{line} is not valid YAML: {problem}') from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the {kind} file '{path}' cannot be read: {error}") from error
+    except OSError as error:
+        raise InputError(f"the {kind} file '{path}' cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"the {kind} file '{path}' cannot be read: it is not text in UTF-8"
+        ) from error
     if not isinstance(data, dict):
         raise InputError(
             f'{path.name}: a {kind} is a list of keys with values, see docs/{_DOCS[kind]}'
@@ -113,9 +121,7 @@ def check_scene(
     InputError
         One sentence: file, key, value, what is allowed, the nearest valid key.
     """
-    content = copy.deepcopy(dict(data))
-    for key, value in _pairs(overrides):
-        _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
+    content = overridden(file, data, overrides)
     kind = content.get('mechanism')
     if not isinstance(kind, str) or kind not in MECHANISMS:
         raise InputError(
@@ -123,6 +129,22 @@ def check_scene(
             f'{", ".join(MECHANISMS)}'
         )
     return checked(file, MECHANISMS[kind], content)
+
+
+def overridden(
+    file: str, data: Mapping[str, Any], overrides: Mapping[str, Any] | Iterable[str] = ()
+) -> dict[str, Any]:
+    """A file's keys and values, some of them replaced, unchecked.
+
+    Raises
+    ------
+    InputError
+        If an override cannot be read, or is of a key of what is a plain value.
+    """
+    content = copy.deepcopy(dict(data))
+    for key, value in _pairs(overrides):
+        _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
+    return content
 
 
 def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from mechanism_sim.numerics import formula
 from mechanism_sim.scene.cam_keys import CamKeys
@@ -16,27 +16,24 @@ from mechanism_sim.scene.quantities import (
     Mass,
     Part,
     Position,
+    Quantity,
     Time,
+    si,
+    si_of,
 )
 from mechanism_sim.scene.schema import AffineTorque, AnyScene, Clearance, Commands, Motor
 from mechanism_sim.scene.sensor_keys import Sensor
-from mechanism_sim.units import Measure, to_si, to_si_of
+from mechanism_sim.units import Measure, to_si
+
+Place = Annotated[Measure, si_of('rad', 'm')]
+Pace = Annotated[Measure, si_of('rad/s', 'm/s')]
+Stiffness = Annotated[Measure, si_of('N/m', 'N m/rad')]
+Damping = Annotated[Measure, si_of('N s/m', 'N m s/rad')]
+PerSpeed = Annotated[float, si('N s/m')]
+PerPosition = Annotated[float, si('N/m')]
 
 
-def _either(*units: str) -> BeforeValidator:
-    """A quantity of one of several kinds, which the coordinate it belongs to decides."""
-    return BeforeValidator(lambda value: to_si_of(value, units))
-
-
-Place = Annotated[Measure, _either('rad', 'm')]
-Pace = Annotated[Measure, _either('rad/s', 'm/s')]
-Stiffness = Annotated[Measure, _either('N/m', 'N m/rad'), Field()]
-Damping = Annotated[Measure, _either('N s/m', 'N m s/rad')]
-PerSpeed = Annotated[float, BeforeValidator(lambda x: to_si(x, 'N s/m'))]
-PerPosition = Annotated[float, BeforeValidator(lambda x: to_si(x, 'N/m'))]
-
-
-def _or_formula(unit: str) -> BeforeValidator:
+def _or_formula(unit: str) -> Quantity:
     """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``."""
 
     def read(value: Any) -> float | str:
@@ -51,7 +48,7 @@ def _or_formula(unit: str) -> BeforeValidator:
                 raise (other if '(' in value else error) from error
             return value
 
-    return BeforeValidator(read)
+    return Quantity(read, (unit,), 'a formula')
 
 
 Force = Annotated[float | str, _or_formula('N')]
@@ -62,18 +59,25 @@ Vector = tuple[Position, Position]
 class LinkageLink(Part):
     """A link: its points, and what it weighs."""
 
-    length: Length | None = None  #: from `start` to `end`
+    length: Length | None = None
+    """Makes the point `end` at [length, 0]."""
     points: dict[str, Vector] = {}
+    """Further points by name, as [x, y] in the link's frame."""
     mass: Mass | None = None
-    inertia: AddedInertia | None = None  #: about the centre of gravity; 0 for a point mass
+    """For all moving links or for none; forces and clearances need it."""
+    inertia: AddedInertia | None = None
+    """About the centre of gravity; 0 for a point mass."""
     cog: Position | Vector = 0.0
+    """Centre of gravity: along the link, or as [x, y] in its frame."""
 
 
 class PointMass(Part):
     """A mass at a point of a link, ``LINK.POINT``."""
 
     at: str
+    """LINK.POINT that carries it."""
     mass: Mass
+    """How heavy it is."""
 
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
@@ -86,19 +90,33 @@ class LinkageJoint(CamKeys, GearKeys):
     """A joint between points of two links: of one kind."""
 
     revolute: Reference | None = None
+    """A pin: two points that coincide."""
     prismatic: Reference | None = None
+    """A guide: the second point slides along `axis` through the first."""
     slot: Reference | None = None
+    """A pin at the first point, in a slot of the second link."""
     geneva: Reference | None = None
+    """A pin at the first point, and a Geneva wheel pivoted at the second."""
     rack: Reference | None = None
+    """A pin at the first point, and a slotted rack; one slot is at the second."""
     cam: Reference | None = None
+    """A cam's link, and the point of its follower."""
     mesh: Reference | None = None
+    """Two gears, by their names; a rack is named second."""
     transmission: Reference | None = None
-    slots: Annotated[int, Field(ge=3, le=24)] | None = None  #: of a Geneva wheel
-    pitch: Length | None = None  #: of the slots of a rack
-    axis: Angle = 0.0  #: of sliding: in the first link of a prismatic joint, in the second's slot
-    angle: Angle = 0.0  #: of the second link in the first, for a prismatic joint
-    phase: Angle = 0.0  #: of a cam or, in a transmission, of the second when the first is at 0
+    """Two links whose angles keep a ratio: belt, chain, bevel gears."""
+    slots: Annotated[int, Field(ge=3, le=24)] | None = None
+    """Of a Geneva wheel; required for it."""
+    pitch: Length | None = None
+    """Of the slots of a rack; required for it."""
+    axis: Angle = 0.0
+    """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
+    angle: Angle = 0.0
+    """Of the second link in the first."""
+    phase: Angle = 0.0
+    """Angle of the cam, or of the second link of a transmission, when the first is at 0."""
     clearance: Clearance | None = None
+    """Pin on the first-named link, loose in the second; without it the joint is ideal."""
 
     @model_validator(mode='after')
     def _one_kind(self) -> LinkageJoint:
@@ -135,79 +153,121 @@ class LinkageProfile(Part):
     """Speeds at given times, joined by ramps; the last one stays."""
 
     points: list[tuple[Time, Pace]] = Field(min_length=1)
+    """List of [time, speed]; before the first and after the last the speed stays."""
     ramp: Literal['linear', 'smooth'] = 'linear'
+    """Between two points; smooth has no jumps of acceleration."""
 
 
 class AffineForce(Part):
     """``constant + per_position * displacement + per_speed * speed``."""
 
-    constant: Annotated[float, BeforeValidator(lambda x: to_si(x, 'N'))] = 0.0
+    constant: Annotated[float, si('N')] = 0.0
+    """Wherever and however fast it is."""
     per_position: PerPosition = 0.0
+    """Times the displacement of the link."""
     per_speed: PerSpeed = 0.0
+    """Times its speed; negative brakes."""
 
 
 class LinkageDrive(Part):
     """What moves a coordinate: a speed, a profile of speeds, a torque, a force, or a motor."""
 
     coordinate: str | None = None
-    speed: Pace | None = None  #: with a torque, a force or a motor the speed at the start
+    """The driven link; the crank if there is one of that name."""
+    speed: Pace | None = None
+    """Constant; with a torque, a force or a motor that at the start."""
     profile: LinkageProfile | None = None
+    """Speeds over time, instead of a constant one."""
     torque: AffineTorque | None = None
+    """On a link that turns: an affine law of angle and speed; {} moves freely."""
     force: AffineForce | None = None
+    """On a link that slides: an affine law of displacement and speed; {} moves freely."""
     motor: Motor | None = None
+    """A direct-current motor, instead of a torque."""
     commands: Commands | None = None
+    """Take commands of speed while the machine runs."""
     flywheel: AddedInertia = 0.0
+    """Inertia that turns with the link."""
     start_angle: Angle | None = None
+    """Of a link that turns, at t = 0; else that of `guess`, or 0."""
     start_position: Position | None = None
+    """Of a link that slides, at t = 0; else that of `guess`, or 0."""
 
 
 class SpringPart(Part):
     """Between two points, or, with an angular stiffness, between two links."""
 
     between: Reference
+    """Two points; two links for a torsion spring."""
     stiffness: Stiffness = Measure(0.0, '')
+    """Per length or per angle, which says what kind of spring it is."""
     damping: Damping = Measure(0.0, '')
-    free_length: Annotated[float, BeforeValidator(lambda x: to_si(x, 'm'))] | None = None
+    """Per speed of the same kind."""
+    free_length: Annotated[float, si('m')] | None = None
+    """Where it pulls nothing; else 0."""
     free_angle: Angle | None = None
+    """Where a torsion spring turns nothing; else 0."""
 
 
 class DuringPart(Part):
     """A part of the cycle of a coordinate."""
 
     coordinate: str
+    """The link whose angle it is."""
     begin: Angle = Field(alias='from')
+    """Where it begins."""
     end: Angle = Field(alias='to')
+    """Where it ends, counterclockwise from there."""
 
 
 class LoadPart(Part):
     """A force at a point of a link, a torque on it, or both."""
 
     at: str
+    """LINK.POINT on which it acts."""
     force: tuple[Force, Force] = (0.0, 0.0)
+    """Along x and y; quantities, or formulas such as "-5*vx + 3*sin(20*t)"."""
     torque: Torque = 0.0
+    """Counterclockwise; a quantity or a formula."""
     frame: Literal['world', 'link'] = 'world'
+    """Whether the force keeps its direction, or turns with the link."""
     during: DuringPart | None = None
+    """The part of a cycle in which it acts; else always."""
 
 
 class LinkageInitial(Part):
     """Coordinates that do not start where drive and guess would put them."""
 
     position: dict[str, Place] = {}
+    """Angles and displacements by link."""
     velocity: dict[str, Pace] = {}
+    """Their rates by link."""
 
 
 class LinkageScene(AnyScene):
     """A scene that names its links and joints."""
 
     mechanism: Literal['linkage']
+    """Written out: links and joints have the names given here."""
     links: dict[str, LinkageLink]
+    """What they measure and weigh, by name; ground is the frame."""
     joints: dict[str, LinkageJoint]
+    """Between points of two links, LINK.POINT, by name."""
     gears: dict[str, GearPart] = {}
+    """Teeth that links carry, by name, for joints of the kind mesh."""
     masses: dict[str, PointMass] = {}
+    """Point masses that links carry, by name."""
     drive: LinkageDrive | None = None
+    """What moves the machine; revolutions are turns of this link."""
     drives: dict[str, LinkageDrive] = {}
+    """Further drives, by link."""
     guess: dict[str, Place] = {}
+    """Rough angles and displacements by link, which choose how loops are closed."""
     springs: dict[str, SpringPart] = {}
+    """With their dampers, by name."""
     loads: dict[str, LoadPart] = {}
+    """Forces and torques on links, by name."""
     initial: LinkageInitial = LinkageInitial()
+    """Coordinates that start elsewhere than drive and guess say."""
     sensors: dict[str, Sensor] = Field({})
+    """Accelerometers, by name."""

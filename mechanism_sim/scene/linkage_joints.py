@@ -20,7 +20,7 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.scene.cam_joints import read_cam
 from mechanism_sim.scene.cam_keys import CamKeys
 from mechanism_sim.scene.gear_joints import read_mesh, read_transmission
-from mechanism_sim.scene.linkage import LinkageDrive, LinkageJoint
+from mechanism_sim.scene.linkage import KINDS, LinkageDrive, LinkageJoint
 from mechanism_sim.scene.places import Places
 
 _BELONGS = {
@@ -36,6 +36,20 @@ _BELONGS = {
     'phase': ('cam', 'transmission'),
     'carrier': ('transmission',),
 }
+
+
+def keys_of(joint: LinkageJoint) -> list[str]:
+    """The keys that have a meaning in a joint of this kind."""
+    others = set(KINDS) - {joint.kind}
+    firm = joint.kind in ('prismatic', 'mesh', 'transmission')
+    keys = [joint.kind, *LinkageJoint.__annotations__, *LinkageJoint.model_fields]
+    return [
+        key
+        for key in dict.fromkeys(keys)
+        if key not in others
+        and joint.kind in _BELONGS.get(key, (joint.kind,))
+        and not (firm and key == 'clearance')
+    ]
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:

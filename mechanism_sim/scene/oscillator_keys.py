@@ -17,16 +17,24 @@ _Place = tuple[Position, Position]
 class Mount(Part):
     """Springs and dampers between a frame and the ground, along x and y."""
 
-    at: _Place = (0.0, 0.0)  #: in the world
+    at: _Place = (0.0, 0.0)
+    """Where it is in the world."""
     stiffness: tuple[_Stiffness, _Stiffness]
+    """Along x and along y."""
     damping: tuple[_Damping, _Damping] = (0.0, 0.0)
+    """Along x and along y."""
 
 
 class Oscillator(Part):
     """A rigid frame on mounts that the machine shakes."""
 
     mass: Mass
-    inertia: Inertia | None = None  #: about its centre of gravity; without one it does not turn
-    cog: _Place = (0.0, 0.0)  #: in the world
+    """How heavy the frame is."""
+    inertia: Inertia | None = None
+    """About its centre of gravity; without one it does not turn."""
+    cog: _Place = (0.0, 0.0)
+    """Centre of gravity in the world."""
     mounts: dict[str, Mount] = Field(min_length=1)
-    joints: list[str] | None = None  #: whose forces shake it; without, all that the machine does
+    """Springs and dampers that carry it, by name."""
+    joints: list[str] | None = None
+    """Whose forces shake it; without, all that the machine does."""

@@ -5,16 +5,61 @@ Values arrive as people write them (``64 mm``) and are kept in SI units.
 
 from __future__ import annotations
 
-from typing import Annotated
+import ast
+import inspect
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    model_validator,
+)
+from pydantic_core import CoreSchema, core_schema
 
-from mechanism_sim.units import to_si
+from mechanism_sim.units import EXAMPLES, to_si, to_si_of
 
 
-def si(unit: str) -> BeforeValidator:
+@dataclass(frozen=True)
+class Quantity:
+    """An annotation of fields: what people write is read before it is checked.
+
+    Attributes
+    ----------
+    read : makes a number of what a file says
+    units : SI units, one of which it is in; empty for a plain number
+    other : what else may stand there, in words
+    """
+
+    read: Callable[[Any], Any]
+    units: tuple[str, ...]
+    other: str = ''
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, _: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {'type': ['number', 'string'], 'examples': [EXAMPLES[unit] for unit in self.units]}
+
+
+def si(unit: str) -> Quantity:
     """Text with a unit, or a number, becomes a number in `unit`."""
-    return BeforeValidator(lambda value: to_si(value, unit))
+    return Quantity(lambda value: to_si(value, unit), (unit,))
+
+
+def si_of(*units: str) -> Quantity:
+    """A quantity of one of several kinds, which the place it belongs to decides."""
+    return Quantity(lambda value: to_si_of(value, units), units)
 
 
 _FINITE = Field(allow_inf_nan=False)
@@ -40,7 +85,9 @@ TorquePerSpeed = Annotated[float, si('N m s/rad'), _FINITE]
 AddedInertia = Annotated[float, si('kg m^2'), _NOT_NEGATIVE]
 Radius = Annotated[float, si('m'), _NOT_NEGATIVE]
 Friction = Annotated[
-    float, BeforeValidator(lambda x: float('inf') if x == 'rough' else to_si(x, '')), Field(ge=0.0)
+    float,
+    Quantity(lambda x: float('inf') if x == 'rough' else to_si(x, ''), ('',), 'rough'),
+    Field(ge=0.0),
 ]
 """Coulomb's coefficient, or the word ``rough`` for contacts that never slip."""
 Coefficient = Annotated[float, si(''), Field(ge=0.0, le=1.0)]
@@ -49,7 +96,45 @@ Coefficient = Annotated[float, si(''), Field(ge=0.0, le=1.0)]
 Gravity = tuple[Acceleration, Acceleration]
 
 
-class Part(BaseModel):
-    """Base of all parts of a scene: unknown keys are refused."""
+def _describe(schema: dict[str, Any], model: Any) -> None:
+    for key, text in meanings(model).items():
+        schema['properties'][key]['description'] = text
 
-    model_config = ConfigDict(extra='forbid', frozen=True)
+
+class Part(BaseModel):
+    """Base of all parts of a scene: unknown keys are refused.
+
+    A key with nothing behind it is as good as left out.
+    """
+
+    model_config = ConfigDict(extra='forbid', frozen=True, json_schema_extra=_describe)
+
+    @model_validator(mode='before')
+    @classmethod
+    def _without_empty_keys(cls, data: Any) -> Any:
+        if data is None:
+            return {}
+        if not isinstance(data, dict) or None not in data.values():
+            return data
+        known = {field.alias or name for name, field in cls.model_fields.items()}
+        return {k: v for k, v in data.items() if v is not None or k not in known}
+
+
+@cache
+def meanings(part: type[Part]) -> dict[str, str]:
+    """What the keys of a part mean, by the text that stands below each in the source.
+
+    Pydantic could read them, too (``use_attribute_docstrings``), but would at every start.
+    """
+    found: dict[str, str] = {}
+    for base in reversed([c for c in part.__mro__ if issubclass(c, Part) and c is not Part]):
+        body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        assert isinstance(body, ast.ClassDef)  # noqa: S101 - the source of a class
+        for field, below in zip(body.body, body.body[1:], strict=False):
+            if not isinstance(field, ast.AnnAssign) or not isinstance(below, ast.Expr):
+                continue
+            name = ast.unparse(field.target)
+            found[part.model_fields[name].alias or name] = inspect.cleandoc(
+                ast.literal_eval(below.value)
+            )
+    return found

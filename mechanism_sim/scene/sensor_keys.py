@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from mechanism_sim.scene.quantities import (
     Angle,
     Duration,
     Part,
     Position,
+    Quantity,
     Rate,
     Time,
     si,
@@ -30,37 +31,49 @@ class Transducer(Part):
     """The seismic mass."""
 
     natural_frequency: Rate | None = None
+    """Of the seismic mass; without it the transducer is ideal."""
     damping_ratio: Annotated[float, si(''), Field(ge=0.0, le=10.0)] = 0.02
+    """Of the seismic mass."""
     transverse: Annotated[float, si(''), Field(gt=-1.0, lt=1.0)] = 0.0
+    """Part of what is across the axis that is read, too."""
 
 
 class Amplifier(Part):
     """Filters of the amplifier."""
 
     high_pass: Rate | None = None
+    """Below it the signal fades; without it nothing does."""
     high_pass_order: Order = 1
+    """Of the Butterworth filter."""
     low_pass: Rate | None = None
+    """Above it the signal fades; without it nothing does."""
     low_pass_order: Order = 2
+    """Of the Butterworth filter."""
 
 
 class Integrator(Part):
     """The lower limit of the integrating circuit."""
 
     high_pass: Rate | None = None
+    """Lower limit of the integrating circuit; without it there is none."""
 
 
 class AntiAlias(Part):
     """The filter before sampling."""
 
     frequency: Rate
+    """Cut-off of the Butterworth filter."""
     order: Order = 8
+    """Of the filter."""
 
 
 class Trigger(Part):
     """Blocks begin where the main drive passes an angle."""
 
     angle: Angle = 0.0
+    """Of the main drive, where blocks begin."""
     samples: Annotated[int, Field(strict=True, ge=1)] | None = None
+    """Of a block; without it a block ends where the next begins."""
 
 
 def _reading(value: Any) -> Measure:
@@ -71,52 +84,77 @@ def _reading(value: Any) -> Measure:
     return measure
 
 
-Reading = Annotated[Measure, BeforeValidator(_reading)]
+Reading = Annotated[Measure, Quantity(_reading, tuple(QUANTITIES.values()))]
 
 
 class Converter(Part):
     """Analogue to digital."""
 
     range: Reading | None = None
+    """Largest magnitude, in the unit of `quantity`."""
     bits: Annotated[int, Field(strict=True, ge=1, le=32)] | None = None
+    """Of the samples; only with a range."""
     jitter: Time = 0.0
+    """Standard deviation of the sampling instants."""
 
 
 class Hum(Part):
     """What the mains add."""
 
     amplitude: Reading
+    """In the unit of `quantity`."""
     frequency: Rate = 50.0
+    """Of the mains."""
 
 
 class Noise(Part):
     """White noise of the samples, and hum."""
 
     rms: Reading = Measure(0.0, '')
+    """Of white noise, in the unit of `quantity`."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    """Of noise and jitter."""
     hum: Hum | None = None
+    """What the mains add."""
 
 
 class Sensor(Part):
     """An accelerometer on a link, with as much of its chain as matters."""
 
     kind: Literal['accelerometer'] = 'accelerometer'
+    """What it is."""
     link: str
-    at: Position | Vector = 0.0  #: from the link's origin, along it or as a vector
+    """The moving link, or the frame on springs, that carries it."""
+    at: Position | Vector = 0.0
+    """From the link's origin: along the link, or as [x, y] in its frame."""
     axis: Literal['along', 'across'] = 'across'
+    """What it reads: along the link, or 90 degrees counterclockwise from that."""
     sample_rate: Rate = 10000.0
-    instrument: str | None = None  #: a preset, of which what is given here overrides parts
-    gravity: bool = False  #: reads acceleration less that of gravity
+    """In simulated time."""
+    instrument: str | None = None
+    """A preset, of which what is given here replaces parts."""
+    gravity: bool = False
+    """Whether it reads acceleration less that of gravity."""
     transducer: Transducer = Transducer()
+    """The seismic mass."""
     amplifier: Amplifier = Amplifier()
+    """Its filters."""
     quantity: Literal['acceleration', 'velocity', 'displacement'] = 'acceleration'
+    """What comes out: integrated never, once or twice."""
     integrator: Integrator | None = None
+    """The integrating circuit; only where something is integrated."""
     anti_alias: AntiAlias | None = None
+    """The filter before sampling."""
     impact_pulse: Duration | None = None
+    """How long impacts last, as half a sine; without it they are impulses."""
     trigger: Trigger | None = None
+    """Blocks that begin at an angle of the drive; {} is enough."""
     adc: Converter = Converter()
+    """Analogue to digital."""
     noise: Noise = Noise()
-    imu: bool = False  #: also published as sensor_msgs/Imu
+    """What is added to the samples."""
+    imu: bool = False
+    """Whether it is published as sensor_msgs/Imu, too."""
 
     @model_validator(mode='before')
     @classmethod

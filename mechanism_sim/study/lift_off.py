@@ -54,12 +54,12 @@ class LiftOff:
     begin: Least | None
 
 
-def lift_offs(machine: Machine) -> list[LiftOff]:
+def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None) -> list[LiftOff]:
     """For every cam without a groove: its least contact force, and the speed that ends it.
 
     The motion is that of the machine without any play; at other speeds rates scale with the speed
     and accelerations with its square. Speeds from a hundredth to a hundred times that of the scene
-    are tried from below; the root is found to rounding.
+    are tried from below; the root is found to rounding. `progress` is told which cam is tried.
 
     Raises
     ------
@@ -80,7 +80,11 @@ def lift_offs(machine: Machine) -> list[LiftOff]:
     if not machine.plan.weighed:
         raise InputError(f'{machine.name}: forces need the mass of every link')
     cycle = _Cycle(machine)
-    return [_lift_off(cycle, pair) for pair in pairs]
+    found = []
+    for pair in pairs:
+        progress(pair.name)
+        found.append(_lift_off(cycle, pair))
+    return found
 
 
 class _Cycle:

@@ -7,6 +7,7 @@ revolutions later, by Newton's method. Impacts are part of the map.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -107,7 +108,11 @@ class Section:
 
 
 def find_periodic(
-    machine: Machine, longest: int = 8, transient: int = 60, tolerance: float = 1e-9
+    machine: Machine,
+    longest: int = 8,
+    transient: int = 60,
+    tolerance: float = 1e-9,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Response | None:
     """The periodic response that the machine settles to, if it has one.
 
@@ -116,6 +121,7 @@ def find_periodic(
     longest : period that is looked for [revolutions]
     transient : revolutions to wait first
     tolerance : residual to reach
+    progress : told what is being done
 
     Returns
     -------
@@ -127,9 +133,11 @@ def find_periodic(
         If the crank has no constant speed, or there is no clearance.
     """
     section = Section(machine)
+    progress(f'{transient} revolutions until it has settled')
     state, _, _ = section.map(machine.initial_state(), transient)
     visited = [state]
-    for _ in range(longest):
+    for n in range(longest):
+        progress(f'looking for a period: {n + 1} of {longest} revolutions')
         visited.append(section.map(visited[-1], 1)[0])
     returns = [float(np.abs(section.difference(state, s)).max()) for s in visited[1:]]
     best = min(returns)
@@ -137,6 +145,7 @@ def find_periodic(
         return None
     # the shortest period that comes back about as well as the best
     period = next(p for p, r in enumerate(returns, 1) if r <= max(100.0 * best, tolerance))
+    progress(f'period {period}: residual and multipliers')
     return _refine(section, visited[-1], period, tolerance)
 
 

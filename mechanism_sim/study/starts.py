@@ -31,7 +31,7 @@ def starts(
     machine: Machine,
     angles: int = 24,
     revolutions: float = 3.0,
-    progress: Callable[[float, int], None] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> list[Start]:
     """Seated starts at so many crank angles around the turn, in the order of the angles.
 
@@ -53,5 +53,5 @@ def starts(
         followed = min(lost) / machine.period if lost else math.inf
         found.append(Start(angle, followed, len(solution.impacts)))
         if progress:
-            progress(float(k + 1), len(solution.impacts))
+            progress(k + 1)
     return found

@@ -136,7 +136,9 @@ def statistics(
         raise InputError(
             f'{machine.name}: statistics need clearance and a crank at constant speed'
         )
-    if skip < 0 or revolutions < skip + BATCHES:
+    if skip < 0:
+        raise InputError(f'the revolutions to leave out must be at least 0, not {skip}')
+    if revolutions < skip + BATCHES:
         raise InputError(
             f'statistics need at least {BATCHES} revolutions more than the {skip} skipped'
         )

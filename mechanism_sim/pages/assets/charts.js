@@ -1,11 +1,12 @@
+import { bytes } from 'player';
+
 /* global Plotly */
 
 /** Unpacks plotly.js, which the page holds compressed: it is most of it. */
 export async function loadPlotly() {
   const packed = document.getElementById('plotly').textContent;
   if (!packed) return;
-  const bytes = Uint8Array.from(atob(packed), (letter) => letter.charCodeAt(0));
-  const unpacked = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+  const unpacked = new Blob([bytes(packed)]).stream().pipeThrough(new DecompressionStream('gzip'));
   const script = document.createElement('script');
   script.textContent = await new Response(unpacked).text();
   document.head.append(script);

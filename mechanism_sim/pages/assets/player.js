@@ -2,12 +2,17 @@ const TURN = 2 * Math.PI;
 const ARRAYS = { f8: Float64Array, f4: Float32Array, u1: Uint8Array, i1: Int8Array,
   i2: Int16Array };
 
+/** What is written in base64. @returns {Uint8Array} */
+export function bytes(base64) {
+  const text = atob(base64);
+  const found = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i += 1) found[i] = text.charCodeAt(i);
+  return found;
+}
+
 /** An array as plotly writes it. @param {{dtype: string, bdata: string}} packed */
 export function unpack({ dtype, bdata }) {
-  const text = atob(bdata);
-  const bytes = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i += 1) bytes[i] = text.charCodeAt(i);
-  return new ARRAYS[dtype](bytes.buffer);
+  return new ARRAYS[dtype](bytes(bdata).buffer);
 }
 
 /** The last index whose value is not above x; 0 if there is none. */

@@ -122,10 +122,11 @@ function seek(t) {
 
 function key(event) {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const typing = event.target.closest('select, button, input:not([type=range])');
   const acts = { ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
     Home: () => seek(recording.start), End: () => seek(recording.end) };
-  if (!(event.key in acts) || typing) return;
+  // what has the focus keeps its own keys
+  const own = event.key === ' ' ? 'button, select, input:not([type=range])' : 'select';
+  if (!(event.key in acts) || event.target.closest(own)) return;
   event.preventDefault();
   acts[event.key]();
 }

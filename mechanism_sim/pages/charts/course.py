@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.deviation import ideal_machine
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.pages.charts.thinning import MOST, Line, thinned
@@ -22,6 +22,7 @@ from mechanism_sim.vibration.shaken_frame import FrameMotion
 Array = NDArray[np.float64]
 
 TURNS = 2  #: of the main drive that are shown in full; of a machine that repeats one will do
+_SAME = 1e-6  # [rad] or [m] of drives that follow the same law
 _BLOCK = 4096  # segments at once
 _FEWEST = 4  # places in each
 _PER_TURN = 400  # places at least
@@ -46,6 +47,7 @@ class Window:
         self.record = record
         self.start, self.end = start, end
         self._frames = frames
+        self._names: list[str] = []
 
     @cached_property
     def lines(self) -> dict[str, Line]:
@@ -70,7 +72,7 @@ class Window:
     def longest(self) -> float:
         """Time from one place to the next at most [s]."""
         record = self.record
-        if record.has_turns:
+        if abs(record.rate) * (record.end - record.start) >= 1.0:
             return 1.0 / (abs(record.rate) * _PER_TURN)
         return (self.end - self.start) / (MOST // 2)
 
@@ -127,7 +129,8 @@ class Course:
     record : the run
     begin : from when on it counts [s]
     run : all of it from then on
-    turns : the last whole turns of the main drive, from and up to; None if it makes none
+    turns : the last turns of the main drive, from and up to: whole ones from angle zero on, or
+        the last one from any angle; None if it makes none
     detail : these turns; all of the run if there are none
     """
 
@@ -139,13 +142,10 @@ class Course:
             for name in record.machine.scene.oscillators
         }
         self.run = Window(record, self.begin, record.end, self._frames)
-        self.turns: tuple[int, int] | None = None
+        self.turns = _last_turns(record, skip)
         self.detail = self.run
-        if record.has_turns:
-            first, last = record.whole_turns(skip)
-            count = TURNS if record.machine.dynamic else 1
-            self.turns = max(first, last - count), last
-            start, end = record.times_at(np.array(self.turns, float)).tolist()
+        if self.turns:
+            start, end = record.times_at(np.array(self.turns)).tolist()
             self.detail = Window(record, start, end, self._frames)
 
     @property
@@ -157,17 +157,43 @@ class Course:
     def ideal(self) -> Window | None:
         """The detail of the same machine with ideal joints under the same drive.
 
-        None where the machine is ideal itself, or the drives do not prescribe the motion.
+        None where the machine is ideal itself, the drives do not prescribe the motion or were
+        commanded otherwise, or the ideal machine does not get through it.
         """
-        machine = self.record.machine
+        machine, detail = self.record.machine, self.detail
         if not machine.dynamic:
             return None
         try:
             ideal = ideal_machine(machine)
-        except InputError:
-            return None  # nobody knows how it would move
-        if ideal.dynamic:
+            if ideal.dynamic:
+                return None
+            beside = Record(ideal, simulate(ideal, duration=self.record.end), {})
+        except (InputError, RunError):
+            return None  # then there is nothing to compare with
+        end = min(detail.end, beside.end)
+        t = np.linspace(detail.start, end, 9)
+        own, told = (_driven(x, t) for x in (self.record, beside))
+        if not np.allclose(own, told, rtol=0.0, atol=_SAME):
             return None
-        beside = Record(ideal, simulate(ideal, duration=self.record.end), {})
-        start, end = self.detail.start, min(self.detail.end, beside.end)
-        return Window(beside, start, end, {})
+        return Window(beside, detail.start, end, {})
+
+
+def _last_turns(record: Record, skip: int) -> tuple[float, float] | None:
+    if record.has_turns:
+        first, last = record.whole_turns(skip)
+        return max(first, last - (TURNS if record.machine.dynamic else 1)), last
+    begin, end = record.turned(np.array([record.start, record.end])).tolist()
+    if not end - begin >= 1.0 - 1e-9:  # nor is it where the drive slides: no number
+        return None
+    try:
+        record.times_at(np.array([end - 1.0]))
+    except InputError:
+        return None  # it turns back on the way
+    return end - 1.0, end
+
+
+def _driven(record: Record, t: Array) -> Array:
+    """The prescribed coordinates at times (N,) [s]."""
+    names = record.machine.physics.coordinates
+    chosen = [names.index(c) for c in record.machine.plan.prescribed]
+    return record.piece.motion.curve(t)[:, chosen]

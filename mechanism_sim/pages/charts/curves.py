@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart
 from mechanism_sim.pages.charts.style import brief, chart, colour, dash, pale, places, written
-from mechanism_sim.pages.charts.thinning import MOST, Line
+from mechanism_sim.pages.charts.thinning import Line
 from mechanism_sim.report.cycle import for_people
 
 Array = NDArray[np.float64]
@@ -36,6 +38,16 @@ class Curve:
     number: int
 
 
+_SLACK = 1e-9  # [turns]
+_ROUNDING = {'m': 1e-12, 'rad': 1e-12, 'N': 1e-9, 'N m': 1e-10}
+
+
+def above_rounding(course: Course, curves: list[Curve], unit: str) -> bool:
+    """Whether any of these quantities is more than zero but for rounding."""
+    values = [course.run.lines[c.column].values for c in curves]
+    return any(np.abs(x).max() > _ROUNDING.get(unit, 0.0) for x in values)
+
+
 def axis_title(words: str, unit: str) -> str:
     """What is on an axis, with the unit in which people read it."""
     return f'{words} [{for_people(unit)[0]}]'.strip()
@@ -43,16 +55,16 @@ def axis_title(words: str, unit: str) -> str:
 
 def over_drive(
     course: Course, key: str, title: str, curves: list[Curve], words: str, unit: str,
-    joint: str = '', **layout: Any,
+    joint: str = '',
 ) -> Chart:  # fmt: skip
     """Quantities in one unit over the angle of the drive in its last turns, their ideal beneath.
 
     Over time, and all over the run, if the drive makes no turns.
     """
     if course.turns is None:
-        return over_time(course, key, title, curves, words, unit, joint, **layout)
+        return over_time(course, key, title, curves, words, unit, joint)
     main = course.record.machine.main
-    figure = chart(f'angle of the {main} [deg]', axis_title(words, unit), **layout)
+    figure = chart(f'angle of the {main} [deg]', axis_title(words, unit))
     figure.update_xaxes(range=[0, 360], dtick=45)
     first, last = course.turns
     offsets: dict[str, float] = {}
@@ -61,22 +73,28 @@ def over_drive(
         line = course.detail.lines[c.column]
         at = course.record.turned(line.at)
         if unit == 'rad':
-            start = float(line.values[np.searchsorted(at, last - 1.0 - 1e-9)])
+            start = float(line.values[np.searchsorted(at, last - 1.0 - _SLACK)])
             offsets[c.column] = start - TWO_PI * round(start / TWO_PI)
-        for turn in range(first, last):
-            _turn(figure, c, line, at, turn, unit, offsets.get(c.column), turn == last - 1)
+        for turn in _counted(first, last):
+            _turn(figure, c, line, at, turn, unit, offsets.get(c.column), last)
     if course.ideal is not None:
-        _add_ideal(figure, course.ideal, drawn, unit, offsets, last - 1)
+        _add_ideal(figure, course.ideal, drawn, unit, offsets, last)
     _finish(figure, drawn)
     return Chart(key, title, written(figure), 'angle', joint)
 
 
+def _counted(first: float, last: float) -> range:
+    """The turns from angle zero on of which there is something between two places [turns]."""
+    return range(math.floor(first + _SLACK), math.ceil(last - _SLACK))
+
+
 def _turn(
     figure: go.Figure, c: Curve, line: Line, at: Array, turn: int, unit: str,
-    offset: float | None, newest: bool,
+    offset: float | None, last: float,
 ) -> None:  # fmt: skip
-    """One turn of a quantity: the newest strong, those before it faint."""
-    inside = (at >= turn - 1e-9) & (at <= turn + 1 + 1e-9)
+    """One turn of a quantity, or the part that there is of it; faint if it is not the last."""
+    newest = turn + 1 > last - 1.0 + _SLACK
+    inside = (at >= turn - _SLACK) & (at <= turn + 1 + _SLACK)
     values = _wrapped(line.values[inside], offset)
     shown, scale = for_people(unit)
     figure.add_scatter(
@@ -86,7 +104,7 @@ def _turn(
         mode='lines',
         name=c.label,
         legendgroup=c.column,
-        showlegend=newest,
+        showlegend=turn == _counted(turn, last)[-1],
         line={'color': colour(c.number), 'dash': dash(c.number), 'width': 1.5 if newest else 1.0},
         opacity=1.0 if newest else 0.45,
         hovertemplate=f'%{{x:.2f}} deg<br>%{{y:.5g}} {shown}<br>%{{customdata:.6f}} s',
@@ -102,17 +120,15 @@ def _wrapped(values: Array, offset: float | None) -> Array:
 
 def _add_ideal(
     figure: go.Figure, ideal: Window, drawn: list[Curve], unit: str,
-    offsets: Mapping[str, float], turn: int,
+    offsets: Mapping[str, float], last: float,
 ) -> None:  # fmt: skip
     scale = for_people(unit)[1]
     beneath = []
-    for c in drawn:
-        line = ideal.lines.get(c.column)
-        if line is None:
-            continue
+    known = [c for c in drawn if c.column in ideal.lines]
+    for c, turn in product(known, _counted(last - 1.0, last)):
+        line = ideal.lines[c.column]
         at = ideal.record.turned(line.at)
-        at += round(turn + 1 - at[-1])  # the ideal may have begun another number of turns away
-        inside = (at >= turn - 1e-9) & (at <= turn + 1 + 1e-9)
+        inside = (at >= turn - _SLACK) & (at <= turn + 1 + _SLACK)
         x = 360.0 * (at[inside] - turn)
         values = _wrapped(line.values[inside], offsets.get(c.column))
         beneath.append(_ideal(c, brief(x), brief(scale * values)))
@@ -134,30 +150,31 @@ def _underlay(figure: go.Figure, beneath: list[go.Scatter]) -> None:
         figure.data = ()
         figure.add_traces([*beneath, *above])
         figure.add_scatter(
-            x=[None], y=[None], mode='lines', name='ideal machine',
+            x=[None], y=[None], mode='lines', name='ideal machine', legendgroup='ideal machine',
             line={'color': 'rgba(90,100,110,0.3)', 'width': 6},
         )  # fmt: skip
 
 
 def over_time(
     course: Course, key: str, title: str, curves: list[Curve], words: str, unit: str,
-    joint: str = '', window: Window | None = None, **layout: Any,
+    joint: str = '', window: Window | None = None,
 ) -> Chart:  # fmt: skip
     """Quantities in one unit over time: of all the run, or of a window of it."""
     window = window or course.run
     shown, scale = for_people(unit)
-    figure = chart('time [s]', axis_title(words, unit), **layout)
+    figure = chart('time [s]', axis_title(words, unit))
     figure.update_xaxes(range=[window.start, window.end])
     lines = {c: window.lines[c.column] for c in curves if c.column in window.lines}
     # in a long run each covers what is drawn before it: the largest come first
     drawn = sorted(lines, key=lambda c: -np.abs(lines[c].values).max())
-    for c in drawn if len(lines[drawn[0]].at) >= MOST // 2 else lines:
+    for c in drawn if window is course.run and course.long else lines:
         line = lines[c]
         figure.add_scatter(
             x=places(line.at),
             y=brief(scale * line.values),
             mode='lines',
             name=c.label,
+            legendgroup=c.column,
             line={'color': colour(c.number), 'dash': dash(c.number), 'width': 1.2},
             hovertemplate=f'%{{x:.6f}} s<br>%{{y:.5g}} {shown}',
         )
@@ -173,5 +190,6 @@ def over_time(
 
 
 def _finish(figure: go.Figure, drawn: list[Curve]) -> None:
+    figure.update_layout(height=290 + 9 * len(drawn))  # a legend of many takes its room
     if len(drawn) == 1 and len(figure.data) == 1:
         figure.update_layout(showlegend=False)

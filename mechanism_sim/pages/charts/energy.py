@@ -120,7 +120,7 @@ def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
         yield 'compilation', f'{stats.compile_time:.3g} s'
         yield 'CPU time', f'{stats.cpu_time:.3g} s'
         if stats.wall_time:
-            yield 'faster than real time', f'{span / stats.wall_time:.3g} times'
+            yield 'real-time factor', f'{span / stats.wall_time:.3g}'
     if summary and summary.ledger:
         yield 'messages lost on the way to the bag', f'{summary.ledger.lost:,}'
     yield 'digest', (summary and summary.digest) or _digest(record)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +62,7 @@ def _text(course: Course, struck: list[Impact]) -> str:
         f'{many}, {sum(i.normal_impulse for i in struck):.4g} N s and {lost:.4g} J together; the '
         f'hardest in {hardest.joint} at {hardest.t:.6g} s with {hardest.normal_impulse:.4g} N s.'
     )
-    if len(struck) > STEMS:
+    if max(Counter(i.joint for i in struck).values()) > STEMS:
         text += f' Of the whole run the hardest of every 1/{STEMS} of its time are drawn.'
     if any(j in {i.joint for i in struck} for j in course.record.loose_joints):
         text += (

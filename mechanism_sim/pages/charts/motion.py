@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.pages.charts.course import Course, Window
-from mechanism_sim.pages.charts.curves import Curve, over_drive, over_time
+from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import brief, colour, pale, places, polar, written
 from mechanism_sim.planar.mechanism import Prismatic
@@ -28,9 +28,9 @@ _KINDS = {
 def over(course: Course) -> str:
     """In words, what is to be seen over which turns."""
     if course.turns is None:
-        return ''
+        return f'Over time, for the {course.record.machine.main} makes no whole turn.'
     first, last = course.turns
-    main, count = course.record.machine.main, last - first
+    main, count = course.record.machine.main, round(last - first)
     turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
     found = f'{turns} of the {main}'
     if count > 1:
@@ -80,8 +80,10 @@ def forces(course: Course) -> Section | None:
         return None
     joints = machine.physics.joints
     curves = [Curve(f'reaction.{j}.size', j, i) for i, j in enumerate(joints)]
+    if not above_rounding(course, curves, 'N'):
+        return None
     title = 'Force in each joint'
-    charts = [over_drive(course, 'forces', title, curves, 'force', 'N', height=340)]
+    charts = [over_drive(course, 'forces', title, curves, 'force', 'N')]
     if course.turns and course.long:
         title = 'Force in each joint over the whole run'
         charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
@@ -103,10 +105,11 @@ def forces(course: Course) -> Section | None:
 def _hodograph(course: Course, joint: str, number: int) -> Chart:
     """The force of a joint as a vector in the world."""
     t, size, direction = _vector(course.detail, joint)
-    figure = polar('N', size, direction, showlegend=False)
-    shade = colour(number)
+    shade, r, theta = colour(number), size[:0], direction[:0]
     if course.ideal is not None and f'reaction.{joint}.x' in course.ideal.lines:
         _, r, theta = _vector(course.ideal, joint)
+    figure = polar('N', np.append(size, r), np.append(direction, theta), showlegend=False)
+    if len(r):
         figure.add_scatterpolar(
             r=brief(r), theta=brief(theta), mode='lines', hoverinfo='skip',
             line={'color': pale(shade), 'width': 6}, name='ideal machine',
@@ -143,8 +146,8 @@ def drive(course: Course) -> Section | None:
             for i, c in enumerate(physics.driven)
             if (c in physics.displacements) == straight
         ]
-        if curves:
-            unit = 'N' if straight else 'N m'
+        unit = 'N' if straight else 'N m'
+        if above_rounding(course, curves, unit):
             key, title = f'drive-{word}', f'Drive {word}'
             charts.append(over_drive(course, key, title, curves, word, unit))
             if course.turns and course.long:
@@ -164,6 +167,8 @@ def guides(course: Course) -> Section | None:
     def curves(kind: str) -> list[Curve]:
         return [Curve(f'reaction.{j.name}.{kind}', j.name, names.index(j.name)) for j in joints]
 
+    if not above_rounding(course, curves('size'), 'N'):
+        return None
     title, text = 'Force across each guide and slot', ''
     charts = [over_drive(course, 'guides-force', title, curves('size'), 'force', 'N')]
     if any(isinstance(j, Prismatic) for j in joints):

@@ -9,7 +9,7 @@ from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.pages.charts.course import Course
-from mechanism_sim.pages.charts.curves import Curve, over_drive, over_time
+from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
 from mechanism_sim.pages.charts.motion import over
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.planar.mechanism import Joint
@@ -35,6 +35,8 @@ def parts(course: Course) -> list[Section]:
                     Curve(f'{node}.{joint.name}.{field}', label, 2 * i)
                     for i, (field, label) in enumerate(labels.items())
                 ]
+                if not above_rounding(course, curves, unit):
+                    continue
                 key = f'{node}-{joint.name}-{next(iter(labels))}'.replace('_', '-')
                 name = f'{joint.name}: {title}'
                 charts.append(over_drive(course, key, name, curves, words, unit, joint.name))

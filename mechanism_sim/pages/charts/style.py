@@ -107,12 +107,14 @@ def polar(unit: str, size: Array, direction: Array, **layout: Any) -> go.Figure:
     """
     sector = np.floor(np.mod(direction, 360.0) / 45.0).astype(int) % 8
     reach = [float(size[sector == k].max(initial=0.0)) for k in range(8)]
-    free = 22.5 + 45.0 * int(np.argmin(np.round(np.array(reach) / (max(reach) or 1.0), 1)))
+    largest = max(reach) or 1.0
+    free = 22.5 + 45.0 * int(np.argmin(np.round(np.array(reach) / largest, 1)))
     margin = {'l': 36, 'r': 36, 't': 30, 'b': 30}
     figure = go.Figure(layout={'template': TEMPLATE, 'height': 320, 'margin': margin, **layout})
     figure.update_polars(
         radialaxis={'angle': free, 'tickangle': free, 'ticksuffix': f' {unit}'},
         radialaxis_showticksuffix='last',
+        radialaxis_range=[0.0, 1.08 * largest],
     )
     return figure
 

@@ -1,0 +1,162 @@
+"""What may be asked of a run by name: quantities of its motion, sensors, paths into messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from mechanism_sim.analysis.message_paths import MessagePath, parse
+from mechanism_sim.analysis.record import Record, read_record
+from mechanism_sim.analysis.series import Array, Series, chosen, instants, recorded
+from mechanism_sim.cycles.columns import columns_of, unit_of
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.messages.definitions import MessageError, field_descriptions
+from mechanism_sim.messages.units import units_of
+from mechanism_sim.recording import Bag, scene_text
+
+
+class Name(NamedTuple):
+    """What can be asked for, and its unit; empty for a number."""
+
+    name: str
+    unit: str
+
+
+class Asked:
+    """Answers about one run.
+
+    Parameters
+    ----------
+    bag : where it is recorded, if it is
+    record : the run itself; read from the bag when it is first needed if not given
+    namespace : of the machine, and of topics that do not begin with a slash
+    """
+
+    def __init__(
+        self, bag: Bag | None, record: Record | None = None, namespace: str | None = None
+    ) -> None:
+        self._bag, self._given, self._namespace = bag, record, namespace
+
+    @cached_property
+    def record(self) -> Record:
+        """The run.
+
+        Raises
+        ------
+        InputError
+            If the bag does not hold the run of a machine.
+        """
+        if self._given is not None or self._bag is None:
+            assert self._given is not None  # noqa: S101 - one of both is
+            return self._given
+        return read_record(self._bag, self._namespace)
+
+    def series(
+        self, names: Sequence[str], start: float | None = None, end: float | None = None
+    ) -> list[Series]:
+        """What these names stand for, in their order, from `start` to `end` [s].
+
+        Raises
+        ------
+        InputError
+            If one of them stands for nothing, or there is nothing between these times.
+        """
+        paths = [self._path(name) for name in names]
+        messages = iter(recorded(self._bag, [p for p in paths if p]) if self._bag else ())
+        found: list[Series] = []
+        columns: dict[str, Array] = {}
+        for name, path in zip(names, paths, strict=True):
+            if path:
+                found += next(messages)
+            elif name in self.record.sensors:
+                found.append(_signal(self.record, name))
+            else:
+                columns = columns or self._columns(names, *self.record.part(start, end))
+                found += self._chosen(columns, name)
+        kept = [s.within(start, end) for s in found]
+        if not any(len(s.t) for s in kept):
+            raise InputError(
+                f'there is nothing of {", ".join(names)} between these times: they are from '
+                f'{min(s.t[0] for s in found):g} s to {max(s.t[-1] for s in found):g} s'
+            )
+        return kept
+
+    def names(self) -> Iterator[Name]:
+        """All that can be asked for: of the motion, then sensors, then fields of messages."""
+        if self._bag is None or scene_text(self._bag, self._namespace):
+            record, start = self.record, self.record.start
+            for column in columns_of(record.piece, np.array([start]), with_work=True):
+                if column != 't':
+                    yield Name(column, unit_of(record.piece, column))
+            for sensor in record.sensors:
+                yield Name(sensor, record.signal(sensor).unit)
+        for topic in self._bag.topics.values() if self._bag else ():
+            if topic.count:
+                yield from _fields(topic.name, topic.type)
+
+    def _columns(self, names: Sequence[str], start: float, end: float) -> dict[str, Array]:
+        """The columns of the motion, at times that draw it."""
+        record = self.record
+        turns = 0.0 if record.slides else record.rate * (end - start)
+        with_work = any(name.partition('.')[0] == 'energy' for name in names)
+        return columns_of(record.piece, instants(record.piece, start, end, turns), with_work)
+
+    def _chosen(self, columns: Mapping[str, Array], name: str) -> list[Series]:
+        """Those of a name.
+
+        Raises
+        ------
+        InputError
+            If there are none; names the nearest of all that can be asked for.
+        """
+        if not any(c == name or c.startswith(f'{name}.') for c in columns):
+            known = [given.name for given in self.names()]
+            known += sorted({column.partition('.')[0] for column in columns})
+            raise InputError(
+                f"there is no '{name}'{nearest(name, known)}; without a name all are listed"
+            )
+        return chosen(self.record.piece, columns, [name])
+
+    def _path(self, name: str) -> MessagePath | None:
+        """The path into messages of the bag that a name stands for, if it does."""
+        path = parse(name)
+        if self._bag is None or path is None or not path.steps:
+            return None
+        home = (self._namespace or '').rstrip('/')
+        for topic in (path.topic, f'{home}/{path.topic}', f'/{path.topic}'):
+            if topic in self._bag.topics:
+                return MessagePath(name, topic, path.steps)
+        return None
+
+
+def _signal(record: Record, sensor: str) -> Series:
+    """The samples of a sensor; not a number between runs of samples."""
+    signal = record.signal(sensor)
+    t = [np.append(x, x[-1]) for x in signal.times]
+    values = [np.append(x, np.nan) for x in signal.runs]
+    return Series(sensor, signal.unit, np.concatenate(t)[:-1], np.concatenate(values)[:-1])
+
+
+def _fields(topic: str, message: str) -> Iterator[Name]:
+    """The numbers in a message, but for its header; nothing of a message that is unknown here."""
+
+    def walk(kind: str, path: tuple[str, ...]) -> Iterator[Name]:
+        for field, described in field_descriptions(kind):
+            here = (*path, field)
+            if field == 'header':
+                continue
+            array = described[0] in {Nodetype.ARRAY, Nodetype.SEQUENCE}
+            node, inner = described[1][0] if array else described
+            if node == Nodetype.NAME:
+                yield from walk(inner, here)
+            elif inner[0] != 'string':
+                yield Name(f'{topic}.{".".join(here)}', ' or '.join(units_of(message, here)))
+
+    try:
+        yield from walk(message, ())
+    except MessageError:
+        return

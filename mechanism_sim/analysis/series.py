@@ -1,0 +1,233 @@
+"""Numbers of a run over time: out of messages of any bag, or of the motion itself."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath
+from mechanism_sim.cycles.columns import columns_of, unit_of
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.messages import type_name
+from mechanism_sim.messages.stamps import seconds
+from mechanism_sim.messages.units import units_of
+from mechanism_sim.recording import Bag, displacements
+
+Array = NDArray[np.float64]
+
+_EVENTS = (
+    'mechanism_sim/msg/Impact',
+    'mechanism_sim/msg/ModeChange',
+    'mechanism_sim/msg/SceneChange',
+)
+_EPOCH = 1e9  # [s]: what is later counts from 1970
+_PER_TURN, _FEWEST, _MOST = 360, 2000, 40_000  # instants
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A quantity over time.
+
+    Attributes
+    ----------
+    name : what was asked for, and which part of it
+    unit : SI; empty for a number, two with an ``or`` where nobody says which
+    t, values : (N,) [s], and in the unit
+    events : whether values hold at their instants only
+    """
+
+    name: str
+    unit: str
+    t: Array
+    values: Array
+    events: bool = False
+
+    def within(self, start: float | None, end: float | None) -> Series:
+        """The part from `start` to `end` [s]."""
+        kept = np.ones(len(self.t), bool)
+        kept &= True if start is None else self.t >= start
+        kept &= True if end is None else self.t <= end
+        return Series(self.name, self.unit, self.t[kept], self.values[kept], self.events)
+
+
+def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
+    """What each path leads to in the messages of a bag, in one pass over it.
+
+    Times are those that messages say themselves, else their stamps, else when they were logged;
+    where these count from 1970, from the start of the bag. Arrays of samples, which come with a
+    sample rate, are spread over time.
+
+    Raises
+    ------
+    InputError
+        If there is no such topic, field or item, it is no number, or no message passes.
+    """
+    origin = bag.start * 1e-9 if bag.start * 1e-9 > _EPOCH else 0.0
+    by_topic: dict[str, list[_Collector]] = {}
+    collectors = [_Collector(path, origin) for path in paths]
+    for path, collector in zip(paths, collectors, strict=True):
+        by_topic.setdefault(path.topic, []).append(collector)
+    for topic, message, logged in bag.messages(by_topic):
+        for collector in by_topic[topic]:
+            collector.add(message, logged * 1e-9)
+    sliding = displacements(bag)
+    return [collector.series(bag, sliding) for collector in collectors]
+
+
+class _Collector:
+    """Gathers what one path leads to."""
+
+    def __init__(self, path: MessagePath, origin: float) -> None:
+        self._path, self._origin = path, origin
+        self._found: dict[tuple[str, ...], tuple[list[Any], list[Any]]] = {}
+        self._type = ''
+        self._passed = False
+
+    def add(self, message: Any, logged: float) -> None:
+        """The message that follows, logged at a time [s]."""
+        self._type = self._type or type_name(type(message))
+        values = self._path.values(message)
+        time = self._time(message, logged)
+        if _sampled(self._path, message) and values:
+            ts, xs = self._found.setdefault((), ([], []))
+            ts.extend(time + np.arange(len(values)) / message.sample_rate)
+            xs.extend(value for value, _ in values)
+            return
+        for value, which in values:
+            ts, xs = self._found.setdefault(which, ([], []))
+            ts.append(time)
+            xs.append(value)
+
+    def _time(self, message: Any, logged: float) -> float:
+        own = getattr(message, 'time', None)
+        if isinstance(own, float):
+            return own
+        stamped = getattr(
+            getattr(message, 'header', message), 'stamp', getattr(message, 'clock', None)
+        )
+        time = seconds(stamped) if hasattr(stamped, 'nanosec') else 0.0
+        time = time or logged
+        return time - self._origin if time > _EPOCH else time
+
+    def series(self, bag: Bag, sliding: Collection[str]) -> list[Series]:
+        """One for each item."""
+        path = self._path
+        if not self._found:
+            filters = ' and '.join(str(step) for step in path.steps if isinstance(step, Filter))
+            what = f' with {filters}' if filters else ''
+            raise InputError(f"'{path.text}': {bag.path} has no value{what} on {path.topic}")
+        units = units_of(self._type, path.fields)
+        return [
+            Series(
+                _name(path, which), _unit(units, which, sliding), np.array(t), np.array(values),
+                self._type in _EVENTS,
+            )
+            for which, (t, values) in self._found.items()
+        ]  # fmt: skip
+
+
+def _sampled(path: MessagePath, message: Any) -> bool:
+    """Whether a path leads to all samples of a block."""
+    rest = path.steps[1:]
+    whole = all(isinstance(s, Items) and s == Items(None, None) for s in rest)
+    return len(path.fields) == 1 and whole and getattr(message, 'sample_rate', 0.0) > 0.0 and (
+        not np.isscalar(getattr(message, path.fields[0], 0.0))
+    )  # fmt: skip
+
+
+def _name(path: MessagePath, which: tuple[str, ...]) -> str:
+    """The path to one item; itself a path."""
+    left = list(which)
+    text = path.topic
+    for step in path.steps:
+        if isinstance(step, Items):
+            text += f'[{left.pop(0)}]' if left else '[:]'
+        elif isinstance(step, Filter):
+            text += f'{{{step}}}'
+        else:
+            text += f'.{step.name}'
+    return text + ''.join(f'[{item}]' for item in left)
+
+
+def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]) -> str:
+    """The unit of an item: it may depend on whether it turns or slides."""
+    if len(units) < 2:
+        return units[0] if units else ''
+    straight = [u for u in units if 'rad' not in u and u != 'N m']
+    turning = [u for u in units if u not in straight]
+    name = which[-1] if which else ''
+    slides = name in sliding or name.endswith(('.x', '.y'))
+    if straight and turning and (not sliding or (name and not name.isdecimal()) or slides):
+        return (straight if slides else turning)[0]
+    return ' or '.join(units)
+
+
+def sampled(piece: Piece, names: Sequence[str], t: Array) -> list[Series]:
+    """Quantities of `Piece.sample` at times (N,) [s], as `chosen` chooses them.
+
+    Raises
+    ------
+    InputError
+        If there is no such quantity; names the nearest.
+    """
+    with_work = any(name.partition('.')[0] == 'energy' for name in names)
+    return chosen(piece, columns_of(piece, t, with_work), names)
+
+
+def chosen(piece: Piece, columns: Mapping[str, Array], names: Sequence[str]) -> list[Series]:
+    """Columns of a run by name, over its column ``t``; ``position`` means all ``position.NAME``.
+
+    Raises
+    ------
+    InputError
+        If there is no such column; names the nearest.
+    """
+    found: dict[str, Series] = {}
+    for name in names:
+        below = [c for c in columns if c.startswith(f'{name}.')]
+        these = [name] if name in columns else below
+        if not these:
+            raise InputError(
+                f"there is no quantity '{name}'{nearest(name, columns)}; there are: "
+                f'{", ".join(columns)}'
+            )
+        found |= {c: Series(c, unit_of(piece, c), columns['t'], columns[c]) for c in these}
+    return list(found.values())
+
+
+def instants(piece: Piece, start: float, end: float, turns: float = 0.0) -> Array:
+    """Times (N,) [s] that draw a motion: even ones, and both sides of each of its events."""
+    count = int(np.clip(_PER_TURN * turns, _FEWEST, _MOST))
+    events = np.array([i.t for i in piece.impacts] + [c.t for c in piece.modes], np.float64)
+    both = np.concatenate([np.nextafter(events, -np.inf), events])
+    first, last = float(piece.motion.curve.start[0]), piece.motion.curve.end
+    t = np.union1d(np.linspace(start, end, count), both[(both > start) & (both <= end)])
+    return np.asarray(np.clip(t, first, last))
+
+
+def joined(series: Sequence[Series]) -> dict[str, Array]:
+    """Series as columns (N,) over one column ``t``; not a number where one has no value."""
+    keys = [_numbered(s.t) for s in series]
+    rows = sorted(set().union(*keys))
+    place = {key: i for i, key in enumerate(rows)}
+    columns = {'t': np.array([t for t, _ in rows])}
+    for s, key in zip(series, keys, strict=True):
+        column = columns.setdefault(s.name, np.full(len(rows), np.nan))
+        column[[place[k] for k in key]] = s.values
+    return columns
+
+
+def _numbered(t: Array) -> list[tuple[float, int]]:
+    """Each time, and how many times it was there before: several impacts may be at one instant."""
+    seen: Counter[float] = Counter()
+    keys = []
+    for time in t.tolist():
+        keys.append((time, seen[time]))
+        seen[time] += 1
+    return keys

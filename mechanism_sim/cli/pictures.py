@@ -1,0 +1,225 @@
+"""Films and plots of runs, recorded in a bag or simulated here."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mechanism_sim.cli.options import (
+    Command,
+    length_options,
+    overrides_of,
+    print_json,
+    scene_options,
+)
+from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mechanism_sim.analysis.asked import Asked
+    from mechanism_sim.analysis.record import Record
+
+_AS_IT_WAS = 'a bag is shown as it was recorded: leave out --set and tolerances'
+_SOURCE = 'a bag (.mcap) of a run, or a scene, which is simulated'
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    sub = command('animate', _animate, 'a film of a run: MP4, GIF or SVG frames')
+    scene_options(sub, _SOURCE)
+    _span_options(sub)
+    sub.add_argument(
+        '-o', '--output', metavar='FILE|DIR', help='.mp4, .gif, .svg to be numbered, or a folder '
+        'for SVG frames; SCENE.mp4 if not',
+    )  # fmt: skip
+    sub.add_argument('--fps', type=float, metavar='N', help='frames a second')
+    sub.add_argument(
+        '--speed',
+        type=float,
+        metavar='X',
+        help='of real time; a turn of the drive takes 3 s if not',
+    )
+    sub.add_argument('--size', metavar='PIXELS', help="of the longer side, or as '1280x720'")
+    glass = sub.add_mutually_exclusive_group()
+    glass.add_argument('--lens', metavar='JOINT', default='', help='the loose bearing magnified')
+    glass.add_argument('--no-lens', action='store_const', const=None, dest='lens')
+    sub.add_argument('--forces', action='store_true', help='arrows at the joints')
+    sub.add_argument(
+        '--path', action='append', default=[], metavar='LINK.POINT', help='draw the path of'
+    )
+    sub.add_argument(
+        '--labels',
+        choices=('all', 'links', 'none'),
+        default='none',
+        help='which names are written',
+    )
+    sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
+    scene_options(sub, _SOURCE)
+    sub.add_argument(
+        'what', nargs='*', metavar='WHAT', help='TOPIC.FIELD of a bag, or a quantity such as '
+        'normal_force.JOINT; without any, all there are',
+    )  # fmt: skip
+    _span_options(sub)
+    sub.add_argument(
+        '-o', '--output', action='append', default=[], metavar='FILE',
+        help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
+        'given for both; SCENE_plot.svg if not',
+    )  # fmt: skip
+    sub.add_argument(
+        '--against', choices=('time', 'angle'), default='time', help='angle: of the main drive'
+    )
+
+
+def _animate(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report.animation import film  # noqa: PLC0415
+    from mechanism_sim.report.stage import Shown  # noqa: PLC0415
+    from mechanism_sim.report.video import Target  # noqa: PLC0415
+
+    target = Target(options.output or f'{Path(options.scene).stem}.mp4')
+    size = _size(options.size) if options.size else None
+    record, start, end = _run(options)
+    chosen = film(record, target, start, end, options.fps, options.speed)
+    shown = Shown(options.lens, options.forces, options.path, options.labels)
+    with progress.count('animate', len(chosen.t), quiet=options.json) as show:
+        files, (width, height) = chosen.write(shown, size, show)
+    if options.json:
+        print_json({
+            'scene': record.machine.name, 'files': [str(file) for file in files],
+            'frames': len(chosen.t), 'fps': chosen.fps, 'start': chosen.start,
+            'end': chosen.end, 'speed': chosen.speed, 'width': width, 'height': height,
+        })  # fmt: skip
+    else:
+        where = f'{files[0]} to {files[-1].name}' if len(files) > 1 else files[0]
+        print(
+            f'{where}: {len(chosen.t)} frames of {width} by {height} pixels, '
+            f'{len(chosen.t) / chosen.fps:.3g} s at {chosen.fps:g} a second\n'
+            f'{chosen.start:.6g} s to {chosen.end:.6g} s of {record.end:.6g} s, '
+            f'{chosen.speed:.3g} of real time'
+        )
+    return 0
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.asked import Asked  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+
+    files = options.output or [f'{Path(options.scene).stem}_plot.svg']
+    numbers = [file for file in files if Path(file).suffix in tables.SUFFIXES]
+    for file in numbers:
+        tables.check_output(file)
+    pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
+    bag, record = (read_bag(options.scene) if is_bag(options.scene) else None), None
+    start, end = options.start, options.end
+    if bag is None or options.duration is not None or options.revolutions is not None:
+        record, start, end = _run(options)
+    elif overrides_of(options):
+        raise InputError(_AS_IT_WAS)
+    asked = Asked(bag, record, options.namespace)
+    if not options.what:
+        return _list(options, asked)
+    series = asked.series(options.what, start, end)
+    if numbers:
+        from mechanism_sim.analysis.series import joined  # noqa: PLC0415
+
+        for file in numbers:
+            tables.write(file, joined(series))
+    if pictures:
+        from mechanism_sim.report import lines  # noqa: PLC0415
+
+        over = lines.TIME
+        if options.against == 'angle':
+            over = lines.over_angle_of(asked.record)
+        title = Path(options.scene).name if bag else asked.record.machine.scene.title
+        drawn = lines.draw(series, title, over)
+        with figures.style():
+            for picture in pictures:
+                figures.save(drawn, picture)
+    if options.json:
+        print_json({
+            'files': files,
+            'series': [{'name': s.name, 'unit': s.unit, 'samples': len(s.t)} for s in series],
+        })  # fmt: skip
+    else:
+        print('\n'.join(files))
+    return 0
+
+
+def _list(options: argparse.Namespace, asked: Asked) -> int:
+    """All that can be plotted."""
+    names = list(asked.names())
+    if options.json:
+        print_json([{'name': name, 'unit': unit} for name, unit in names])
+        return 0
+    width = max((len(name) for name, _ in names), default=0)
+    for name, unit in names:
+        print(f'{name:{width}}  {unit}'.rstrip())
+    return 0
+
+
+def _span_options(sub: argparse.ArgumentParser) -> None:
+    """Which part of a run."""
+    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at [s]')
+    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at [s]')
+    length_options(sub)
+    sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+
+
+def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
+    """The run that is asked for, read or simulated, and from when to when it is wanted [s].
+
+    Raises
+    ------
+    InputError
+        If the bag or the scene is no good, or says otherwise than the options.
+    """
+    from mechanism_sim.analysis.record import Record, read_record  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+
+    asked = options.end, options.duration, options.revolutions
+    if sum(x is not None for x in asked) > 1:
+        raise InputError('give only one of --to, --duration and --revolutions')
+    start = options.start or 0.0
+    if is_bag(options.scene):
+        if overrides_of(options):
+            raise InputError(_AS_IT_WAS)
+        record = read_record(options.scene, options.namespace)
+        start = record.start if options.start is None else start
+        return record, start, _end(options, record, start)
+    if options.namespace:
+        raise InputError('--namespace is for bags')
+    machine = load_scene(options.scene, overrides_of(options))
+    if options.end is None:
+        end = start + span(machine, options.revolutions, options.duration)
+    else:
+        end = span(machine, None, options.end)
+    with progress.bar('simulate', end, quiet=options.json) as show:
+        run = simulate(machine, duration=end, progress=show)
+    return Record(machine, run, {}), start, end
+
+
+def _end(options: argparse.Namespace, record: Record, start: float) -> float:
+    """The end of the part of a bag that is asked for [s]."""
+    if options.revolutions is not None:
+        record.whole_turns()
+        (turned,) = record.turned(np.array([start]))
+        return float(record.times_at(np.array([turned + options.revolutions]))[0])
+    if options.duration is not None:
+        return start + float(options.duration)
+    return record.end if options.end is None else float(options.end)
+
+
+def is_bag(source: str) -> bool:
+    """Whether a name is that of a bag: a file ending in .mcap, or a folder with one."""
+    return Path(source).suffix == '.mcap' or Path(source).is_dir()
+
+
+def _size(text: str) -> int | tuple[int, int]:
+    width, cross, height = text.partition('x')
+    if not width.isdecimal() or (cross and not height.isdecimal()):
+        raise InputError(f"--size '{text}': write for example 960 or 1280x720")
+    return (int(width), int(height)) if cross else int(width)

@@ -1,0 +1,107 @@
+const EVERY = 150; // [ms] between what is sent while a slider moves
+const HELD = 1500; // [ms] after which what the machine says counts again
+const WAYS = 1000;
+
+/** Sliders for the values of a machine. */
+export class Sliders {
+  /**
+   * @param {HTMLElement} parent
+   * @param {function(string, number): void} ask is called with a control's path and a value
+   */
+  constructor(parent, ask) {
+    this.parent = parent;
+    this.ask = ask;
+    this.all = new Map();
+    parent.addEventListener('submit', (event) => event.preventDefault());
+  }
+
+  /** @param {Object[]} controls as `Control.to_json` has them */
+  show(controls) {
+    const same = controls.length === this.all.size
+      && controls.every(({ path, low, high }) => {
+        const known = this.all.get(path)?.control;
+        return known && known.low === low && known.high === high;
+      });
+    if (!same) {
+      this.all = new Map(controls.map((control) => [control.path, this.#make(control)]));
+      this.parent.replaceChildren(...[...this.all.values()].map(({ box }) => box));
+    }
+    this.set(Object.fromEntries(controls.map(({ path, value }) => [path, value])), true);
+  }
+
+  /** What the machine has. @param {Object<string, number>} values @param {boolean} operable */
+  set(values, operable) {
+    for (const [path, value] of Object.entries(values)) {
+      const slider = this.all.get(path);
+      if (slider && performance.now() > slider.until) {
+        slider.input.value = place(slider.control, value);
+        write(slider, value);
+      }
+    }
+    for (const { control, input } of this.all.values()) {
+      input.disabled = !operable && control.effect === 'restart';
+    }
+  }
+
+  #make(control) {
+    const box = document.createElement('div');
+    box.className = 'slider';
+    const label = document.createElement('label');
+    const output = document.createElement('output');
+    const input = document.createElement('input');
+    input.id = `set ${control.path}`;
+    input.dataset.path = control.path;
+    Object.assign(input, { type: 'range', min: 0, max: WAYS, step: 1 });
+    label.htmlFor = input.id;
+    label.textContent = control.label;
+    box.append(label, output, input);
+    if (control.effect === 'restart') {
+      const note = document.createElement('small');
+      note.textContent = 'begins the run anew';
+      box.append(note);
+    }
+    const slider = { control, box, input, output, until: 0, sent: 0, later: 0 };
+    input.addEventListener('input', () => this.#move(slider));
+    input.addEventListener('change', () => this.#send(slider));
+    return slider;
+  }
+
+  #move(slider) {
+    slider.until = performance.now() + HELD;
+    write(slider, valueOf(slider));
+    if (slider.control.effect !== 'now' || slider.later) return;
+    const wait = Math.max(0, slider.sent + EVERY - performance.now());
+    slider.later = setTimeout(() => this.#send(slider), wait);
+  }
+
+  #send(slider) {
+    clearTimeout(slider.later);
+    slider.later = 0;
+    slider.sent = performance.now();
+    slider.until = slider.sent + HELD;
+    const value = valueOf(slider);
+    if (value !== slider.asked) this.ask(slider.control.path, value);
+    slider.asked = value;
+  }
+}
+
+function valueOf({ control, input }) {
+  const { low, high, step, logarithmic } = control;
+  const share = Number(input.value) / WAYS;
+  if (share === 0 || share === 1) return share ? high : low;
+  const value = logarithmic ? low * (high / low) ** share : low + share * (high - low);
+  const round = step ? Math.round(value / step) * step : Number(value.toPrecision(2));
+  return Math.min(high, Math.max(low, Number(round.toPrecision(12))));
+}
+
+/** Where on its way a slider stands for a value. */
+function place({ low, high, logarithmic }, value) {
+  const share = logarithmic ? Math.log(value / low) / Math.log(high / low)
+    : (value - low) / (high - low);
+  return Math.round(WAYS * Math.min(1, Math.max(0, share)));
+}
+
+function write({ control, output }, value) {
+  output.textContent = control.path === 'realtime_factor' && !value ? 'no limit'
+    : `${Number(value.toPrecision(3))} ${control.unit}`.trim();
+}

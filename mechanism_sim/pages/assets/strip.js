@@ -1,0 +1,145 @@
+import { quantity } from 'svg';
+
+const ROOM = { left: 62, right: 4, top: 8, bottom: 16 }; // [px]
+const LINES = 3;
+
+/** A curve over the last moments, and marks where something struck. */
+export class Strip {
+  /**
+   * @param {HTMLElement} parent
+   * @param {{label: string, unit: string, scale?: number}} what `scale`: how many of its unit
+   *   an SI unit is; without it units take the prefixes of SI
+   */
+  constructor(parent, { label, unit, scale }) {
+    this.unit = unit;
+    this.plain = scale !== undefined;
+    this.scale = scale ?? 1;
+    const figure = document.createElement('figure');
+    const caption = document.createElement('figcaption');
+    const name = document.createElement('span');
+    name.textContent = label;
+    this.value = document.createElement('output');
+    caption.append(name, this.value);
+    this.canvas = document.createElement('canvas');
+    this.canvas.setAttribute('role', 'img');
+    this.canvas.setAttribute('aria-label', `${label} over the last moments`);
+    figure.append(caption, this.canvas);
+    parent.append(figure);
+    this.clear();
+  }
+
+  clear() {
+    this.t = [];
+    this.y = [];
+    this.struck = [];
+  }
+
+  /** @param {ArrayLike<number>} t [s] @param {ArrayLike<number>} y SI */
+  add(t, y) {
+    for (let i = 0; i < t.length; i += 1) {
+      if (!this.t.length || t[i] > this.t.at(-1)) {
+        this.t.push(t[i]);
+        this.y.push(this.scale * y[i]);
+      }
+    }
+  }
+
+  /** @param {number} t [s] of an impact */
+  mark(t) { this.struck.push(t); }
+
+  /** Draws what was up to `now`. @param {number} now [s] @param {number} span [s] */
+  draw(now, span) {
+    const old = this.t.findIndex((t) => t >= now - span);
+    if (old > 400) {
+      this.t.splice(0, old - 1);
+      this.y.splice(0, old - 1);
+    }
+    this.struck = this.struck.filter((t) => t >= now - span);
+    const width = this.canvas.clientWidth;
+    const height = this.canvas.clientHeight;
+    const ratio = window.devicePixelRatio || 1;
+    if (this.canvas.width !== Math.round(width * ratio)) {
+      this.canvas.width = Math.round(width * ratio);
+      this.canvas.height = Math.round(height * ratio);
+    }
+    const pen = this.canvas.getContext('2d');
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    const points = this.#shown(now, span);
+    if (points.length < 2 || !width) return;
+    const [low, high] = range(points.map(([, y]) => y));
+    const x = (t) => width - ROOM.right
+      - ((now - t) / span) * (width - ROOM.left - ROOM.right);
+    const y = (value) => ROOM.top
+      + ((high - value) / (high - low)) * (height - ROOM.top - ROOM.bottom);
+    this.#frame(pen, { low, high, y, width, height, span });
+    pen.strokeStyle = '#d9730d';
+    pen.lineWidth = 1;
+    pen.beginPath();
+    for (const t of this.struck.filter((at) => at <= now)) {
+      pen.moveTo(x(t), height - ROOM.bottom);
+      pen.lineTo(x(t), height - ROOM.bottom - 7);
+    }
+    pen.stroke();
+    pen.strokeStyle = '#1f5f99';
+    pen.lineWidth = 1.5;
+    pen.lineJoin = 'round';
+    pen.beginPath();
+    points.forEach(([t, value], i) => {
+      if (i) pen.lineTo(x(t), y(value));
+      else pen.moveTo(x(t), y(value));
+    });
+    pen.stroke();
+    this.value.textContent = this.#written(points.at(-1)[1]);
+  }
+
+  #shown(now, span) {
+    const first = Math.max(0, this.t.findIndex((t) => t >= now - span) - 1);
+    const points = [];
+    for (let i = first; i < this.t.length && this.t[i] <= now; i += 1) {
+      points.push([Math.max(this.t[i], now - span), this.y[i]]);
+    }
+    return points;
+  }
+
+  #frame(pen, { low, high, y, width, height, span }) {
+    pen.strokeStyle = '#d9dde2';
+    pen.lineWidth = 1;
+    pen.fillStyle = '#626973';
+    pen.font = '11px system-ui, sans-serif';
+    const each = step((high - low) / LINES);
+    pen.beginPath();
+    for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
+      const at = Math.round(y(k * each)) + 0.5;
+      pen.moveTo(ROOM.left, at);
+      pen.lineTo(width - ROOM.right, at);
+    }
+    pen.stroke();
+    pen.textAlign = 'right';
+    pen.textBaseline = 'middle';
+    for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
+      pen.fillText(this.#written(k * each), ROOM.left - 5, Math.round(y(k * each)));
+    }
+    pen.textBaseline = 'bottom';
+    pen.fillText(`last ${quantity(span, 's')}`, width - ROOM.right, height - 1);
+  }
+
+  #written(value) {
+    return this.plain ? `${Number(value.toPrecision(4))} ${this.unit}`
+      : quantity(value, this.unit);
+  }
+}
+
+/** Limits around values; never too near to each other to be read. */
+function range(values) {
+  const low = values.reduce((a, b) => Math.min(a, b), Infinity);
+  const high = values.reduce((a, b) => Math.max(a, b), -Infinity);
+  const room = Math.max(0.12 * (high - low), 0.05 * Math.max(Math.abs(high), Math.abs(low)), 1e-9);
+  return [low - room, high + room];
+}
+
+/** The nearest of 1, 2 and 5 times a power of ten that is not below x. */
+function step(x) {
+  const ten = 10 ** Math.floor(Math.log10(x));
+  return [1, 2, 5, 10].find((times) => times * ten >= x) * ten;
+}

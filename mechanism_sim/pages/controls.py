@@ -1,0 +1,131 @@
+"""What of a running machine can be changed from a page, and in which limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from mechanism_sim.nodes.parts import integrator_of
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.scene import Machine
+
+DRIVE = 'crank_drive'
+RPM = 30.0 / math.pi
+
+
+@dataclass(frozen=True)
+class Control:
+    """A value that a slider sets.
+
+    Attributes
+    ----------
+    path : in the scene; of what is no part of it, the name of the parameter
+    unit : in which it is shown, as all limits and values here
+    scale : how many of this unit an SI unit is
+    effect : on the run that goes on, or by a restart
+    owner, parameter : node and parameter that are set; with a restart the scene's `path` is set
+    quantity : SI unit in which a scene is told
+    logarithmic : whether equal ways of the slider are equal ratios
+    """
+
+    path: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    value: float
+    effect: Literal['now', 'restart']
+    scale: float = 1.0
+    owner: str = DRIVE
+    parameter: str = ''
+    quantity: str = ''
+    logarithmic: bool = False
+
+    def to_json(self) -> dict[str, Any]:
+        """What a page needs to know of it."""
+        keys = 'path', 'label', 'unit', 'low', 'high', 'step', 'value', 'effect', 'logarithmic'
+        return {key: getattr(self, key) for key in keys}
+
+    @property
+    def in_scene(self) -> bool:
+        """Whether it is a value of the scene, which the next run can have."""
+        return '.' in self.path
+
+    def si(self, value: float) -> float:
+        """A value [SI] of one that a page gives."""
+        return value / self.scale
+
+    def override(self, value: float) -> str:
+        """``PATH=VALUE`` for a value of a page."""
+        return f'{self.path}={self.si(value)!r} {self.quantity}'.rstrip()
+
+    def at(self, si: float) -> Control:
+        """The same, where the machine has this value [SI]."""
+        return replace(self, value=si * self.scale)
+
+
+def controls(machine: Machine) -> dict[str, Control]:
+    """The controls of a machine by their paths."""
+    return {control.path: control for control in _all(machine)}
+
+
+def _all(machine: Machine) -> Iterator[Control]:
+    yield Control(
+        'realtime_factor', 'Pace of time', '×', 1e-3, 10.0, 0.0, 1.0, 'now',
+        parameter='realtime_factor', logarithmic=True,
+    )  # fmt: skip
+    yield from _drive(machine)
+    for joint in machine.mechanism.joints:
+        if isinstance(joint, Revolute) and joint.name in machine.clearances:
+            radial = 1e3 * machine.clearances[joint.name].radial
+            yield Control(
+                f'joints.{joint.name}.clearance.radial', f'Clearance of {_words(joint.name)}',
+                'mm', 0.1 * radial, 10.0 * radial, 0.0, radial, 'restart', 1e3, quantity='m',
+                logarithmic=True,
+            )  # fmt: skip
+    for name, play in machine.plan.rigid.items():
+        if play.contact is None:
+            path = f'joints.{name}.clearance.restitution'
+            yield Control(
+                path, f'Restitution of {_words(name)}', '', 0.0, 1.0, 0.01, play.restitution,
+                'now', owner=integrator_of(machine), parameter=path,
+            )  # fmt: skip
+
+
+def _drive(machine: Machine) -> Iterator[Control]:
+    """Speed or torque of the main drive: by command if it takes them, else of the next run."""
+    law, commands, scene = machine.law, machine.commands, machine.scene.drive
+    straight = machine.main in machine.mechanism.displacements
+    if not isinstance(law, DriveLaw):
+        now = law.coefficients[0]
+        if now:
+            unit, most = 'N' if straight else 'N m', 3.0 * abs(now)
+            what = 'Force' if straight else 'Torque'
+            yield Control(
+                'effort', f'{what} of {_words(machine.main)}', unit, -most, most, most / 300.0,
+                now, 'now', parameter='effort',
+            )  # fmt: skip
+        return
+    label = f'Speed of {_words(machine.main)}'
+    now = law.coefficients[1] if law.degree else 0.0
+    if commands:
+        most = RPM * commands.fastest
+        yield Control(
+            'velocity', label, 'rpm', -most, most, most / 500.0, RPM * now, 'now', RPM,
+            parameter='velocity',
+        )  # fmt: skip
+    elif now and scene and scene.speed is not None and len(machine.laws) == 1:
+        scale, unit, quantity = (1e3, 'mm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
+        low, high = sorted((0.1 * scale * now, 3.0 * scale * now))
+        yield Control(
+            'drive.speed', label, unit, low, high, (high - low) / 500.0, scale * now,
+            'restart', scale, quantity=quantity,
+        )  # fmt: skip
+
+
+def _words(name: str) -> str:
+    return name.replace('_', ' ')

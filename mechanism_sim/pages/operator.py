@@ -1,0 +1,104 @@
+"""Operating a run from outside, by the services of its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mechanism_sim.messages import MessageError, message_class, service_class
+from mechanism_sim.middleware import Client, Node, Parameter, ReentrantCallbackGroup
+from mechanism_sim.nodes.control import PACKAGE
+from mechanism_sim.nodes.scene_values import OVERRIDES, lines
+from mechanism_sim.pages.controls import DRIVE, Control
+
+PLAYING, PAUSED = 1, 2
+"""As in simulation_interfaces/msg/SimulationState."""
+_DONE, _ALREADY = 1, 101
+
+
+class Operator:
+    """Asks the nodes of a run; what they refuse is given back as a sentence, else nothing.
+
+    Where ROS has no package `simulation_interfaces`, or nobody serves, that is the sentence.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._group = node, ReentrantCallbackGroup()
+        self._clients: dict[tuple[str, str], Client] = {}
+
+    async def state(self) -> int | None:
+        """Playing, paused or stopped (0); None if nobody says."""
+        answer = await self._ask(f'{PACKAGE}/srv/GetSimulationState', 'get_simulation_state')
+        return None if isinstance(answer, str) else int(answer.state.state)
+
+    async def go(self, state: int) -> str:
+        """Play or pause."""
+        try:
+            kind = message_class(f'{PACKAGE}/msg/SimulationState')
+        except MessageError as error:
+            return str(error)
+        return _outcome(await self._ask(
+            f'{PACKAGE}/srv/SetSimulationState', 'set_simulation_state', state=kind(state=state)
+        ))  # fmt: skip
+
+    async def step(self, steps: int) -> str:
+        """So many steps of a paused run."""
+        kind = f'{PACKAGE}/srv/StepSimulation'
+        return _outcome(await self._ask(kind, 'step_simulation', steps=steps))
+
+    async def reset(self) -> str:
+        """Back to time 0."""
+        return _outcome(await self._ask(f'{PACKAGE}/srv/ResetSimulation', 'reset_simulation'))
+
+    async def values(self, owner: str, names: Sequence[str]) -> list[Any]:
+        """Values of parameters of a node; none if it does not say."""
+        answer = await self._ask(
+            'rcl_interfaces/srv/GetParameters', f'{owner}/get_parameters', names=list(names)
+        )
+        if isinstance(answer, str) or len(answer.values) != len(names):
+            return []
+        kinds = {2: 'integer_value', 3: 'double_value', 4: 'string_value'}
+        return [getattr(v, kinds.get(int(v.type), 'bool_value')) for v in answer.values]
+
+    async def set_now(self, control: Control, value: float) -> str:
+        """Change what acts on the run that goes on, to a value in the control's unit."""
+        return await self._set(control.owner, control.parameter, control.si(value))
+
+    async def set_next(self, control: Control, value: float) -> str:
+        """Change a value of the scene for the next run; all others stay as they are."""
+        present = await self.values(DRIVE, [OVERRIDES])
+        if not present:
+            return f"'{DRIVE}' does not say with which values of the scene it runs"
+        others = [x for x in lines(present[0]) if x.partition('=')[0].strip() != control.path]
+        return await self._set(DRIVE, OVERRIDES, '\n'.join([*others, control.override(value)]))
+
+    async def _set(self, owner: str, name: str, value: float | str) -> str:
+        answer = await self._ask(
+            'rcl_interfaces/srv/SetParameters', f'{owner}/set_parameters',
+            parameters=[Parameter(name, value=value).to_parameter_msg()],
+        )  # fmt: skip
+        if isinstance(answer, str):
+            return answer
+        (result,) = answer.results
+        return '' if result.successful else str(result.reason) or f'{name} was refused'
+
+    async def _ask(self, kind: str, name: str, **fields: Any) -> Any:
+        """The answer of a service, or a sentence why there is none."""
+        try:
+            service = service_class(kind)
+        except MessageError as error:
+            return str(error)
+        client = self._clients.get((kind, name))
+        if client is None:
+            client = self._node.create_client(service, name, callback_group=self._group)
+            self._clients[kind, name] = client
+        if not client.service_is_ready():
+            return f"nobody serves '{name}'"
+        return await client.call_async(service.Request(**fields))
+
+
+def _outcome(answer: Any) -> str:
+    if isinstance(answer, str):
+        return answer
+    result = answer.result
+    return '' if result.result in (_DONE, _ALREADY) else str(result.error_message)

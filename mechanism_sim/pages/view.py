@@ -1,0 +1,312 @@
+"""The node of the live view: follows a running graph and shows it to browsers on this machine."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+import webbrowser
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from markupsafe import Markup
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.messages import Impact, Motion, String
+from mechanism_sim.middleware import (
+    HistoryPolicy,
+    MiddlewareError,
+    Parameter,
+    QoSProfile,
+    ReentrantCallbackGroup,
+    ReliabilityPolicy,
+)
+from mechanism_sim.nodes.described_node import DescribedNode
+from mechanism_sim.nodes.process import INTERRUPTED, main_of, run_nodes
+from mechanism_sim.nodes.qos import LATCHED
+from mechanism_sim.pages.assets import asset, embedded, render
+from mechanism_sim.pages.controls import Control, controls
+from mechanism_sim.pages.live import Live
+from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
+from mechanism_sim.pages.server import Content, Server
+
+MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'live'
+PORT = 8080
+
+#: Nobody waits for a page: what it is too slow for is dropped.
+NEWEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=200, reliability=ReliabilityPolicy.BEST_EFFORT
+)
+
+_FRAMES, _LISTEN, _LOOK = 0.04, 0.02, 0.5  # [s] between batches, commands, looks at the run
+_PATIENCE = 10.0  # [s] for the answer to a command, before the next is begun
+_PACE = 1.0  # [s] over which the real-time factor is measured
+
+
+def _print(address: str) -> None:
+    print(f'View: {address}', flush=True)
+
+
+class View(DescribedNode):
+    """Shows the machine that runs, and passes on what is asked of it; no node waits for this one.
+
+    Parameters of the node: ``port`` of the web server, 0 for any that is free; ``open``, to open
+    a browser.
+
+    Parameters
+    ----------
+    opened : called with the address of the page
+    starting : whether a machine to be shown is being started
+
+    Raises
+    ------
+    InputError
+        If the port is not good.
+    """
+
+    def __init__(
+        self,
+        parameters: Sequence[Parameter] = (),
+        opened: Callable[[str], None] = _print,
+        starting: bool = False,
+    ) -> None:
+        super().__init__('view', parameters)
+        port = self.declare('port', PORT, 'Of the web server on this machine; 0: any', None, True)
+        browse = self.declare('open', False, 'Open a browser', read_only=True)
+        self._live: Live | None = None
+        self._controls: dict[str, Control] = {}
+        self._waiting = {'type': 'waiting', 'starting': starting}
+        self._greeting: list[dict[str, Any]] = [self._waiting]
+        self._asked: SimpleQueue[dict[str, Any]] = SimpleQueue()
+        self._busy_since: float | None = None
+        self._state: int | None = None
+        self._paused_here = False
+        self._seen: list[tuple[float, float]] = []
+        self._operator = Operator(self)
+        self.create_subscription(String, 'scene', self._meet, LATCHED)
+        motion = self.create_subscription(Motion, 'motion', self._move, NEWEST)
+        self.create_subscription(Impact, 'impacts', self._strike, NEWEST)
+        self._topic = motion.topic_name
+        self.server = Server(_contents(), port, lambda: self._greeting, self._asked.put)
+        if port and self.server.port != port:
+            self.get_logger().info(f'port {port} is taken: another was chosen')
+        apart = ReentrantCallbackGroup()  # who waits for an answer keeps nothing else waiting
+        self.create_timer(_FRAMES, self._show)
+        self.create_timer(_LISTEN, self._obey, callback_group=apart)
+        self.create_timer(_LOOK, self._look, callback_group=apart)
+        opened(self.server.address)
+        if browse:
+            webbrowser.open(self.server.address)
+
+    # --- what is heard ------------------------------------------------------------------------
+
+    def _meet(self, message: Any) -> None:
+        if self._live and self._live.text == message.data:
+            return
+        try:
+            self._live = Live(message.data)
+        except (InputError, RunError) as error:
+            self._say(f'the machine that runs cannot be shown: {error}', 'error')
+            return
+        found, before = controls(self._live.machine), self._controls
+        for path, control in found.items():
+            old = before.get(path)
+            if old and old.unit == control.unit and old.low <= control.value <= old.high:
+                found[path] = replace(control, low=old.low, high=old.high, step=old.step)
+        self._controls = found
+        self._seen.clear()
+        self._greet()
+
+    def _greet(self) -> None:
+        """Tell all pages what there is to be shown, and those that will be opened."""
+        if self._live:
+            found = [control.to_json() for control in self._controls.values()]
+            message: dict[str, Any] = {
+                'type': 'stage',
+                'stage': self._live.stage.to_json(),
+                'controls': found,
+            }
+        else:
+            message = self._waiting
+        self._greeting = [message]
+        self.server.send(message)
+
+    def _move(self, message: Any) -> None:
+        if self._live:
+            self._live.take(message)
+
+    def _strike(self, message: Any) -> None:
+        if self._live:
+            self._live.strike(message)
+
+    # --- what is shown ------------------------------------------------------------------------
+
+    def _show(self) -> None:
+        if self._live is None or not self.server.pages:
+            return
+        if batch := self._live.batch():
+            self.server.send(batch, may_drop=True)
+            self._greeting = [self._greeting[0], batch]
+
+    async def _look(self) -> None:
+        """See how the run is, and what its parameters are now."""
+        if not self.get_publishers_info_by_topic(self._topic):
+            if self._live:
+                self._live, self._state = None, None
+                self._waiting = {'type': 'waiting', 'starting': False}
+                self._greet()
+            return
+        live, now = self._live, time.monotonic()
+        if live is None:
+            return
+        self._state = await self._operator.state()
+        for owner in {control.owner for control in self._controls.values() if control.parameter}:
+            await self._update(owner)
+        self._seen = [s for s in self._seen if s[0] > now - _PACE and s[1] <= live.time]
+        self._seen.append((now, live.time))
+        begun, before = self._seen[0]
+        self.server.send(
+            {
+                'type': 'state',
+                'time': live.time,
+                'run': live.run,
+                'playing': self._state == PLAYING,
+                'operable': self._state is not None,
+                'factor': (live.time - before) / (now - begun) if now > begun else None,
+                'impacts': live.impacts,
+                'values': {path: control.value for path, control in self._controls.items()},
+            }
+        )
+
+    async def _update(self, owner: str) -> None:
+        """Ask a node for the values of its parameters that have a control."""
+        asked = {c.parameter: p for p, c in self._controls.items() if c.owner == owner
+                 and c.parameter}  # fmt: skip
+        found = await self._operator.values(owner, [*asked])
+        for path, value in zip(asked.values(), found, strict=False):
+            if path in self._controls:
+                self._controls[path] = self._controls[path].at(float(value))
+
+    def _say(self, text: str, level: str = 'warning') -> None:
+        self.server.send({'type': 'message', 'text': text, 'level': level})
+
+    # --- what is asked ------------------------------------------------------------------------
+
+    async def _obey(self) -> None:
+        """Do what a page asks for, one thing after the other."""
+        now = time.monotonic()
+        if self._busy_since is not None and now < self._busy_since + _PATIENCE:
+            return
+        try:
+            message = self._asked.get_nowait()
+        except Empty:
+            return
+        self._busy_since = now
+        try:
+            reason = await self._do(message)
+        except MiddlewareError as error:
+            reason = str(error)
+        finally:
+            self._busy_since = None
+        if reason:
+            self._say(reason)
+
+    async def _do(self, message: dict[str, Any]) -> str:
+        kind, operator = message.get('type'), self._operator
+        if kind == 'play':
+            self._paused_here = False
+            return await operator.go(PLAYING)
+        if kind == 'pause':
+            self._paused_here = True
+            return await operator.go(PAUSED)
+        if kind == 'step':
+            return await operator.step(1)
+        if kind == 'reset':
+            return await operator.reset()
+        if kind == 'set':
+            return await self._set(message.get('path'), message.get('value'))
+        return f'a page asked for {kind!r}, which there is not'
+
+    async def _set(self, path: Any, value: Any) -> str:
+        control, operator = self._controls.get(str(path)), self._operator
+        if control is None or isinstance(value, bool) or not isinstance(value, int | float):
+            return f'{path} cannot be set to {value!r}'
+        if not control.low <= value <= control.high:
+            return f'{control.label}: {value:g} is outside {control.low:g} to {control.high:g}'
+        if control.effect == 'now':
+            if reason := await operator.set_now(control, value):
+                return reason
+            self._controls[control.path] = replace(control, value=value)
+            # The next run has it, too.
+            return await operator.set_next(control, value) if control.in_scene else ''
+        if reason := await operator.set_next(control, value) or await operator.reset():
+            return reason
+        return '' if self._paused_here else await operator.go(PLAYING)
+
+    def destroy_node(self) -> None:
+        """Close the page."""
+        self.server.close()
+        super().destroy_node()
+
+
+def _contents() -> dict[str, Content]:
+    modules: dict[str, Content] = {
+        f'/{name}.js': ('text/javascript', asset(f'{name}.js')) for name in MODULES
+    }
+    return {'/': ('text/html', page()), **modules}
+
+
+def page() -> str:
+    """The page as HTML."""
+    return render(
+        'live.html.jinja',
+        style=Markup(asset('style.css') + asset('live.css')),  # noqa: S704 - ours
+        imports=embedded({name: f'/{name}.js' for name in MODULES}),
+    )
+
+
+def view(
+    parameters: Sequence[Parameter] = (),
+    run: Sequence[str] = (),
+    ros_args: Sequence[str] = (),
+    opened: Callable[[str], None] | None = None,
+) -> int:
+    """Show what runs until somebody ends it.
+
+    Parameters
+    ----------
+    run : arguments of ``mechanism-sim run``: a run of its own, which ends with the view
+    opened : called with the address of the page, instead of printing it
+
+    Returns
+    -------
+    Exit code: that of the run if it ends first, and 0 if the view is ended.
+    """
+    runs: list[subprocess.Popen[bytes]] = []
+
+    def make() -> list[View]:
+        node = View(parameters, opened or _print, bool(run))
+        if run:  # now that there is a network to join
+            command = [sys.executable, '-m', 'mechanism_sim', 'run', *run, '--json']
+            runs.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))  # noqa: S603 - ours
+        return [node]
+
+    code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args)
+    for process in runs:
+        if process.poll() is None:
+            process.terminate()
+            process.wait()
+        elif not code:
+            code = process.returncode
+    return 0 if code == INTERRUPTED else code
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run this node by itself."""
+    main_of(View, args)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,73 @@
+"""Pictures and films of machines, asked for in one line of Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.cycles.cycle import instant
+from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.report import animation, drawing, figures
+from mechanism_sim.report.picture import Picture
+from mechanism_sim.report.stage import Shown
+from mechanism_sim.report.video import Target
+from mechanism_sim.scene import Machine, simulate
+
+
+def draw(
+    machine: Machine, angle: float | None = None, t: float | None = None, **how: Any
+) -> Picture:
+    """A picture of a machine when its drive is at an angle [rad], or at a time [s].
+
+    Parameters
+    ----------
+    how : ``positions``, ``labels`` as `mechanism_sim.report.drawing.draw` has them; ``points``,
+        names ``LINK.POINT`` whose paths are drawn, and ``duration`` [s] of drives without a period
+
+    Raises
+    ------
+    InputError, RunError
+        As `mechanism_sim.cycles.cycle.instant` does.
+    """
+    points, duration = how.pop('points', ()), how.pop('duration', None)
+    still = how.get('positions', 1) == 1 and not points
+    found, at = instant(machine, angle, t, duration, points, still)
+    with figures.style():
+        return drawing.draw(found, at, **how)
+
+
+def animate(
+    machine: Machine,
+    file: str | Path,
+    run: Piece | None = None,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    fps: float | None = None,
+    speed: float | None = None,
+    size: int | tuple[int, int] | None = None,
+    **shown: Any,
+) -> list[Path]:
+    """Write a film of a machine; gives back the files.
+
+    Parameters
+    ----------
+    file : .mp4, .gif, .svg to be numbered, or a folder for SVG frames
+    run : what it does, such as a solution; the scene's own run if not
+    start, end, fps, speed : as `mechanism_sim.report.animation.film` has them
+    size : longer side, or width and height [pixels]
+    shown : ``lens``, ``forces``, ``paths``, ``labels`` as `mechanism_sim.report.stage.Shown` has
+        them
+
+    Raises
+    ------
+    InputError
+        If the file or one of these is no good.
+    RunError
+        If the run fails, or ffmpeg.
+    """
+    target = Target(str(file))
+    record = Record(machine, run or simulate(machine), {})
+    film = animation.film(record, target, start, end, fps, speed)
+    return film.write(Shown(**shown), size)[0]

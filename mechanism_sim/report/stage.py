@@ -1,0 +1,277 @@
+"""A machine on a figure whose parts move from frame to frame."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from itertools import cycle as endless
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.record import Record
+from mechanism_sim.cycles.points import choose
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.export.skeleton import bounds, skeleton_of
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.mechanism import HigherPair, Revolute
+from mechanism_sim.report.brush import INK, Brush, Move
+from mechanism_sim.report.drawing import PATHS
+from mechanism_sim.report.labels import Labels
+from mechanism_sim.report.lens import ACCENT, EDGE, Lens
+from mechanism_sim.report.picture import Picture
+from mechanism_sim.sensing.joint_view import JointView
+
+Array = NDArray[np.float64]
+
+DENSITY = 100.0
+"""Pixels in an inch of print."""
+
+_BLOCK = 256  # frames placed at once
+_SWEEP = 721  # instants by which sizes are chosen
+_ARROW = 0.3  # length of the largest force, of the machine's size
+_HEAD, _FOOT = 34.0, 26.0  # [pixels] for the title, and for the clock
+_LETTER = 7.5  # [pixels] of the title
+_LENS = 170.0  # [pixels] at least
+_PART = 0.5, 0.3, 0.75  # of the drawing's height, of its width, of its height at most
+
+
+class Shown(NamedTuple):
+    """What is shown beside the machine.
+
+    Attributes
+    ----------
+    lens : joint under the lens; ``''`` the first that is loose, ``None`` no lens
+    forces : arrows at all joints
+    paths : points ``LINK.POINT`` whose paths are drawn
+    labels : which names are written, as `mechanism_sim.report.drawing.draw` has it
+    """
+
+    lens: str | None = ''
+    forces: bool = False
+    paths: Sequence[str] = ()
+    labels: str = 'none'
+
+
+class Stage:
+    """A machine at the instants of a film.
+
+    Parameters
+    ----------
+    t : (N,) [s] of the frames
+    pace : simulated seconds in a second of film
+    size : longer side of the figure, or its width and height [pixels]
+
+    Attributes
+    ----------
+    figure : Matplotlib's
+    size : its width and height [pixels], even numbers
+
+    Raises
+    ------
+    InputError
+        If there is no such point or loose joint, no forces are known, or the size is no good.
+    """
+
+    def __init__(
+        self, record: Record, t: Array, shown: Shown, pace: float, size: int | tuple[int, int]
+    ) -> None:
+        self._record, self._t, machine = record, t, record.machine
+        if shown.forces and not machine.physics.has_forces:
+            raise InputError(f'{machine.name}: the forces are not known, its level has none')
+        points, lens = choose(machine, shown.paths), _lens_joint(record, shown.lens)
+        self._span = t[0], min(2.0 * t[-1] - t[-2], record.end) if len(t) > 1 else t[0]
+        sweep = self._coordinates(np.linspace(*self._span, _SWEEP))
+        self._skeleton = skeleton_of(machine, sweep, points.values())
+        low, high = bounds(self._skeleton, self._skeleton.placed(sweep))
+        layout = _layout((high - low) / (high[1] - low[1]), size, bool(lens))
+        self.size = layout.size
+        self.figure = Picture((self.size[0] / DENSITY, self.size[1] / DENSITY), dpi=DENSITY)
+        axes = self.figure.add_axes(layout.machine, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_axis_off()
+        metre = layout.machine[3] * self.size[1] / (high[1] - low[1])  # [pixels]
+        brush = Brush(axes, self._skeleton.symbol, metre * 72.0 / DENSITY)
+        names = Labels(axes, brush, self._skeleton.symbol, low, high)
+        self._shows: list[Callable[[int], None]] = [self._clock()]
+        for (name, place), style in zip(points.items(), endless(PATHS)):
+            line = self._path(axes, place, style, name)
+            names.avoid(line)
+        self._moves = self._paint(brush)
+        if shown.labels != 'none':
+            self._moves += names.write(
+                self._skeleton.shapes, self._outlines(), shown.labels == 'all'
+            )
+        lines = textwrap.wrap(machine.scene.title, max(20, int(self.size[0] / _LETTER)))
+        self.figure.text(
+            0.5, 1.0 - 0.55 * _HEAD / self.size[1], '\n'.join(lines[:2]), ha='center',
+            va='center', fontsize=10.0 if len(lines) == 1 else 8.5,
+        )  # fmt: skip
+        if not (lens or shown.forces):
+            return
+        k, dt = record.piece.motion.curve.find(t)
+        observed = machine.physics.observe(record.piece.motion, k, dt)
+        modes = record.piece.motion.modes[k].T
+        if shown.forces:
+            self._shows.append(self._arrows(axes, observed, modes))
+        if lens:
+            glass = Lens(self.figure.add_axes(layout.lens), record, lens, t, observed, modes, pace)
+            times = glass.metre * layout.lens[2] * self.size[0] / (2.0 * EDGE) / metre
+            glass.title(f'{lens.replace("_", " ")}\n{times:.3g} times larger')
+            self._shows.append(glass.show)
+
+    def frames(self) -> Iterator[int]:
+        """Put everything to the instant of each frame, one after the other; gives its number."""
+        for first in range(0, len(self._t), _BLOCK):
+            placed = self._skeleton.placed(self._coordinates(self._t[first : first + _BLOCK]))
+            for i in range(first, min(first + _BLOCK, len(self._t))):
+                for k, move in self._moves:
+                    move(placed[k][:, :, i - first])
+                for show in self._shows:
+                    show(i)
+                yield i
+
+    def _coordinates(self, t: Array) -> Array:
+        return self._record.piece.motion.curve(t).T
+
+    def _outlines(self) -> list[Array]:
+        return [x[:, :, 0] for x in self._skeleton.placed(self._coordinates(self._t[:1]))]
+
+    def _paint(self, brush: Brush) -> list[tuple[int, Move]]:
+        """What moves each of the shapes that can be moved."""
+        painted = zip(self._skeleton.shapes, self._outlines(), strict=True)
+        moves = [brush.paint(shape, outline) for shape, outline in painted]
+        return [(i, move) for i, move in enumerate(moves) if move is not None]
+
+    def _path(self, axes: Any, place: Any, style: Any, name: str) -> Array:
+        """The whole path of a point, and a dot that runs on it."""
+        mechanism, (link, at) = self._record.machine.mechanism, place
+        fine = np.linspace(*self._span, max(_SWEEP, 4 * len(self._t)))
+        path = mechanism.locate_all(link, self._coordinates(fine), at)
+        axes.plot(*path, color='0.35', lw=0.9, ls=style, zorder=4.0, label=name)
+        (dot,) = axes.plot([], [], 'o', color=INK, ms=3.0, zorder=5.5)
+        now = mechanism.locate_all(link, self._coordinates(self._t), at)
+        self._shows.append(lambda i: dot.set_data(now[0, i : i + 1], now[1, i : i + 1]))
+        return np.asarray(path.T)
+
+    def _clock(self) -> Callable[[int], None]:
+        """The time, and where the drive is."""
+        record, (width, height) = self._record, self.size
+        text = self.figure.text(
+            12.0 / width, 0.5 * _FOOT / height, '', fontsize=9.0, va='center', color='0.3'
+        )
+        i = record.machine.physics.coordinates.index(record.machine.main)
+        drive, degrees = self._coordinates(self._t)[i], np.degrees(record.angle(self._t))
+
+        def show(i: int) -> None:
+            where = f'{1e3 * drive[i]:.1f} mm' if record.slides else f'{degrees[i]:.0f}°'
+            name = record.machine.main.replace('_', ' ')
+            text.set_text(f't = {self._t[i]:.4f} s    {name} {where}')
+
+        return show
+
+    def _arrows(
+        self, axes: Any, observed: Observation, modes: NDArray[np.uint8]
+    ) -> Callable[[int], None]:
+        """The force of the first-named on the second-named link of each joint, where it acts."""
+        machine = self._record.machine
+        feet, forces = [], []
+        for joint in machine.mechanism.joints:
+            view = JointView(machine.mechanism, joint, machine.physics, observed, modes)
+            foot, force = view.place(joint.second, joint.on_second), view.force
+            if isinstance(joint, HigherPair):  # it presses at a point
+                square = (force**2).sum(axis=0)
+                lever = np.divide(view.moment, square, out=np.zeros_like(square), where=square > 0)
+                foot = foot + lever * np.array([force[1], -force[0]])
+            feet.append(foot)
+            forces.append(force)
+        at, force = np.array(feet), np.array(forces)  # (j, 2, N)
+        size = np.hypot(*force.swapaxes(0, 1))
+        largest = float(np.nanmax(size, initial=0.0)) or 1.0
+        shown = np.where(size > 1e-3 * largest, size, np.nan)
+        arrows = force / shown[:, None] * (_ARROW * self._skeleton.size / largest) * size[:, None]
+        symbol = self._skeleton.symbol
+        quiver = axes.quiver(
+            *at[:, :, 0].T, *np.zeros((2, len(at))), color=ACCENT, angles='xy', scale_units='xy',
+            scale=1.0, units='xy', width=0.45 * symbol, zorder=8, minlength=0.0,
+        )  # fmt: skip
+        self.figure.text(
+            1.0 - 12.0 / self.size[0], 0.5 * _FOOT / self.size[1],
+            f'longest arrow {largest:.3g} N', fontsize=9.0, va='center', ha='right', color=ACCENT,
+        )  # fmt: skip
+
+        def show(i: int) -> None:
+            quiver.set_offsets(at[:, :, i])
+            quiver.set_UVC(*np.ma.masked_invalid(arrows[:, :, i].T))
+
+        return show
+
+
+def _lens_joint(record: Record, wanted: str | None) -> str:
+    """The joint under the lens; none if empty.
+
+    Raises
+    ------
+    InputError
+        If it is no pin loose in a bushing.
+    """
+    if wanted is None:
+        return ''
+    machine = record.machine
+    known = [
+        joint.name
+        for joint in machine.mechanism.joints
+        if isinstance(joint, Revolute) and joint.name in machine.clearances
+    ]
+    if wanted and wanted not in known:
+        raise InputError(
+            f"'{wanted}' is no joint with a pin loose in a bushing{nearest(wanted, known)}; such "
+            f'joints of {machine.name}: {", ".join(known) or "none"}'
+        )
+    return wanted or (known[0] if known else '')
+
+
+class _Layout(NamedTuple):
+    """Places of axes as parts of a figure: left, bottom, width, height."""
+
+    size: tuple[int, int]  #: of the figure [pixels]
+    machine: tuple[float, float, float, float]
+    lens: tuple[float, float, float, float]
+
+
+def _layout(shape: Array, size: int | tuple[int, int], lens: bool) -> _Layout:
+    """The machine with its lens to the right, the title above, the clock below.
+
+    Parameters
+    ----------
+    shape : width and height of the drawing of the machine, in heights
+
+    Raises
+    ------
+    InputError
+        If that is too small.
+    """
+    wide, high = (size, size) if isinstance(size, int) else size
+    if not 200 <= max(wide, high) <= 4096 or min(wide, high) < 120:
+        raise InputError(f'a film of {wide} by {high} pixels: choose from 200 to 4096')
+    aspect, part = float(shape[0]), 0.0
+    if lens:
+        part = min(max(_PART[0], _PART[1] * aspect), _PART[2])
+    rest = high - _HEAD - _FOOT
+    height = min(rest, wide / (aspect + part))
+    beside = max(part * height, _LENS if lens else 0.0)
+    height = min(height, (wide - beside) / aspect)
+    if isinstance(size, int):
+        wide, high = math.ceil(aspect * height + beside), math.ceil(height + _HEAD + _FOOT)
+    wide, high = wide + wide % 2, high + high % 2
+    left = 0.5 * (wide - aspect * height - beside)
+    bottom = _FOOT + 0.5 * (high - _HEAD - _FOOT - height)
+    side = min(beside, height)
+    up = bottom + 0.5 * (height - side)
+    return _Layout(
+        (wide, high),
+        (left / wide, bottom / high, aspect * height / wide, height / high),
+        ((left + aspect * height + 0.5 * (beside - side)) / wide, up / high, side / wide,
+         side / high),
+    )  # fmt: skip

@@ -1,0 +1,179 @@
+"""Files that moving pictures are written to: MP4 by ffmpeg, GIF by Pillow, numbered SVG."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from subprocess import CalledProcessError
+from typing import Any, cast
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.report import figures
+from mechanism_sim.report.lens import ACCENT
+from mechanism_sim.report.stage import DENSITY
+
+_USUAL = {'.mp4': (30.0, 960), '.gif': (20.0, 560), '': (25.0, 960)}
+"""Frames a second and longer side [pixels] unless told."""
+
+_SHADES = 32  # of grey, and of the accent lighter and darker
+
+Grab = Callable[[], None]
+
+# the same frames are the same file; the index goes first, so that browsers begin at once
+_EXACT = ['-crf', '18', '-fflags', '+bitexact', '-flags:v', '+bitexact', '-movflags', '+faststart']
+
+
+class Target:
+    """Where a moving picture goes, checked before anything is computed.
+
+    Parameters
+    ----------
+    name : of an .mp4 or .gif file; of an .svg, to be numbered; or of a folder for SVG frames
+
+    Attributes
+    ----------
+    kind : ``.mp4``, ``.gif``, or empty for SVG frames
+    files : those written so far
+    usual_rate, usual_size : frames a second and longer side [pixels], unless told
+
+    Raises
+    ------
+    InputError
+        If it has another ending, its folder is missing, or there is no ffmpeg for MP4.
+    """
+
+    def __init__(self, name: str, option: str = '--output') -> None:
+        path = Path(name)
+        folder = name.endswith('/') or path.is_dir() or not path.suffix
+        if not folder and path.suffix not in ('.mp4', '.gif', '.svg'):
+            raise InputError(
+                f'{option} {name}: the ending must be .mp4, .gif or .svg, or none for a folder of '
+                'SVG frames'
+            )
+        if not path.resolve().parent.is_dir():
+            raise InputError(f"{option} {name}: there is no directory '{path.parent}'")
+        self.path, self.kind = path, '' if folder or path.suffix == '.svg' else path.suffix
+        self.usual_rate, self.usual_size = _USUAL[self.kind]
+        self.files: list[Path] = []
+        self._stem = path / 'frame' if folder else path.with_suffix('')
+        if self.kind == '.mp4':
+            mpl.rcParams['animation.ffmpeg_path'] = _ffmpeg()
+
+    def check_rate(self, fps: float) -> None:
+        """Refuse a number of frames a second that the file cannot hold.
+
+        Raises
+        ------
+        InputError
+        """
+        hundredths = 100.0 / fps
+        if self.kind == '.gif' and abs(hundredths - max(1, round(hundredths))) > 1e-6:
+            near = 100.0 / max(2, round(hundredths))
+            raise InputError(
+                f'a GIF shows each frame for whole hundredths of a second: {fps:g} frames a '
+                f'second cannot be, {near:.6g} can'
+            )
+
+    @contextmanager
+    def writing(self, figure: Any, fps: float, count: int) -> Iterator[Grab]:
+        """Gives what adds the figure as it is now as the next of so many frames.
+
+        Raises
+        ------
+        InputError
+            If nothing can be written there.
+        RunError
+            If ffmpeg fails.
+        """
+        try:
+            if self.kind:
+                with self._film(figure, fps) as grab:
+                    yield grab
+            else:
+                self._stem.parent.mkdir(exist_ok=True)
+                yield self._numbered(figure, len(str(count)))
+        except OSError as error:
+            raise InputError(f"'{self.path}' cannot be written: {error.strerror}") from error
+        except CalledProcessError as error:
+            raise RunError(f"ffmpeg failed to write '{self.path}'") from error
+
+    @contextmanager
+    def _film(self, figure: Any, fps: float) -> Iterator[Grab]:
+        """The file gets its name when it is complete."""
+        movie, rate = self.kind == '.mp4', cast('int', fps)  # so its stubs; any number will do
+        writer = FFMpegWriter(rate, 'h264', extra_args=_EXACT) if movie else _GifWriter(rate)
+        part = self.path.with_name(f'.{self.path.stem}.part{self.kind}')
+        try:
+            with writer.saving(figure, str(part), DENSITY):
+                yield writer.grab_frame
+            part.replace(self.path)
+        finally:
+            part.unlink(missing_ok=True)
+        self.files.append(self.path)
+
+    def _numbered(self, figure: Any, digits: int) -> Grab:
+        def grab() -> None:
+            number = f'{len(self.files):0{max(4, digits)}d}'
+            file = self._stem.with_name(f'{self._stem.name}_{number}.svg')
+            figures.save(figure, file)
+            self.files.append(file)
+
+        return grab
+
+
+class _GifWriter(AbstractMovieWriter):
+    """All frames in the colours of our pictures: greys, and the accent.
+
+    Matplotlib's own chooses other colours for each frame and dithers, which is ten times as large.
+    """
+
+    def setup(self, fig: Any, outfile: Any, dpi: float | None = None) -> None:
+        super().setup(fig, outfile, dpi)
+        self._frames: list[Image.Image] = []
+        self._colours = Image.new('P', (1, 1))
+        self._colours.putpalette(_palette())
+
+    def grab_frame(self, **_: Any) -> None:
+        buffer = BytesIO()
+        self.fig.savefig(buffer, format='rgba', dpi=self.dpi)
+        shown = Image.frombytes('RGBA', self.frame_size, buffer.getvalue()).convert('RGB')
+        self._frames.append(shown.quantize(palette=self._colours, dither=Image.Dither.NONE))
+
+    def finish(self) -> None:
+        first, *others = self._frames
+        first.save(
+            self.outfile, save_all=True, append_images=others, loop=0,
+            duration=round(1000.0 / self.fps),
+        )  # fmt: skip
+
+
+def _palette() -> list[int]:
+    """Red, green and blue of each colour, 0 to 255."""
+    shares, accent = np.linspace(0.0, 1.0, _SHADES)[:, None], np.array(to_rgb(ACCENT))
+    # none so near to white that white would be taken for it
+    mixed = [shares * np.ones(3), accent + shares[:-4] * (1.0 - accent), shares[8:] * accent]
+    return [int(x) for x in np.rint(255.0 * np.concatenate(mixed)).ravel()]
+
+
+def _ffmpeg() -> str:
+    """The program ffmpeg of this machine, or that of the extra ``video``."""
+    if found := shutil.which('ffmpeg'):
+        return found
+    try:
+        import imageio_ffmpeg  # noqa: PLC0415
+
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except (ModuleNotFoundError, RuntimeError) as error:
+        raise InputError(
+            'MP4 needs the program ffmpeg: install it, or pip install '
+            "'mechanism_sim[video]'; .gif and SVG frames need nothing more"
+        ) from error

@@ -1,0 +1,266 @@
+"""A scene written out for people: every key with its meaning, its unit and its default."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import yaml
+
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.scene.facts import Facts, facts_of
+from mechanism_sim.scene.files import Scene
+from mechanism_sim.scene.linkage import LinkageJoint, LinkageLink
+from mechanism_sim.scene.linkage_joints import keys_of
+from mechanism_sim.scene.quantities import Part, meanings
+from mechanism_sim.units import Measure, to_si
+
+WIDTH, COLUMN = 99, 40
+"""Of the file, and where comments begin."""
+
+UNBROKEN = '\N{NO-BREAK SPACE}'
+
+HEAD = """\
+# A key behind a # shows what holds without it; take the # away to change it. Where nothing stands
+# behind a key there is none, or its own keys follow; of these the needed ones must be filled in.
+# Quantities are in the units you like, as 64 mm or 2.5 inch; without a unit in that in brackets.
+"""
+
+
+class Line(NamedTuple):
+    """A line of YAML, and what is to be said of it."""
+
+    text: str
+    note: str = ''
+
+
+def commented(data: Mapping[str, Any], scene: Scene) -> str:
+    """A scene with comments, as text of a YAML file.
+
+    Every key is explained where it comes first; keys that are not given stand behind a ``#`` with
+    what holds without them, so that to uncomment them changes nothing.
+
+    Parameters
+    ----------
+    data : keys and values as a file gives them
+    scene : the same, checked
+    """
+    lines = _Writer(_parts_in(scene)).part(type(scene), data, scene)
+    return HEAD + '\n' + '\n'.join(row for line in lines for row in _rows(line)) + '\n'
+
+
+@dataclass
+class _Writer:
+    given: set[type[Part]]
+    """Parts that are in the file, so that there is a better place to explain them."""
+    told: set[tuple[type[Part], str]] = field(default_factory=set)
+
+    def part(self, kind: type[Part], data: Mapping[str, Any], value: Part) -> Iterator[Line]:
+        """All keys of a part that is in the file."""
+        for key in _keys(kind, value):
+            about = kind.model_fields[key]
+            name, facts = about.alias or key, facts_of(about)
+            new = (kind, key) not in self.told
+            note = _note(meanings(kind)[name], facts) if new else ''
+            self.told.add((kind, key))
+            if data.get(name) is not None:
+                yield from self.present(name, data[name], getattr(value, key), facts, note)
+            elif new:
+                yield from self.absent(name, getattr(value, key), facts, note)
+
+    def present(self, name: str, data: Any, value: Any, facts: Facts, note: str) -> Iterator[Line]:
+        """A key that is in the file."""
+        inner: list[Line]
+        if facts.part is None or not data:
+            yield from _entry(name, data, note)
+            return
+        if facts.many == 'dict':
+            inner = [
+                line for key, item in data.items() for line in self.named(key, item, value[key])
+            ]
+        elif facts.many == 'list':
+            inner = [
+                line
+                for item, found in zip(data, value, strict=True)
+                for line in self.item(item, facts.part, found)
+            ]
+        else:
+            yield from self.named(name, data, value, note)
+            return
+        yield Line(f'{name}:', note)
+        yield from _indented(inner)
+
+    def named(self, name: str, data: Any, value: Part, note: str = '') -> Iterator[Line]:
+        """A part with its name; in one line where nothing has to be said of it."""
+        data = data or {}
+        frame = name == GROUND and isinstance(value, LinkageLink)  # most keys are for what moves
+        inner = (
+            [line for key, item in data.items() for line in _entry(key, item, '')]
+            if frame
+            else list(self.part(type(value), data, value))
+        )
+        short = f'{name}: {_flow(data)}'
+        if not any(line.note for line in inner) and len(short) < WIDTH - 8:
+            yield Line(short, note)
+        else:
+            yield Line(f'{name}:', note)
+            yield from _indented(inner)
+
+    def item(self, data: Any, kind: type[Part], value: Part) -> Iterator[Line]:
+        """A part in a list."""
+        inner = list(self.part(kind, data, value))
+        if not any(line.note for line in inner):
+            inner = [Line(_flow(data))]
+        first, *rest = inner
+        yield Line(f'- {first.text}', first.note)
+        yield from _indented(rest)
+
+    def absent(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Line]:
+        """A key that is not in the file, behind a ``#``."""
+        for line in self.example(name, value, facts, note):
+            yield Line(f'# {line.text}', line.note)
+
+    def example(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Line]:
+        """A key that could be in the file, and what holds without it."""
+        if facts.part is None:
+            yield from _entry(name, _default(value, facts), note)
+            return
+        if isinstance(value, Part) and value != facts.part():  # what an instrument stands for
+            yield from _entry(name, _plain(value), note)
+            return
+        yield Line(f'{name}:', note)
+        if facts.part in self.given:
+            return
+        inner = self.keys(facts.part, value if isinstance(value, Part) else None)
+        if facts.many == 'dict':
+            inner = iter([Line('NAME:'), *_indented(inner)])
+        elif facts.many == 'list':
+            inner = (
+                Line(('  ' if i else '- ') + line.text, line.note) for i, line in enumerate(inner)
+            )
+        yield from _indented(inner)
+
+    def keys(self, kind: type[Part], value: Part | None) -> Iterator[Line]:
+        """All keys of a part that could be in the file, where they come first."""
+        for key, about in kind.model_fields.items():
+            if (kind, key) in self.told:
+                continue
+            self.told.add((kind, key))
+            facts = facts_of(about)
+            found = about.get_default(call_default_factory=True) if value is None else None
+            if value is not None:
+                found = getattr(value, key)
+            elif about.is_required():
+                found = None
+            name = about.alias or key
+            note = _note(meanings(kind)[name], facts, about.is_required())
+            yield from self.example(name, found, facts, note)
+
+
+def _keys(kind: type[Part], value: Part) -> Iterable[str]:
+    """The keys that have a meaning here: what a part adds to its bases first, but titles."""
+    if isinstance(value, LinkageJoint):
+        return keys_of(value)
+    own = [key for key in kind.__annotations__ if key in kind.model_fields]
+    order = [key for key in ('title', 'description') if key in kind.model_fields]
+    return dict.fromkeys([*order, *own, *kind.model_fields])
+
+
+def _parts_in(value: Any) -> set[type[Part]]:
+    """The kinds of parts that somebody gave."""
+    if isinstance(value, Part):
+        inner = [getattr(value, key) for key in value.model_fields_set]
+        return {type(value)}.union(*map(_parts_in, inner))
+    if isinstance(value, dict):
+        value = tuple(value.values())
+    return set().union(*map(_parts_in, value)) if isinstance(value, tuple | list) else set()
+
+
+def _note(meaning: str, facts: Facts, needed: bool = False) -> str:
+    """A meaning, its unit or choices in brackets, and whether the key must be there."""
+    about = '; '.join(filter(None, [facts.render(), 'needed' if needed else '']))
+    if len(about) < WIDTH - COLUMN - 4:
+        about = about.replace(' ', UNBROKEN)
+    return f'{meaning.rstrip(".")} [{about}]' if about else meaning.rstrip('.')
+
+
+def _entry(name: str, data: Any, note: str) -> Iterator[Line]:
+    """A key and a plain value; a long text in several lines."""
+    if isinstance(data, str) and data.endswith('\n') and ' '.join(data.split()) == data[:-1]:
+        yield Line(f'{name}: >', note)
+        yield from _indented(Line(row) for row in textwrap.wrap(data, WIDTH - 3))
+        return
+    text = f'{name}: {_flow(data)}'.rstrip()
+    if len(text) < WIDTH or not isinstance(data, list | dict):
+        yield Line(text, note)
+        return
+    yield Line(f'{name}:', note)
+    rows = data.items() if isinstance(data, dict) else data
+    yield from _indented(
+        Line(f'{row[0]}: {_flow(row[1])}' if isinstance(data, dict) else f'- {_flow(row)}')
+        for row in rows
+    )
+
+
+def _default(value: Any, facts: Facts) -> Any:
+    """What to write for a default: a quantity with its unit where there is one."""
+    if isinstance(value, Measure):
+        return _quantity(value.value, value.unit)
+    if isinstance(value, float) and len(facts.quantities) == 1:
+        (unit,) = facts.quantities[0].units[:1]
+        return _quantity(value, unit if len(facts.quantities[0].units) == 1 else '')
+    if isinstance(value, tuple | list):
+        return [_default(item, facts) for item in value]
+    return _quantity(value, '') if isinstance(value, float) else value
+
+
+def _plain(value: Part) -> dict[str, Any]:
+    """A part as a file would give it."""
+    found = {key: getattr(value, key) for key in type(value).model_fields}
+    return {
+        key: _default(item, facts_of(type(value).model_fields[key]))
+        for key, item in found.items()
+        if item is not None
+    }
+
+
+def _quantity(value: float, unit: str) -> Any:
+    """A number with its unit, in degrees if that is the same number."""
+    degrees = f'{math.degrees(value):g} deg'
+    if unit == 'rad' and value and to_si(degrees, 'rad') == value:
+        return degrees
+    short = f'{value:g}' if float(f'{value:g}') == value else repr(value)
+    if unit:
+        return f'{short} {unit}'
+    return int(short) if short.lstrip('-').isdecimal() else value
+
+
+def _flow(data: Any) -> str:
+    """A value in one line of YAML."""
+    if data is None:
+        return ''
+    text = yaml.safe_dump(
+        data, default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True
+    )
+    return text.removesuffix('...\n').strip()
+
+
+def _indented(lines: Iterable[Line]) -> Iterator[Line]:
+    return (Line(f'  {line.text}', line.note) for line in lines)
+
+
+def _rows(line: Line) -> Iterator[str]:
+    """A line, and its note beside it or, where there is no room, below."""
+    if not line.note:
+        yield line.text
+        return
+    rows = textwrap.wrap(line.note, WIDTH - COLUMN - 2)
+    notes = [f'# {row.replace(UNBROKEN, " ")}' for row in rows]
+    if len(line.text) + 2 > COLUMN:
+        yield line.text
+    else:
+        yield f'{line.text:{COLUMN}}{notes.pop(0)}'
+    yield from (' ' * COLUMN + note for note in notes)

@@ -1,0 +1,63 @@
+"""A scene of one's own, begun from one that exists."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.commented import commented
+from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
+from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import FourBarScene
+
+TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
+"""The scenes that show the two forms of scenes, by the names of the forms."""
+
+SCHEMA = 'mechanism_sim.schema.json'
+"""What editors read, if it lies beside the scene."""
+
+
+def json_schema() -> dict[str, Any]:
+    """What scenes may say, as editors read it."""
+    either = Annotated[FourBarScene | LinkageScene, Field(discriminator='mechanism')]
+    schema: dict[str, Any] = TypeAdapter[Any](either).json_schema()
+    return {'$schema': 'https://json-schema.org/draft/2020-12/schema', **schema}
+
+
+def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Path:
+    """Write a commented scene, and say where.
+
+    Parameters
+    ----------
+    name : of the scene; its file is ``NAME.yaml``, in a folder that exists
+    source : a scene of the package or a path
+    overrides : values by dotted path, or texts ``path=value``
+
+    Raises
+    ------
+    InputError
+        If the file exists or cannot be written, or the scene cannot be read or built.
+    """
+    file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
+    if file.stem.startswith('.') or not Path(name).name or name.endswith('/'):
+        raise InputError(f"'{name}' is no name for a scene: write for example my_machine")
+    if file.exists():
+        raise InputError(f"'{file}' exists already; choose another name")
+    path = find_scene(source)
+    data = overridden(path.name, read_yaml(path, 'scene'), overrides)
+    scene = check_scene(path.name, data)
+    build(path.stem, scene)
+    text = commented(data, scene)
+    if (file.parent / SCHEMA).is_file():
+        text = f'# yaml-language-server: $schema={SCHEMA}\n{text}'
+    try:
+        with file.open('x', encoding='utf-8') as out:
+            out.write(text)
+    except OSError as error:
+        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    return file

@@ -1,0 +1,89 @@
+"""What README and docs say can be typed is run; what it prints is compared with what they show."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from blocks import ROOT, Block, blocks, commands, compare, pages, run, words, workplace
+
+from mechanism_sim.cli.entry import make_parser
+
+PAGES = {page: blocks(page) for page in pages()}
+ELSEWHERE = {'docs/tutorial.md'}  # test_tutorial.py follows it word by word
+NOT_RUN = [block for found in PAGES.values() for block in found if block.mark == 'not run']
+
+
+@pytest.mark.parametrize(
+    'page', [p for p, found in PAGES.items() if set(found) - set(NOT_RUN) and p not in ELSEWHERE]
+)
+def test_what_a_page_says_can_be_run(page, tmp_path, monkeypatch):
+    for name, value in workplace(tmp_path).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.chdir(tmp_path)
+    names = {'__name__': 'page'}
+    for block in PAGES[page]:
+        if block.mark != 'not run':
+            run(block, names)
+
+
+def test_few_blocks_are_not_run():
+    reasons = {block.place: block.reason for block in NOT_RUN}
+    for place, reason in reasons.items():
+        print(f'{place}: {reason}')
+    assert len(reasons) <= 20
+
+
+@pytest.mark.parametrize('block', NOT_RUN, ids=lambda block: block.place)
+def test_commands_that_are_not_run_are_understood(block: Block):
+    for line, _ in commands(block):
+        for command in re.split(r'&&|[;&|]', line):
+            if command.strip().startswith('mechanism-sim'):
+                make_parser().parse_known_args(words(command))
+
+
+def test_make_has_the_targets_that_pages_name():
+    targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text('utf-8'), re.MULTILINE)
+    named = re.findall(r'^make (\w+)', (ROOT / 'README.md').read_text('utf-8'), re.MULTILINE)
+    assert {'run', 'test', 'docs'} <= set(named) <= set(targets)
+
+
+# --- how output is compared -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ('shown', 'printed'),
+    [
+        ('a 1.25 m\n', 'a  1.25 m\n'),
+        ('a 1.25 m\n', 'a 1.26 m\n'),
+        ('a 1.25 m\n', 'a 1.2512 m\n'),
+        ('a 2e-13 m\n', 'a 1e-13 m\n'),
+        ('...\nlast 5\n', 'first\nsecond\nlast 5\n'),
+        ('first\n...\n', 'first\nsecond\nlast 5\n'),
+        ('first\n...\nlast 5\n', 'first\nlast 5\n'),
+    ],
+)
+def test_output_that_is_the_same(shown, printed):
+    compare(shown, printed, False, 'here')
+
+
+@pytest.mark.parametrize(
+    ('shown', 'printed'),
+    [
+        ('a 1.25 m\n', 'a 1.28 m\n'),
+        ('a 1.25 m\n', 'a 1.25 mm\n'),
+        ('5 impacts\n', '6 impacts\n'),
+        ('first\n', 'first\nsecond\n'),
+        ('...\nlast\n', 'last\nfirst\n'),
+        ('first\n...\nthird\n', 'second\nthird\n'),
+    ],
+)
+def test_output_that_is_not(shown, printed):
+    with pytest.raises(AssertionError, match='does not print'):
+        compare(shown, printed, False, 'here')
+
+
+def test_words_are_compared_where_numbers_vary():
+    compare('5 impacts at -1.5 s\n', '17 impacts at 3 s\n', True, 'here')
+    with pytest.raises(AssertionError):
+        compare('5 impacts\n', '5 flights\n', True, 'here')

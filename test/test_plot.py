@@ -1,0 +1,307 @@
+"""Plots of recorded and simulated runs: their lines against what others read and compute."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from mcap_ros2.writer import Writer
+from PIL import Image
+from running import run, run_json
+
+import mechanism_sim as ms
+from mechanism_sim.analysis.asked import Asked
+from mechanism_sim.analysis.message_paths import parse
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.messages import own_messages
+from mechanism_sim.messages.definitions import field_descriptions
+from mechanism_sim.messages.units import units, units_of
+from mechanism_sim.recording import read_bag
+from mechanism_sim.report import lines
+
+JOINT = 'coupler_rocker'
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    file = tmp_path_factory.mktemp('plot') / 'run.mcap'
+    done = run('run', 'four_bar_clearance', '--revolutions', '2', '--record', str(file))
+    assert done.returncode == 0, done.stderr
+    return file
+
+
+@pytest.fixture(scope='module')
+def solution():
+    return ms.simulate(ms.load_scene('four_bar_clearance'), revolutions=2)
+
+
+def foreign(bag, topic):
+    """All messages of a topic, by a reader that is not ours."""
+    with bag.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return [message for *_, message in reader.iter_decoded_messages([topic])]
+
+
+def drawn(bag, *names, **span):
+    """The lines (label, x, y) of a plot of a bag, and the labels of its axes."""
+    figure = lines.draw(Asked(read_bag(bag)).series(names, **span), 'title')
+    found = [(x.get_label(), *x.get_data()) for axes in figure.axes for x in axes.lines]
+    return found, [axes.get_ylabel() for axes in figure.axes]
+
+
+def test_lines_are_the_messages_that_others_read(bag):
+    (gap, force), words = drawn(bag, 'linkage_state.gaps[0]', '/linkage_state.normal_forces')
+    states = foreign(bag, '/linkage_state')
+    assert len(states) > 10
+    for line in (gap, force):
+        np.testing.assert_array_equal(line[1], [m.time for m in states])
+    np.testing.assert_allclose(gap[2], [1e3 * m.gaps[0] for m in states], rtol=1e-15)
+    np.testing.assert_array_equal(force[2], [m.normal_forces[0] for m in states])
+    assert words == ['gaps [mm]', 'normal forces [N]']
+
+
+def test_filters_choose_messages_and_items_of_arrays(bag):
+    (hard, place), words = drawn(
+        bag, 'impacts{normal_impulse>1e-3}.normal_impulse',
+        'tf.transforms{child_frame_id==coupler}.transform.translation.x',
+    )  # fmt: skip
+    impacts = [m for m in foreign(bag, '/impacts') if m.normal_impulse > 1e-3]
+    assert 0 < len(impacts) < len(foreign(bag, '/impacts'))
+    np.testing.assert_array_equal(hard[1], [m.time for m in impacts])
+    np.testing.assert_array_equal(hard[2], [m.normal_impulse for m in impacts])
+    frames = [
+        (m.transforms[0].header.stamp, t.transform.translation.x)
+        for m in foreign(bag, '/tf')
+        for t in m.transforms
+        if t.child_frame_id == 'coupler'
+    ]
+    np.testing.assert_allclose(place[2], [1e3 * x for _, x in frames], rtol=1e-15)
+    np.testing.assert_allclose(place[1], [s.sec + 1e-9 * s.nanosec for s, _ in frames], atol=1e-9)
+    assert words == ['normal impulse [N s]', 'x [mm]']
+
+
+def test_blocks_of_samples_are_spread_over_time(bag):
+    ((_, t, y),), words = drawn(bag, 'accelerometer/rocker_accelerometer.acceleration')
+    blocks = foreign(bag, '/accelerometer/rocker_accelerometer')
+    np.testing.assert_array_equal(y, np.concatenate([m.acceleration for m in blocks]))
+    due = [m.time + k / m.sample_rate for m in blocks for k in range(len(m.acceleration))]
+    np.testing.assert_allclose(t, due, rtol=1e-15)
+    assert words == ['acceleration [m/s²]']
+    ((_, again, same),), _ = drawn(bag, 'rocker_accelerometer')
+    np.testing.assert_allclose(again, t, rtol=1e-12)
+    np.testing.assert_array_equal(same, y)
+
+
+def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
+    """Of the polynomials, on both sides of impacts; one unit, one axes."""
+    found, words = drawn(bag, 'velocity.rocker', f'normal_force.{JOINT}', 'reaction', start=0.1)
+    assert len(found) == 2 + 8
+    assert words == ['velocity [rad/s]', '[N]']
+    for name, (_, t, y) in zip(('velocity.rocker', f'normal_force.{JOINT}'), found, strict=False):
+        np.testing.assert_array_equal(y, solution.sample(t)[name])
+        assert t[0] == 0.1
+        assert t[-1] == solution.duration
+    hits = [i.t for i in solution.impacts if i.t > 0.1]
+    assert np.isin(hits, found[0][1]).all()
+
+
+def test_numbers_go_to_a_file(bag, tmp_path):
+    csv, picture = tmp_path / 'numbers.csv', tmp_path / 'picture.png'
+    said = run_json(
+        'plot', str(bag), '-o', str(csv), 'impacts.time', 'linkage_state.drive_work', '--output',
+        str(picture), '--to', '0.3',
+    )  # fmt: skip
+    assert said['files'] == [str(csv), str(picture)]
+    assert [s['unit'] for s in said['series']] == ['s', 'J']
+    table = np.genfromtxt(csv, delimiter=',', names=True, deletechars='', replace_space=' ')
+    impacts = [m.time for m in foreign(bag, '/impacts') if m.time <= 0.3]
+    states = [(m.time, m.drive_work) for m in foreign(bag, '/linkage_state') if m.time <= 0.3]
+    got = table['/impacts.time']
+    np.testing.assert_array_equal(got[np.isfinite(got)], impacts)
+    got = table['/linkage_state.drive_work']
+    rows = np.isfinite(got)
+    np.testing.assert_array_equal(np.stack([table['t'][rows], got[rows]], axis=1), states)
+    assert np.all(np.diff(table['t']) >= 0.0)
+    assert picture.read_bytes().startswith(b'\x89PNG')
+
+
+def test_over_the_angle_of_the_drive(bag, tmp_path):
+    """Messages over the angle the crank then has, which turns at a constant speed."""
+    asked = Asked(read_bag(bag))
+    figure = lines.draw(
+        asked.series(['linkage_state.kinetic_energy']), '', lines.over_angle_of(asked.record)
+    )
+    x, y = figure.axes[0].lines[0].get_data()
+    states, machine = foreign(bag, '/linkage_state'), ms.load_scene('four_bar_clearance')
+    angle, speed = machine.start_of_crank
+    true = np.degrees(np.array([angle + speed * m.time for m in states])) % 360.0
+    kept = np.isfinite(y)  # nan where a new turn begins
+    apart = (x[kept] - true + 180.0) % 360.0 - 180.0
+    assert np.abs(apart).max() < 1e-6
+    assert (~kept).sum() in (1, 2)
+    assert figure.axes[0].get_xlabel() == 'angle of the crank [deg]'
+    file = tmp_path / 'angle.svg'
+    done = run('plot', str(bag), '--against', 'angle', 'drive_torque', '-o', str(file))
+    assert done.stdout.strip() == str(file)
+
+
+def test_bags_of_others_count_from_their_start(tmp_path):
+    """An inertial unit on the clock of the wall, written by another program."""
+    file = tmp_path / 'foreign.mcap'
+    start = 1_700_000_000
+    vector = 'float64 x\nfloat64 y\nfloat64 z\n'
+    text = f'std_msgs/Header header\ngeometry_msgs/Vector3 vector\n{"=" * 80}\n'
+    text += f'MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{"=" * 80}\n'
+    text += f'MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n{"=" * 80}\n'
+    text += f'MSG: geometry_msgs/Vector3\n{vector}'
+    with file.open('wb') as stream, Writer(stream) as writer:
+        schema = writer.register_msgdef('geometry_msgs/msg/Vector3Stamped', text)
+        for k in range(5):
+            stamp = {'sec': start + 1, 'nanosec': 100_000_000 * k}
+            message = {'header': {'stamp': stamp}, 'vector': {'x': 0.5 * k, 'y': 0.0, 'z': 0.0}}
+            writer.write_message('/wind', schema, message, log_time=(start + k) * 10**9)
+    ((_, t, y),), words = drawn(file, 'wind.vector.x')
+    np.testing.assert_allclose(t, 1.0 + 0.1 * np.arange(5), atol=1e-6)
+    np.testing.assert_array_equal(y, 0.5 * np.arange(5))
+    assert words == ['x']
+    assert {'name': '/wind.vector.x', 'unit': ''} in run_json('plot', str(file))
+    done = run('plot', str(file), 'gap')
+    assert done.returncode == 2
+    assert 'does not hold its scene' in done.stderr
+
+
+def test_units_come_from_the_definitions():
+    assert units('mechanism_sim/msg/LinkageState')['gaps'] == ('m',)
+    assert units('mechanism_sim/msg/LinkageState')['position'] == ('rad', 'm')
+    assert units_of('tf2_msgs/msg/TFMessage', ['transforms', 'transform', 'translation', 'x'])
+    assert units_of('sensor_msgs/msg/Imu', ['linear_acceleration', 'y']) == ('m/s^2',)
+    counts = {
+        'overloads', 'triggered', 'mode', 'previous_mode', 'modes', 'engaged', 'index', 'run',
+        'ends_chatter', 'segments', 'degree', 'turns', 'kind', 'law_id', 'final', 'again',
+        'finished', 'counts', 'value', 'coefficients', 'torque_laws',
+    }  # fmt: skip
+    for name in own_messages():
+        kind = f'mechanism_sim/msg/{name}'
+        for field, described in field_descriptions(kind):
+            text = 'string' in repr(described) or field == 'header'
+            assert text or field in counts or units(kind)[field], f'{kind}.{field}'
+
+
+@pytest.mark.parametrize(
+    ('path', 'values'),
+    [
+        ('t.position', [1.0, 2.0, 3.0]),
+        ('t.position[1]', [2.0]),
+        ('t.position[-1]', [3.0]),
+        ('t.position[:]', [1.0, 2.0, 3.0]),
+        ('t.position[0:1]', [1.0, 2.0]),  # both ends, as Foxglove has it
+        ('t.position[-2:]', [2.0, 3.0]),
+        ('t.position[b]', [2.0]),
+        ("t{header.frame_id=='f'}.position[0]", [1.0]),
+        ('t{header.frame_id!="f"}.position[0]', []),
+        ('t{header.frame_id==f}{header.stamp.sec>=2}.position[0]', [1.0]),
+        ('t{header.stamp.sec>2}.position[0]', []),
+    ],
+)
+def test_paths_mean_what_foxglove_means(path, values):
+    message = ms.messages.JointState(name=['a', 'b', 'c'], position=[1.0, 2.0, 3.0])
+    message.header.frame_id, message.header.stamp.sec = 'f', 2
+    assert [value for value, _ in parse(path).values(message)] == values
+
+
+@pytest.mark.parametrize('text', ['t.', 't.x[', 't.x[1', 't{a}', 't{a=1}.x', '.x', '', 't.x y'])
+def test_what_is_no_path_is_none(text):
+    assert parse(text) is None
+
+
+def test_an_overview_of_a_solution(solution):
+    figure = solution.plot()
+    words = [axes.get_ylabel() for axes in figure.axes]
+    assert words == ['position [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N m]', '']
+    gap = figure.axes[1].lines[0]
+    np.testing.assert_array_equal(
+        gap.get_ydata(), 1e3 * solution.sample(gap.get_xdata())[f'gap.{JOINT}']
+    )
+    crank = figure.axes[0].lines[0].get_ydata()
+    assert 0.0 <= np.nanmin(crank) <= np.nanmax(crank) <= 360.0
+    flights = [c.t for c in solution.modes if c.mode is Mode.FREE_FLIGHT]
+    bars = [bar for bar in figure.axes[-1].collections if bar.get_facecolor()[0, 0] < 0.2]
+    begun = [path.vertices[:, 0].min() for bar in bars for path in bar.get_paths()]
+    np.testing.assert_array_equal(begun, flights)
+    image = Image.open(io.BytesIO(figure._repr_png_()[0]))  # as a notebook asks for it
+    assert image.size[0] > 1000
+
+
+def test_cycles_are_plotted_over_the_angle():
+    found = ms.cycle(ms.load_scene('four_bar_nominal'), points=['coupler.cog'])
+    figure = found.plot('drive_torque', 'position.coupler.cog')
+    assert [axes.get_ylabel() for axes in figure.axes] == ['drive torque [N m]', 'position [mm]']
+    x, y = figure.axes[0].lines[0].get_data()
+    at = (found.t[0] + np.radians(x - x[0]) / (2.0 * np.pi) * found.duration).clip(
+        *found.t[[0, -1]]
+    )
+    inside = slice(1, -2)
+    np.testing.assert_allclose(y[inside], found.at(at[inside])['drive_torque'], rtol=1e-6)
+    assert found.plot().axes[-1].get_xlabel() == 'angle of the crank [deg]'
+    assert found.plot('energy', against='time').axes[0].get_xlabel() == 'time [s]'
+
+
+@pytest.mark.parametrize(
+    ('scene', 'panels'),
+    [('loader', 3), ('valve_train', 5), ('planetary', 3), ('four_bar_on_frame', 4), ('geneva', 3)],
+)
+def test_every_kind_of_machine_has_an_overview(scene, panels):
+    machine = ms.load_scene(scene)
+    figure = ms.simulate(machine, duration=0.05).plot()
+    assert len(figure.axes) >= panels
+    assert all(axes.get_ylabel().endswith(']') for axes in figure.axes if axes.lines)
+
+
+def test_all_that_can_be_plotted_is_listed_with_units(bag):
+    listed = {x['name']: x['unit'] for x in run_json('plot', str(bag))}
+    assert listed[f'gap.{JOINT}'] == 'm'
+    assert listed['rocker_accelerometer'] == 'm/s^2'
+    assert listed['/impacts.normal_impulse'] == 'N s'
+    assert listed['/linkage_state.velocity'] == 'rad/s or m/s'
+    assert '/progress.run' in listed
+    done = run('plot', 'four_bar_nominal')
+    assert 'drive_torque               N m' in done.stdout
+
+
+@pytest.mark.parametrize(
+    ('what', 'words'),
+    [
+        (['gapp'], "there is no 'gapp'; did you mean 'gap'?"),
+        (['impact.normal_impulse'], "did you mean '/impacts.normal_impulse'?"),
+        (['impacts.normal_impuls'], "did you mean 'normal_impulse'?"),
+        (['linkage_state.gaps[coupler]'], "did you mean 'coupler_rocker'?"),
+        (['linkage_state.gaps[1]'], 'the array has 1 items'),
+        (['impacts{joint=="x"}.time'], 'no value with joint=="x" on /impacts'),
+        (['scene.data'], 'is text, not a number'),
+        (['impacts.header'], 'is a message: choose one of stamp, frame_id'),
+        (['impacts.time.x'], "there is no 'x' in a number"),
+        (['impacts.time[0]'], 'is no array'),
+        (['gap', '--from', '5'], 'is no part of the run'),
+        (['impacts.time', '--from', '5'], 'there is nothing of impacts.time between'),
+        (['gap', '--set', 'drive.speed=1 rpm'], 'as it was recorded'),
+        (['gap', '-o', 'x.bmp'], 'the ending must be .png, .svg or .pdf'),
+    ],
+)
+def test_bad_input_is_one_sentence(bag, what, words):
+    done = run('plot', str(bag), *what)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert done.stderr.count('\n') == 1
+
+
+def test_from_python_bad_names_are_bad_input(solution):
+    with pytest.raises(InputError, match=r"did you mean 'velocity\.crank'"):
+        solution.plot('velocity.crnk')
+    with pytest.raises(InputError, match='no part of the run'):
+        solution.plot(start=2.0)
+    with pytest.raises(InputError, match="choose 'time' or 'angle'"):
+        solution.plot(against='crank')

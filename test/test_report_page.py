@@ -1,0 +1,306 @@
+"""The page of a run in a browser: it plays, seeks and prints, and shows what the bag says."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from browsing import Tab
+from test_records import angle_at, foreign
+from test_report import KINDS, simulated, write_bag
+
+from mechanism_sim.analysis.record import read_record
+from mechanism_sim.pages import report
+from mechanism_sim.pages.charts import sections
+from mechanism_sim.pages.recorded import recorded
+
+PLAY = 'joints.coupler_rocker.clearance'
+ROUGH = {f'{PLAY}.friction': 0.05, f'{PLAY}.pin_radius': '6 mm', f'{PLAY}.restitution': 0.7,
+         'start': 'centred'}  # fmt: skip
+LENGTHS = {'ground': 0.387, 'crank': 0.064, 'coupler': 0.309, 'rocker': 0.312}
+CLEARANCE = 0.254e-3
+
+NEAR = 0.02
+"""Of the clearance: how far a pin may be from its place between two instants of the page."""
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    record = simulated('four_bar_clearance', ROUGH, revolutions=3)
+    return write_bag(tmp_path_factory.mktemp('pages') / 'rough.mcap', record)
+
+
+@pytest.fixture(scope='module')
+def record(bag):
+    return read_record(bag)
+
+
+@pytest.fixture(scope='module')
+def file(bag, record):
+    path = bag.with_suffix('.html')
+    report.write(report.page(recorded(record), sections(record), bag.name), path)
+    return path
+
+
+@pytest.fixture(scope='module')
+def shared(browser, file, tmp_path_factory):
+    """The page, opened once."""
+    context = browser.new_context(viewport={'width': 1200, 'height': 800})
+    tab = Tab(context.new_page(), tmp_path_factory.mktemp('shots'))
+    open_page(tab, file)
+    yield tab
+    context.close()
+
+
+@pytest.fixture
+def opened(shared, file):
+    """The page as it was when it opened, but for charts that have been seen."""
+    shared.page.evaluate('window.scrollTo(0, 0)')
+    shared.page.check('#forces')
+    scrub(shared.page, 0.0)
+    yield shared.page
+    assert shared.complaints == []
+    assert shared.requests == [file.as_uri()]
+
+
+def open_page(tab, file):
+    tab.page.goto(file.as_uri())
+    tab.page.wait_for_selector('html[data-ready="1"]', state='attached')
+
+
+def time_of(page):
+    return float(page.evaluate('document.documentElement.dataset.time'))
+
+
+def when(page, condition):
+    """Wait for it; the page forbids the evaluation of text, by which Playwright itself waits."""
+    page.evaluate(
+        f"""() => new Promise(done => {{
+            const look = () => ({condition} ? done() : requestAnimationFrame(look));
+            look();
+        }})"""
+    )
+
+
+def scrub(page, share):
+    page.locator('#scrub').evaluate(
+        "(range, share) => { range.value = share; range.dispatchEvent(new Event('input')); }",
+        share,
+    )
+    return time_of(page)
+
+
+def boxes(page, selector):
+    """Of the elements that are seen: left, top, right, bottom [px]."""
+    return page.locator(selector).evaluate_all(
+        """all => all.map(x => x.getBoundingClientRect()).filter(b => b.width && b.height)
+            .map(b => [b.left, b.top, b.right, b.bottom])"""
+    )
+
+
+def overlapping(rectangles):
+    return [
+        (a, b)
+        for i, a in enumerate(rectangles)
+        for b in rectangles[:i]
+        if min(a[2], b[2]) - max(a[0], b[0]) > 0.5 and min(a[3], b[3]) - max(a[1], b[1]) > 0.5
+    ]
+
+
+def test_it_plays_and_stops(opened):
+    assert time_of(opened) == 0.0
+    opened.click('#play')
+    when(opened, 'document.documentElement.dataset.time > 0.005')
+    assert opened.locator('#play').get_attribute('aria-label') == 'pause'
+    places = {opened.locator('#stage g[data-kind=link]').last.get_attribute('transform')}
+    opened.evaluate('document.activeElement.blur()')  # a button has the space bar for itself
+    opened.keyboard.press(' ')
+    stopped = time_of(opened)
+    places.add(opened.locator('#stage g[data-kind=link]').last.get_attribute('transform'))
+    opened.evaluate('() => new Promise(done => setTimeout(done, 120))')
+    assert time_of(opened) == stopped
+    assert len(places) == 2
+    told = float(opened.locator('#time').inner_text().removesuffix(' s'))
+    assert told == pytest.approx(stopped, abs=1e-5)
+
+
+def test_a_turn_takes_some_seconds_of_ours(opened, record):
+    speed = float(opened.locator('#speed').input_value())
+    assert 2.5 < 1.0 / (record.rate * speed) < 6.4
+
+
+def test_keys_step_from_instant_to_instant(opened, record):
+    t = recorded(record).frames.t
+    apart = 1e-9 * t[-1]  # before and after an impact count as one
+    t = t[np.append(True, np.diff(t) > apart)]
+    opened.keyboard.press('End')
+    assert time_of(opened) == t[-1]
+    opened.keyboard.press('ArrowLeft')
+    assert time_of(opened) == pytest.approx(t[-2], abs=apart)
+    opened.keyboard.press('Home')
+    for k in (1, 2, 3):
+        opened.keyboard.press('ArrowRight')
+        assert time_of(opened) == pytest.approx(t[k], abs=apart)
+    opened.keyboard.press('ArrowLeft')
+    assert time_of(opened) == pytest.approx(t[2], abs=apart)
+
+
+def test_the_lens_shows_the_pin_where_the_bag_has_it(opened, bag):
+    """Loop closure with the angles of the recorded polynomials, read by another reader."""
+    motions, seen = foreign(bag, '/motion'), set()
+    for share in (0.0, 0.07, 0.13, 0.21, 0.34, 0.48, 0.551, 0.6, 0.77, 0.893, 1.0):
+        t = scrub(opened, share)
+        angle = {link: angle_at(motions, link, t) for link in ('crank', 'coupler', 'rocker')}
+        arms = [LENGTHS[link] * np.exp(1j * a) for link, a in angle.items()]
+        wanted = arms[0] + arms[1] - LENGTHS['ground'] - arms[2]
+        pin = opened.locator('#lens .journal')
+        shown = complex(float(pin.get_attribute('data-x')), float(pin.get_attribute('data-y')))
+        assert abs(shown - wanted) < NEAR * CLEARANCE
+        # and as it is drawn: the middle of the pin from that of the bore, in their own scale
+        bore, body, limit = (
+            boxes(opened, f'#lens {x}')[0] for x in ('.bore', '.journal .body', '.limit')
+        )
+        middle = [0.5 * (b[0] + b[2]) - 0.5j * (b[1] + b[3]) for b in (bore, body)]
+        scale = CLEARANCE / (0.5 * (limit[2] - limit[0]))
+        assert abs((middle[1] - middle[0]) * scale - wanted) < 2.0 * NEAR * CLEARANCE
+        seen.add(opened.locator('#lens .mode').text_content())
+    assert {'free flight', 'sliding forward'} & seen
+    assert len(seen) > 1
+
+
+def test_arrows_are_the_forces_of_the_run(opened, record):
+    t = scrub(opened, 0.3)
+    data = json.loads(opened.locator('#data').text_content())['stage']
+    told = record.piece.sample([t])
+    unit = data['symbol'] / 10.0
+    drawn = opened.locator('#stage .forces path').evaluate_all(
+        'x => x.map(p => p.getAttribute("d"))'
+    )
+    for joint, path in zip(data['joints'], drawn, strict=True):
+        corners = [complex(*map(float, p.split())) for p in re.findall(r'[-\d.]+ [-\d.]+', path)]
+        foot, tip = 0.5 * (corners[0] + corners[-1]), corners[3]
+        force = (tip - foot).conjugate() * unit / data['force_scale']
+        name = f'reaction.{joint["name"]}'
+        wanted = complex(told[f'{name}.x'][0], told[f'{name}.y'][0])
+        assert abs(force - wanted) < 0.03 * abs(wanted) + 0.02 * unit / data['force_scale']
+    opened.uncheck('#forces')
+    assert boxes(opened, '#stage .forces path') == []
+
+
+def test_a_click_on_an_impact_goes_there(opened, record):
+    chart = next(c.key for s in sections(record) for c in s.charts if c.key == 'impacts-run')
+    place = opened.locator(f'[data-chart="{chart}"] .plot')
+    place.scroll_into_view_if_needed()
+    opened.wait_for_selector(f'[data-chart="{chart}"] .plot.js-plotly-plot')
+    hardest = max(record.piece.impacts, key=lambda i: i.normal_impulse)
+    x, y = place.evaluate(
+        """(plot, t) => {
+            const trace = plot._fullData.find(d => d.mode === 'markers');
+            const i = Array.from(trace.x).findIndex(x => Math.abs(x - t) < 1e-9);
+            const { xaxis, yaxis } = plot._fullLayout, box = plot.getBoundingClientRect();
+            return [box.left + xaxis._offset + xaxis.l2p(trace.x[i]),
+                    box.top + yaxis._offset + yaxis.l2p(yaxis.d2l(trace.y[i]))];
+        }""",
+        hardest.t,
+    )
+    opened.mouse.move(x - 2.0, y)
+    opened.mouse.move(x, y)
+    place.locator('.hovertext').wait_for()
+    opened.mouse.click(x, y)
+    when(opened, 'document.documentElement.dataset.time > 0')
+    assert time_of(opened) == pytest.approx(hardest.t, abs=1e-9)
+    (cursor,) = boxes(opened, f'[data-chart="{chart}"] .cursor')
+    assert abs(0.5 * (cursor[0] + cursor[2]) - x) < 1.5
+
+
+def test_paper_has_every_chart_and_no_controls(opened, record):
+    count = sum(len(section.charts) for section in sections(record))
+    drawn = opened.locator('.plot.js-plotly-plot')
+    assert drawn.count() < count  # the rest waits until it comes into view
+    opened.evaluate("window.addEventListener('afterprint', () => { window.printed = 1; })")
+    paper = opened.pdf(format='A4')
+    assert paper.startswith(b'%PDF')
+    assert drawn.count() == count == opened.locator('figure.chart').count() > 10
+    opened.emulate_media(media='print')
+    assert not opened.locator('.controls').is_visible()
+    assert not opened.locator('.contents').is_visible()
+    assert opened.locator('#shown').inner_text().startswith('Shown at 0.0')
+
+
+@pytest.mark.parametrize('width', [1200, 400])
+def test_nothing_overlaps_or_sticks_out(tab, file, width):
+    tab.page.set_viewport_size({'width': width, 'height': 800})
+    open_page(tab, file)
+    tab.page.check('#names')
+    for share in (0.1, 0.35, 0.6, 0.85):
+        scrub(tab.page, share)
+        assert overlapping(boxes(tab.page, '#stage .names text')) == []
+        assert overlapping(boxes(tab.page, '#lens text')) == []
+    assert overlapping(boxes(tab.page, '.facts > div')) == []
+    assert overlapping(boxes(tab.page, '.controls > *')) == []
+    for selector in ('#stage', '#lens', '.facts > div', '.controls > *', '.report h1'):
+        for left, _, right, _ in boxes(tab.page, selector):
+            assert 0.0 <= left < right <= width, selector
+    assert tab.page.evaluate('document.documentElement.scrollWidth') <= width
+    tab.shoot(f'report_{width}')
+
+
+def test_every_kind_of_scene_is_drawn(tab, tmp_path):
+    """As many shapes as its skeleton has, all within the picture."""
+    for scene in KINDS:
+        run = recorded(simulated(scene, duration=0.05))
+        file = tmp_path / f'{scene}.html'
+        report.write(report.page(run), file)
+        open_page(tab, file)
+        scrub(tab.page, 0.4)
+        drawn = tab.page.locator('#stage g[data-kind]').evaluate_all(
+            'all => all.map(x => x.dataset.kind)'
+        )
+        wanted = [shape.kind for shape in run.stage.skeleton.shapes]
+        assert sorted(drawn) == sorted(wanted)
+        (stage,) = boxes(tab.page, '#stage')
+        for box in boxes(tab.page, '#stage g[data-kind]'):
+            assert box[0] > stage[0] - 1.0, scene
+            assert box[1] > stage[1] - 1.0, scene
+            assert box[2] < stage[2] + 1.0, scene
+            assert box[3] < stage[3] + 1.0, scene
+        assert tab.page.locator('#lens').count() == bool(run.stage.bearings)
+        tab.shoot(f'report_{scene}')
+    assert tab.complaints == []
+    assert all(request.startswith('file:') for request in tab.requests)
+
+
+def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
+    second = {'joints.crank_coupler.clearance': {'radial': '0.1 mm', 'restitution': 0.3}}
+    run = recorded(simulated('four_bar_clearance', second, duration=0.05))
+    file = tmp_path / 'two.html'
+    report.write(report.page(run), file)
+    open_page(tab, file)
+    titles = []
+    for index in range(2):
+        tab.page.select_option('#bearing', str(index))
+        scrub(tab.page, 0.9)
+        titles.append(tab.page.locator('#lens .title').text_content())
+        shown = tab.page.locator('#lens .journal')
+        at = math.hypot(*(float(shown.get_attribute(f'data-{x}')) for x in 'xy'))
+        play = run.record.machine.clearances[run.stage.bearings[index].name]
+        assert at <= play.radial * (1.0 + 1e-6)
+        assert f'{1e6 * play.radial:g} µm' in tab.page.locator('#lens .note').text_content()
+    assert titles == ['crank coupler', 'coupler rocker']
+    assert tab.complaints == []
+
+
+def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
+    """350 turns, 17,000 impacts: less than 10 MB, and the last instant is there."""
+    run = recorded(simulated('four_bar_clearance', duration=60.0))
+    text = report.page(run, sections(run.record))
+    file = tmp_path / 'minute.html'
+    report.write(text, file)
+    assert file.stat().st_size < 10e6
+    open_page(tab, file)
+    tab.page.keyboard.press('End')
+    assert time_of(tab.page) == pytest.approx(60.0, abs=1e-9)
+    assert tab.complaints == []

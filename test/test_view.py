@@ -1,0 +1,339 @@
+"""The live view: real nodes in processes of their own, and a browser that operates them."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+from middleware_network import PATIENCE, eventually
+from running import command, run
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+import mechanism_sim as ms
+from mechanism_sim import middleware
+from mechanism_sim.cli import main
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.messages import Impact, String, service_class
+from mechanism_sim.messages import Motion as MotionMessage
+from mechanism_sim.messages.events import describe
+from mechanism_sim.messages.segments import motion_of, pack
+from mechanism_sim.nodes.qos import LATCHED
+from mechanism_sim.pages.controls import controls
+from mechanism_sim.pages.live import MOST, Live
+from mechanism_sim.pages.server import Server
+from mechanism_sim.pages.view import NEWEST
+
+SCENE = 'four_bar_clearance'
+PLAY = 'joints.coupler_rocker.clearance'
+COMMANDS = 'drive.commands={acceleration: 1000 rad/s^2, fastest: 60 rad/s}'
+ARRAYS = {'f8': np.float64, 'f4': np.float32, 'u1': np.uint8}
+
+
+def ended(process: subprocess.Popen[str]) -> int:
+    """End a command as Ctrl-C does; its exit code."""
+    process.send_signal(signal.SIGINT)
+    return process.wait(PATIENCE)
+
+
+@contextmanager
+def started(*args: str) -> Iterator[subprocess.Popen[str]]:
+    """A command on the network of this process."""
+    env, pipe = dict(os.environ), subprocess.PIPE
+    process = subprocess.Popen(command(*args), env=env, text=True, stdout=pipe)
+    try:
+        yield process
+    finally:
+        process.terminate()  # it has children, who end with it
+        process.communicate(timeout=PATIENCE)
+
+
+def address_of(view: subprocess.Popen[str]) -> str:
+    """What `view --json` prints."""
+    assert view.stdout is not None
+    text = ''
+    while '}' not in text:
+        line = view.stdout.readline()
+        assert line
+        text += line
+    return str(json.loads(text)['address'])
+
+
+class Listener:
+    """Hears a run in this process, and asks its nodes."""
+
+    def __init__(self, node: Any) -> None:
+        self.node = node
+        self.motion: list[Any] = []
+        self.impacts: list[Any] = []
+        self.scenes: list[Any] = []
+        for kind, topic, heard, qos in (
+            (MotionMessage, 'motion', self.motion, NEWEST),
+            (Impact, 'impacts', self.impacts, NEWEST),
+            (String, 'scene', self.scenes, LATCHED),
+        ):
+            node.create_subscription(kind, topic, heard.append, qos)
+
+    def until(self, condition: Callable[[], Any]) -> None:
+        """Listen until something is so."""
+        end = time.monotonic() + 2.0 * PATIENCE
+        while not condition():
+            assert time.monotonic() < end
+            middleware.spin_once(self.node, timeout_sec=0.02)
+
+    def parameter(self, owner: str, name: str) -> Any:
+        """Value of a parameter of a node."""
+        kind = service_class('rcl_interfaces/srv/GetParameters')
+        client = self.node.create_client(kind, f'{owner}/get_parameters')
+        assert client.wait_for_service(PATIENCE)
+        answer = client.call_async(kind.Request(names=[name]))
+        self.until(answer.done)
+        self.node.destroy_client(client)
+        (value,) = answer.result().values
+        return value.string_value or value.double_value
+
+    def crank(self) -> float:
+        """Speed [rad/s] of the crank at the end of the newest motion."""
+        motion = motion_of([m for m in self.motion if m.segments][-1])
+        return float(motion.curve(np.array([motion.curve.end]), 1)[0, 0])
+
+    def rebounds(self) -> set[float]:
+        """Rebound by approach of what has been heard of impacts."""
+        return {round(m.rebound_speed / m.approach_speed, 6) for m in self.impacts
+                if not m.ends_chatter}  # fmt: skip
+
+
+def data(tab: Any, name: str) -> str:
+    """What the page says of itself."""
+    return str(tab.page.evaluate(f'document.documentElement.dataset.{name} ?? ""'))
+
+
+def slide(tab: Any, path: str, place: int) -> None:
+    """Move a slider, whose way is 0 to 1000, as somebody's hand does."""
+    tab.page.locator(f'input[data-path="{path}"]').fill(str(place))
+
+
+def test_a_page_shows_the_machine_that_runs_and_what_it_asks_for_is_done(node, tab):
+    heard = Listener(node)
+    with started('view', '--port', '0', '--json') as view:
+        address = address_of(view)
+        tab.page.goto(address)
+        tab.page.get_by_text('mechanism-sim run four_bar_clearance').wait_for()
+        args = [SCENE, '--duration', '600', '--realtime-factor', '0.2', '--hold']
+        with started('run', *args, '--set', COMMANDS, '--processes') as running:
+            watch(tab, heard)
+            operate(tab, heard)
+            refuse(address)
+            assert ended(running) == 130
+        tab.page.get_by_text('No machine is running').wait_for()
+        assert tab.complaints == []
+        assert all(request.startswith(address) for request in tab.requests)
+        assert ended(view) == 0
+
+
+def watch(tab: Any, heard: Listener) -> None:
+    """The page follows: its time goes on as that of the machine, and the pin is in its bushing."""
+    heard.until(lambda: data(tab, 'time'))
+    heard.until(lambda: float(data(tab, 'time')) > 0.05)
+    known = float(heard.motion[-1].known_until)
+    assert abs(float(data(tab, 'time')) - known) < 0.5
+    pin = tab.page.locator('#lens .journal')
+    x, y = (float(str(pin.get_attribute(f'data-{axis}'))) for axis in 'xy')
+    assert 0.0 < math.hypot(x, y) < 0.254e-3 * (1.0 + 1e-5)
+    assert tab.page.locator('#stage .machine').bounding_box()['height'] > 100
+    heard.until(lambda: tab.page.locator('#play').get_attribute('aria-label') == 'pause')
+    assert tab.shoot('live_view').stat().st_size > 10_000
+
+
+def operate(tab: Any, heard: Listener) -> None:
+    """Sliders and buttons change the nodes that run."""
+    path = f'{PLAY}.restitution'
+    slide(tab, path, 900)
+    heard.until(lambda: heard.parameter('linkage', path) == 0.9)
+    heard.until(lambda: f'{path}=0.9' in heard.parameter('crank_drive', 'overrides'))
+    heard.impacts.clear()
+    heard.until(lambda: 0.9 in heard.rebounds())
+    heard.impacts.clear()
+    heard.until(lambda: len(heard.impacts) > 3)
+    assert heard.rebounds() == {0.9}
+    slide(tab, 'velocity', 1000)
+    heard.until(lambda: abs(heard.crank() - 60.0) < 1e-9)
+    # A value of the next run begins one, which keeps what was set before.
+    slide(tab, f'{PLAY}.radial', 700)
+    heard.until(lambda: heard.motion[-1].run == 1)
+    heard.until(lambda: len(heard.scenes) == 2)
+    scene = json.loads(heard.scenes[-1].data)['scene']
+    play = scene['joints']['coupler_rocker']['clearance']
+    assert play['radial'] == pytest.approx(0.0254e-3 * 100.0**0.7, rel=0.03)
+    assert play['restitution'] == 0.9
+    heard.until(lambda: data(tab, 'run') == '1' and heard.impacts)
+    # Paused, time stands still; a step is a step.
+    tab.page.locator('#play').click()
+    heard.until(lambda: tab.page.locator('#play').get_attribute('aria-label') == 'play')
+    before = heard.motion[-1].known_until
+    tab.page.locator('#step').click()
+    heard.until(lambda: heard.motion[-1].known_until > before)
+    assert heard.motion[-1].known_until - before == pytest.approx(1e-3)
+    tab.page.locator('#reset').click()
+    heard.until(lambda: heard.motion[-1].run == 2)
+    assert heard.motion[-1].known_until == 0.0
+
+
+def refuse(address: str) -> None:
+    """A page of another site may not even speak; what makes no sense is answered."""
+    socket = address.replace('http', 'ws') + 'live'
+    for origin in ('http://example.org', address.rstrip('/').replace('http', 'https'), 'null'):
+        with pytest.raises(InvalidStatus, match='403'):
+            connect(socket, origin=origin)
+    with connect(socket, origin=address.rstrip('/')) as page:
+        for asked, said in (
+            ({'type': 'dance'}, "'dance'"),
+            ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 2}, 'outside 0 to 1'),
+            ({'type': 'set', 'path': 'scene', 'value': 1}, 'scene cannot be set'),
+        ):
+            page.send(json.dumps(asked))
+            while (found := json.loads(page.recv(PATIENCE)))['type'] != 'message':
+                pass
+            assert said in found['text']
+        page.send('no JSON')
+
+
+@pytest.mark.parametrize(
+    ('args', 'said'),
+    [
+        (('node', 'view', '--port', '70000'), 'between 0 and 65535'),
+        (('view', 'four_bar_clearence'), "did you mean 'four_bar_clearance'?"),
+        (('view', SCENE, '--realtime-factor', '-1'), '--realtime-factor'),
+        (('view', SCENE, '--duration', '-1'), 'positive'),
+        (('view', '--duration', '1'), 'give a SCENE'),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_sentence(args, said, capsys):
+    if args[0] == 'node':
+        done = run(*args)
+        code, err = done.returncode, done.stderr
+    else:
+        with pytest.raises(SystemExit) as stop:
+            main(args)
+        code, err = stop.value.code, capsys.readouterr().err
+    assert code == 2
+    assert said in err
+    assert 'Traceback' not in err
+
+
+def test_a_view_with_a_scene_runs_it_and_ends_it(network):
+    with started('view', SCENE, '--port', '0', '--json', '--realtime-factor', '0.5') as view:
+        with connect(address_of(view).replace('http', 'ws') + 'live') as page:
+            found = [json.loads(page.recv(2.0 * PATIENCE))]
+            assert found[0] == {'type': 'waiting', 'starting': True}
+            while found[-1]['type'] != 'frames' or found[-1]['frames']['t'] is None:
+                found.append(json.loads(page.recv(2.0 * PATIENCE)))
+        assert 'stage' in [message['type'] for message in found]
+        assert ended(view) == 0
+    assert network
+
+
+# --- what a page gets, without a network --------------------------------------------------------
+
+
+def unpacked(packed: dict[str, str]) -> Any:
+    """An array as the page reads it."""
+    array = np.frombuffer(base64.b64decode(packed['bdata']), ARRAYS[packed['dtype']])
+    shape = packed.get('shape')
+    return array.reshape([int(n) for n in shape.split(',')]) if shape else array
+
+
+def messages(machine: Any, ends: list[float], run: int = 0) -> list[Any]:
+    """Motion messages of a run up to these times [s]."""
+    going, found = machine.start(), []
+    names = machine.physics.coordinates, machine.physics.clearances
+    for end in ends:
+        going.advance(end)
+        motion, *_ = going.drain()
+        assert isinstance(motion, Motion)
+        found.append(pack(motion, *names, end, run))
+    return found
+
+
+def test_what_a_page_gets_is_the_motion_at_these_instants():
+    """Against the solution; who joins late, or misses messages, sees what is there."""
+    machine = ms.load_scene(SCENE)
+    live = Live(describe(machine))
+    assert live.batch() is None
+    first, second, third, fourth = messages(machine, [0.1, 0.12, 0.3, 0.32])
+    live.take(second)  # joined late, and one is missing later
+    batches = [live.batch()]
+    live.take(fourth)
+    batches.append(live.batch())
+    assert live.batch() is None
+    solution = ms.simulate(machine, duration=0.4)
+    joint = machine.mechanism.joint('coupler_rocker')
+    for batch, message in zip(batches, (second, fourth), strict=True):
+        frames = {name: unpacked(packed) for name, packed in batch['frames'].items()}
+        t = frames['t']
+        motion = motion_of(message)
+        assert t[-1] == motion.curve.end
+        assert t[0] == motion.curve.start[0]
+        assert np.diff(t).max() <= live.step * (1.0 + 1e-9)
+        seen = solution.samples(t[1:-1]).observed  # the ends may be events
+        places = [machine.mechanism.locate_all(link, seen.position, at) for link, at in
+                  ((joint.first, joint.on_first), (joint.second, joint.on_second))]  # fmt: skip
+        assert np.abs(frames['pins'][1:-1, 0] - (places[0] - places[1]).T).max() < 1e-10
+        assert frames['speed'] == pytest.approx(36.6519)
+        assert np.abs(frames['torque'][1:-1] - seen.drive_torque[0]).max() < 1e-4
+    assert batches[0]['epoch'] == batches[1]['epoch']
+    live.take(third)  # goes back: somebody has begun anew
+    assert live.batch()['epoch'] == batches[0]['epoch'] + 1
+    (again,) = messages(machine, [0.05], run=1)
+    live.take(again)
+    assert live.batch()['epoch'] == batches[0]['epoch'] + 2
+    (long,) = messages(machine, [3.0], run=2)
+    live.take(long)
+    assert len(unpacked(live.batch()['frames']['t'])) <= MOST + 1
+    assert first.segments
+
+
+def test_what_is_no_scene_is_refused():
+    for text in ('', '[]', '{"name": "x"}', '{"name": "x", "scene": {"mechanism": "y"}}'):
+        with pytest.raises(InputError):
+            Live(text)
+
+
+@pytest.mark.parametrize(
+    ('scene', 'paths'),
+    [
+        (SCENE, {'drive.speed', f'{PLAY}.radial', f'{PLAY}.restitution'}),
+        ('slider_crank', {'drive.speed'}),
+        ('slider_crank_piston_driven', {'drive.speed'}),
+        ('valve_train', {'drive.speed', 'joints.contact.clearance.restitution'}),
+    ],
+)
+def test_every_control_is_in_its_limits_and_what_it_sets_is_a_value_of_the_scene(scene, paths):
+    machine = ms.load_scene(scene)
+    found = controls(machine)
+    assert found.keys() == paths | {'realtime_factor'}
+    for path in paths:
+        control = found[path]
+        assert control.low <= control.value <= control.high
+        changed = controls(ms.load_scene(scene, [control.override(control.high)]))[path]
+        assert changed.value == pytest.approx(control.high)
+
+
+def test_two_servers_find_ports_of_their_own():
+    servers = [Server({}, port, list, print) for port in (0, 0)]
+    third = Server({}, servers[0].port, list, print)
+    assert len({s.port for s in (*servers, third)}) == 3
+    for server in (*servers, third):
+        server.close()
+    assert eventually(lambda: not any(s._thread.is_alive() for s in (*servers, third)))
