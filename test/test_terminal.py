@@ -107,7 +107,7 @@ RED, BOLD, END = '\x1b[1;31m', '\x1b[1m', '\x1b[0m'
 @pytest.mark.parametrize(
     ('command', 'heading'),
     [
-        ('', 'Look at it'),
+        ('', 'More'),
         ('check punch', 'level'),
         ('solve punch', 'punch (inverse dynamics)'),
         ('info BAG', 'scene'),
