@@ -65,7 +65,7 @@ def add(command: Command) -> None:
     sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
     scene_options(sub, _SOURCE, 'BAG|SCENE')
     sub.add_argument(
-        'what', nargs='*', metavar='WHAT', help='TOPIC.FIELD of a bag, or a quantity such as '
+        'what', nargs='*', default=[], metavar='WHAT', help='TOPIC.FIELD of a bag, or a quantity such as '
         'normal_force.JOINT; without any, all there are',
     )  # fmt: skip
     _span_options(sub)
@@ -232,6 +232,6 @@ def is_bag(source: str) -> bool:
 
 def _size(text: str) -> int | tuple[int, int]:
     width, cross, height = text.partition('x')
-    if not width.isdecimal() or (cross and not height.isdecimal()):
+    if not width.isdecimal() or not int(width) or (cross and not height.isdecimal()):
         raise InputError(f"--size '{text}': write for example 960 or 1280x720")
     return (int(width), int(height)) if cross else int(width)
