@@ -46,16 +46,14 @@ def overlapping(figure):
 
 
 @pytest.mark.parametrize('scene', ms.scene_names())
-def test_every_scene_is_drawn(scene, tmp_path):
+def test_every_scene_is_drawn_legibly(scene):
     machine = ms.load_scene(scene)
     found, t = instant(machine, still=True)
     with figures.style():
         figure = drawing.draw(found, t)
-        figures.save(figure, tmp_path / 'picture.svg', cropped=True)
     text = {x.get_text() for x in figure.axes[0].texts}
     assert machine.scene.title in text
     assert {b.name.replace('_', ' ') for b in machine.mechanism.bodies} <= text
-    assert (tmp_path / 'picture.svg').stat().st_size > 5000
     figure.canvas.draw()
     assert not list(overlapping(figure))
 
