@@ -65,8 +65,8 @@ def add(command: Command) -> None:
     sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
     scene_options(sub, _SOURCE, 'BAG|SCENE')
     sub.add_argument(
-        'what', nargs='*', default=[], metavar='WHAT', help='TOPIC.FIELD of a bag, or a quantity such as '
-        'normal_force.JOINT; without any, all there are',
+        'what', nargs='*', default=[], metavar='WHAT', help='TOPIC.FIELD of a bag, or a quantity '
+        'such as normal_force.JOINT; without any, all there are',
     )  # fmt: skip
     _span_options(sub)
     sub.add_argument(
@@ -112,23 +112,25 @@ def _animate(options: argparse.Namespace) -> int:
 def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.asked import Asked  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
-    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
 
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
     numbers = [file for file in files if Path(file).suffix in tables.SUFFIXES]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
-    bag, record = (read_bag(options.scene) if is_bag(options.scene) else None), None
+    recorded, record = is_bag(options.scene), None
     start, end = options.start, options.end
-    if bag is None or options.duration is not None or options.revolutions is not None:
+    if not recorded or options.duration is not None or options.revolutions is not None:
         record, start, end = _run(options)
     elif overrides_of(options):
         raise InputError(_AS_IT_WAS)
-    asked = Asked(bag, record, options.namespace)
+    with progress.share('plot', options.json) as read:
+        bag = read_bag(options.scene, read) if recorded else None
+        asked = Asked(bag, record, options.namespace)
+        series = asked.series(options.what, start, end) if options.what else []
     if not options.what:
         return _list(options, asked)
-    series = asked.series(options.what, start, end)
     if numbers:
         from mechanism_sim.analysis.series import joined  # noqa: PLC0415
 
