@@ -29,7 +29,7 @@ def add(command: Command) -> None:
     sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at, in seconds')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
-    scene_options(sub, 'a scene to be run with it; without one it follows what runs', '?')
+    scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
     sub.add_argument(
         '--duration', type=float, metavar='S', help='of its run; 1 h if none is known'
     )
