@@ -186,7 +186,7 @@ def test_every_kind_of_machine_makes_a_film(scene, more, tmp_path):
         (('-o', 'film.gif', '--fps', '0'), 'must be positive'),
         (('-o', 'film.gif', '--speed', '-1'), 'must be positive'),
         (('-o', 'film.gif', '--size', 'big'), 'write for example 960 or 1280x720'),
-        (('-o', 'film.gif', '--size', '20'), 'choose from 200 to 4096'),
+        (('-o', 'film.gif', '--size', '20'), 'choose from 240 to 4096'),
         (('-o', 'film.gif', '--lens', 'coupler_roker'), "did you mean 'coupler_rocker'?"),
         (('-o', 'film.gif', '--path', 'cupler.cog'), "did you mean 'coupler.cog'"),
         (('-o', 'film.gif', '--to', '1', '--duration', '2'), 'give only one of'),

@@ -14,6 +14,7 @@ from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Revolute
+from mechanism_sim.report import drawing, figures
 
 ORIGIN = (0.0, 0.0)
 

@@ -586,6 +586,24 @@ def test_writing_keeps_up_with_a_hundred_thousand_messages_per_second(tmp_path):
     assert count / best > 100_000
 
 
+def test_a_bag_says_how_long_its_recording_took(tmp_path):
+    began = time.monotonic()
+    with BagWriter(tmp_path / 'slow.mcap') as writer:
+        writer.add_topic('/tick', STRING, Qos())
+        time.sleep(0.1)  # nothing is written yet
+        for t in (0, 2_000_000_000):
+            writer.write('/tick', serialize(message_class(STRING)(data='x')), t)
+            time.sleep(0.05)
+    whole = info(writer.path)
+    assert 0.05 <= whole.wall_time <= time.monotonic() - began - 0.15
+    assert f'{2.0 / whole.wall_time:.3g} x real time' in render_info(whole)
+    with writer.path.open('rb') as file:
+        found = {m.name: m.metadata for m in make_reader(file).iter_metadata()}
+    assert float(found['mechanism_sim']['wall_time']) == whole.wall_time
+    writer.path.write_bytes(writer.path.read_bytes()[:-1])
+    assert info(writer.path).wall_time is None
+
+
 def test_info_says_what_is_there(bag, tmp_path):
     path, sent = bag
     whole = info(path)

@@ -88,6 +88,7 @@ def plain_terminal(monkeypatch, tmp_path):
         ('analyze BAG', ['reading', '100%']),
         ('analyze BAG --impacts-on coupler_rocker', ['reading', 'analyze']),
         ('sound BAG', ['sound', 'impacts']),
+        ('plot BAG position.crank', ['reading']),
     ],
 )
 def test_long_work_says_what_it_does_to_a_terminal_only(command, shown, bag, capsys):
@@ -107,7 +108,7 @@ RED, BOLD, END = '\x1b[1;31m', '\x1b[1m', '\x1b[0m'
 @pytest.mark.parametrize(
     ('command', 'heading'),
     [
-        ('', 'Look at it'),
+        ('', 'More'),
         ('check punch', 'level'),
         ('solve punch', 'punch (inverse dynamics)'),
         ('info BAG', 'scene'),

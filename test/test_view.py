@@ -285,7 +285,7 @@ def test_what_a_page_gets_is_the_motion_at_these_instants():
         motion = motion_of(message)
         assert t[-1] == motion.curve.end
         assert t[0] == motion.curve.start[0]
-        assert np.diff(t).max() <= live.step * (1.0 + 1e-9)
+        assert np.diff(t).max() <= live.step * (1.0 + 1e-6)
         seen = solution.samples(t[1:-1]).observed  # the ends may be events
         places = [machine.mechanism.locate_all(link, seen.position, at) for link, at in
                   ((joint.first, joint.on_first), (joint.second, joint.on_second))]  # fmt: skip

@@ -11,6 +11,8 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.util import logging
 
 SIZES = re.compile(r'\\[bB]igg?[lrm]?(?![a-zA-Z])')  # of brackets; the converter knows none
+FUNCTION = re.compile(r'(<mo>&ApplyFunction;</mo>)(?!\s*<mo[^>]*>\()')
+THIN_SPACE = r'\1<mspace width="0.1667em"></mspace>'  # browsers leave none between sin and x
 logger = logging.getLogger(__name__)
 
 
@@ -33,7 +35,7 @@ def _block(translator: Any, node: nodes.math_block) -> None:
 def _converted(node: nodes.Element, as_block: bool) -> str:
     text = SIZES.sub('', node.astext()).replace('°', r'^\circ ')
     try:
-        return tex2mathml(text, as_block=as_block)
+        return FUNCTION.sub(THIN_SPACE, tex2mathml(text, as_block=as_block))
     except MathError as error:
         logger.warning('%s in the formula %s', error, text, location=node)
         return ''

@@ -66,12 +66,14 @@ class Record:
     piece : its motion and events; sampled as a solution is
     signals : of the accelerometers by name, as far as they are recorded or were asked for
     audit : of the motion and its impacts, where the record was read from a bag
+    wall_time : how long the run took to be recorded [s], where that is known
     """
 
     machine: Machine
     piece: Piece
     signals: dict[str, Signal]
     audit: Audit | None = None
+    wall_time: float | None = None
 
     @property
     def start(self) -> float:
@@ -328,7 +330,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     work = audit.add(motion, impacts)
     piece = Piece(machine.physics, motion, Books(work, impacts), impacts, changes)
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
-    return Record(machine, piece, signals, audit)
+    return Record(machine, piece, signals, audit, bag.wall_time)
 
 
 _WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'

@@ -21,19 +21,21 @@ GROUPS = {
 
 START = (
     ('Run a machine whose bearing rattles', ('solve four_bar_clearance --revolutions 10',)),
-    ('Look at it', ('draw four_bar_clearance -o four_bar.svg',)),
     (
-        'Record a run, and see what happened in it',
+        'Record a run, see what happened in it, and watch it in a browser',
         (
             'run four_bar_clearance --revolutions 10 --record run.mcap',
             'analyze run.mcap',
+            'report run.mcap -o run.html',
         ),
     ),
+    ('Move it while you change its speed and its clearance', ('view four_bar_clearance --open',)),
     (
         'Make a machine of your own',
         (
             'new my_machine --from four_bar',
             'check my_machine.yaml',
+            'draw my_machine.yaml -o my_machine.svg',
         ),
     ),
     ('More', ('scenes', '--help')),

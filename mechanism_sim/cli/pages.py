@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from mechanism_sim.cli.options import (
@@ -10,6 +11,7 @@ from mechanism_sim.cli.options import (
     length_options,
     overrides_of,
     print_json,
+    read_machine,
     ros_args,
     scene_options,
 )
@@ -21,23 +23,38 @@ HOUR = 3600.0  # [s]
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('report', _report, 'a page that plays a run and charts it, in one HTML file')
-    scene_options(sub, 'a bag of a run, or a scene to be run')
+    scene_options(sub, 'a bag of a run, or a scene to be run', 'BAG|SCENE')
     length_options(sub)
-    sub.add_argument('-o', '--output', metavar='FILE', help='.html; named after the run if not')
-    sub.add_argument('--namespace', help='of the machine, where a bag holds several')
-    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at, in seconds')
-    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at, in seconds')
+    sub.add_argument(
+        '-o', '--output', metavar='FILE', help='the .html file; named after the run if not given'
+    )
+    sub.add_argument(
+        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
+    )
+    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
+    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
-    scene_options(sub, 'a scene to be run with it; without one it follows what runs', '?')
+    scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
     sub.add_argument(
-        '--duration', type=float, metavar='S', help='of its run; 1 h if none is known'
+        '--duration', type=float, metavar='S', help='seconds to run; 1 h if none is known'
     )
-    sub.add_argument('--realtime-factor', type=float, default=1.0, metavar='F', help='0: no limit')
+    sub.add_argument(
+        '--realtime-factor',
+        type=float,
+        default=1.0,
+        metavar='F',
+        help='simulated seconds in a second; 0: as fast as possible',
+    )
     sub.add_argument('--paused', action='store_true', help='begin its run paused')
-    sub.add_argument('--port', type=int, help='of the page on this machine, 8080; 0: any')
+    sub.add_argument(
+        '--port',
+        type=int,
+        metavar='N',
+        help='of the page on this machine, 8080 if not given; 0: any',
+    )
     sub.add_argument('--open', action='store_true', help='open a browser')
-    sub.add_argument('--namespace', metavar='NS', help='of the nodes that are followed')
+    sub.add_argument('--namespace', metavar='NS', help='namespace of the nodes that are followed')
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -45,8 +62,9 @@ def _report(options: argparse.Namespace) -> int:
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
 
     file = report.check_file(options.output or f'{Path(options.scene).stem}.html')
     bag = Path(options.scene)
@@ -54,12 +72,13 @@ def _report(options: argparse.Namespace) -> int:
     if bag.suffix == '.mcap' or bag.is_dir():
         if overrides_of(options) or options.duration or options.revolutions:
             raise InputError('a bag is shown as it was recorded: leave out --set and lengths')
-        record = read_record(bag, options.namespace)
+        with progress.share('reading', options.json) as read:
+            record = read_record(read_bag(bag, read), options.namespace)
         source = bag.name
     else:
         if options.namespace:
             raise InputError('--namespace is for bags of several machines')
-        machine = load_scene(options.scene, overrides_of(options))
+        machine = read_machine(options)
         end = span(machine, options.revolutions, options.duration)
         with progress.bar('run', end, quiet=options.json) as show:
             record = Record(machine, simulate(machine, duration=end, progress=show), {})
@@ -101,12 +120,11 @@ def _view(options: argparse.Namespace) -> int:
 
 def _run_to_be_viewed(options: argparse.Namespace) -> list[str]:
     """What `mechanism-sim run` is given, checked before a browser opens."""
-    from mechanism_sim.scene import load_scene, span  # noqa: PLC0415
+    from mechanism_sim.scene import span  # noqa: PLC0415
 
-    overrides = overrides_of(options)
-    machine = load_scene(options.scene, overrides)
+    machine, overrides = read_machine(options), overrides_of(options)
     duration = span(machine, None, options.duration or machine.scene.duration or HOUR)
-    if options.realtime_factor < 0.0:
+    if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     return [
         options.scene, '--hold', '--duration', repr(duration),

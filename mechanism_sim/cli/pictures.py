@@ -6,13 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mechanism_sim.cli.options import (
     Command,
     length_options,
     overrides_of,
     print_json,
+    read_machine,
     scene_options,
 )
 from mechanism_sim.errors import InputError
@@ -28,26 +27,34 @@ _SOURCE = 'a bag (.mcap) of a run, or a scene, which is simulated'
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('animate', _animate, 'a film of a run: MP4, GIF or SVG frames')
-    scene_options(sub, _SOURCE)
+    scene_options(sub, _SOURCE, 'BAG|SCENE')
     _span_options(sub)
     sub.add_argument(
         '-o', '--output', metavar='FILE|DIR', help='.mp4, .gif, .svg to be numbered, or a folder '
-        'for SVG frames; SCENE.mp4 if not',
+        'for SVG frames; SCENE.mp4 if not given',
     )  # fmt: skip
     sub.add_argument('--fps', type=float, metavar='N', help='frames a second')
     sub.add_argument(
         '--speed',
         type=float,
         metavar='X',
-        help='of real time; a turn of the drive takes 3 s if not',
+        help='times real time; a turn of the drive takes 3 s if not given',
     )
     sub.add_argument('--size', metavar='PIXELS', help="of the longer side, or as '1280x720'")
     glass = sub.add_mutually_exclusive_group()
-    glass.add_argument('--lens', metavar='JOINT', default='', help='the loose bearing magnified')
-    glass.add_argument('--no-lens', action='store_const', const=None, dest='lens')
-    sub.add_argument('--forces', action='store_true', help='arrows at the joints')
+    glass.add_argument(
+        '--lens', metavar='JOINT', default='', help='the loose bearing that is magnified'
+    )
+    glass.add_argument(
+        '--no-lens', action='store_const', const=None, dest='lens', help='no bearing'
+    )
+    sub.add_argument('--forces', action='store_true', help='draw forces as arrows at the joints')
     sub.add_argument(
-        '--path', action='append', default=[], metavar='LINK.POINT', help='draw the path of'
+        '--path',
+        action='append',
+        default=[],
+        metavar='LINK.POINT',
+        help='draw the path of this point; several times',
     )
     sub.add_argument(
         '--labels',
@@ -56,16 +63,17 @@ def add(command: Command) -> None:
         help='which names are written',
     )
     sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
-    scene_options(sub, _SOURCE)
+    scene_options(sub, _SOURCE, 'BAG|SCENE')
     sub.add_argument(
-        'what', nargs='*', metavar='WHAT', help='TOPIC.FIELD of a bag, or a quantity such as '
-        'normal_force.JOINT; without any, all there are',
+        'what', nargs='*', default=[], metavar='WHAT',
+        help='TOPIC.FIELD of a bag, or a quantity such as normal_force.JOINT; without any, all '
+        'there are',
     )  # fmt: skip
     _span_options(sub)
     sub.add_argument(
         '-o', '--output', action='append', default=[], metavar='FILE',
         help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
-        'given for both; SCENE_plot.svg if not',
+        'given for both; SCENE_plot.svg if not given',
     )  # fmt: skip
     sub.add_argument(
         '--against', choices=('time', 'angle'), default='time', help='angle: of the main drive'
@@ -162,10 +170,12 @@ def _list(options: argparse.Namespace, asked: Asked) -> int:
 
 def _span_options(sub: argparse.ArgumentParser) -> None:
     """Which part of a run."""
-    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at [s]')
-    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at [s]')
+    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
+    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
     length_options(sub)
-    sub.add_argument('--namespace', help='of the machine, where a bag holds several')
+    sub.add_argument(
+        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
+    )
 
 
 def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
@@ -177,8 +187,9 @@ def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
         If the bag or the scene is no good, or says otherwise than the options.
     """
     from mechanism_sim.analysis.record import Record, read_record  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, simulate, span  # noqa: PLC0415
+    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
 
     asked = options.end, options.duration, options.revolutions
     if sum(x is not None for x in asked) > 1:
@@ -187,12 +198,13 @@ def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
     if is_bag(options.scene):
         if overrides_of(options):
             raise InputError(_AS_IT_WAS)
-        record = read_record(options.scene, options.namespace)
+        with progress.share('reading', options.json) as read:
+            record = read_record(read_bag(options.scene, read), options.namespace)
         start = record.start if options.start is None else start
         return record, start, _end(options, record, start)
     if options.namespace:
         raise InputError('--namespace is for bags')
-    machine = load_scene(options.scene, overrides_of(options))
+    machine = read_machine(options)
     if options.end is None:
         end = start + span(machine, options.revolutions, options.duration)
     else:
@@ -205,6 +217,8 @@ def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
 def _end(options: argparse.Namespace, record: Record, start: float) -> float:
     """The end of the part of a bag that is asked for [s]."""
     if options.revolutions is not None:
+        import numpy as np  # noqa: PLC0415
+
         record.whole_turns()
         (turned,) = record.turned(np.array([start]))
         return float(record.times_at(np.array([turned + options.revolutions]))[0])
@@ -220,6 +234,6 @@ def is_bag(source: str) -> bool:
 
 def _size(text: str) -> int | tuple[int, int]:
     width, cross, height = text.partition('x')
-    if not width.isdecimal() or (cross and not height.isdecimal()):
+    if not width.isdecimal() or not int(width) or (cross and not height.isdecimal()):
         raise InputError(f"--size '{text}': write for example 960 or 1280x720")
     return (int(width), int(height)) if cross else int(width)

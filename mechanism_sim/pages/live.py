@@ -102,7 +102,7 @@ class Live:
             self.time - MOST * self.step,
             self._sent if self._sent is not None else -math.inf,
         )
-        t = np.linspace(first, self.time, math.ceil((self.time - first) / self.step) + 1)
+        t = np.linspace(first, self.time, math.ceil((self.time - first) / self.step - 1e-6) + 1)
         self._sent, struck = self.time, self._struck
         self._struck = []
         return {

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 PER_TURN = 120
 """Instants in a turn of the main drive."""
+NEAR = 1e-3
+"""Of the clearance: how far a pin may be from its place between two instants."""
 MOST = 20_000
 """Instants of a run at most, beside those at events; and impacts."""
 
@@ -104,23 +106,24 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
 def instants(record: Record, most: int = MOST) -> Array:
     """Times (N,) [s] over a run, closer together where the machine is faster.
 
-    There are about `PER_TURN` in a turn of the main drive, and fewer where that were more than
-    `most` in all.
+    There are `PER_TURN` in a turn of the main drive, and as many as it takes for pins to stay in
+    their places between them, see `NEAR`; fewer where that were more than `most` in all.
     """
-    curve, coordinates = record.piece.motion.curve, record.machine.physics.coordinates
-    sliding = record.machine.physics.displacements
+    machine, curve = record.machine, record.piece.motion.curve
     t = np.append(curve.start, curve.end)
     k = np.append(np.arange(len(curve)), len(curve) - 1)
-    speed = np.abs(curve.at(k, t - curve.start[k], 1))
-    weights = np.array(
-        [
-            (PER_TURN if name == record.machine.main else _OTHERS)
-            / (2.0 * np.pi)
-            / (record.machine.mechanism.size if name in sliding else 1.0)
-            for name in coordinates
-        ]
-    )
-    dense = (speed * weights).max(axis=1) + _LEAST / (record.end - record.start)
+    slides = np.isin(machine.physics.coordinates, machine.physics.displacements)
+    main = np.array(machine.physics.coordinates) == machine.main
+    weight = np.where(main, PER_TURN, _OTHERS) / (2.0 * np.pi)
+    weight /= np.where(slides, machine.mechanism.size, 1.0)
+    dense = (np.abs(curve.at(k, t - curve.start[k], 1)) * weight).max(axis=1)
+    dense += _LEAST / (record.end - record.start)
+    if record.loose_joints:
+        # a cubic through places and rates is off by h^4 / 384 of the fourth derivative
+        fourth = np.abs(curve.at(k, t - curve.start[k], 4))
+        fourth = (fourth * np.where(slides, 1.0, machine.mechanism.size)).max(axis=1)
+        radial = min(machine.clearances[joint].radial for joint in record.loose_joints)
+        dense = np.maximum(dense, (fourth / (384.0 * NEAR * radial)) ** 0.25)
     passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
     count = min(int(passed[-1]) + 1, most)
     return np.asarray(np.interp(np.linspace(0.0, passed[-1], count), passed, t))
@@ -135,7 +138,7 @@ def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:
 
 def _size(stage: Stage) -> int:
     """Bytes of an instant on the page."""
-    numbers = 3 * len(stage.links) + 2 * len(stage.bearings) + 2 * len(stage.joints)
+    numbers = 3 * len(stage.links) + 4 * len(stage.bearings) + 2 * len(stage.joints)
     return 16 + 4 * numbers + len(stage.bearings)
 
 

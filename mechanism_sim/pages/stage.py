@@ -6,7 +6,7 @@ All in SI units and as plain data for JSON. The page draws and moves it; it know
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +35,7 @@ class Frames:
     t : (N,) [s]
     poses : (N, L, 3) origin [m] and angle [rad, less whole turns] of the links' frames
     pins : (N, B, 2) [m] centre of the pin less that of the bushing, along the world's axes
+    pin_rates : (N, B, 2) [m/s] of the same; one instant's place and rate join with the next's
     modes : (N, B) of contact, as in ModeChange; 0 with an oil film
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
@@ -44,6 +45,7 @@ class Frames:
     t: Array
     poses: Array
     pins: Array
+    pin_rates: Array
     modes: NDArray[np.uint8]
     forces: Array
     feet: Array
@@ -51,18 +53,17 @@ class Frames:
 
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
-        single = {'poses': self.poses, 'pins': self.pins, 'forces': self.forces, 'feet': self.feet}
+        single = 'poses', 'pins', 'pin_rates', 'forces', 'feet'
         return {
             't': packed(self.t),
-            **{name: packed(rows.astype('<f4')) for name, rows in single.items()},
+            **{name: packed(getattr(self, name).astype('<f4')) for name in single},
             'modes': packed(self.modes),
             'drive': packed(self.drive),
         }
 
     def plain(self, i: int) -> dict[str, Any]:
         """One instant, as numbers and lists."""
-        rows = ('t', 'poses', 'pins', 'modes', 'forces', 'feet', 'drive')
-        return {name: getattr(self, name)[i].tolist() for name in rows}
+        return {field.name: getattr(self, field.name)[i].tolist() for field in fields(self)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +146,7 @@ class Stage:
             for joint in (*self.joints, *bearings)
         }
         pins = [
-            view.place(j.first, j.on_first) - view.place(j.second, j.on_second)
+            view.path(j.first, j.on_first) - view.path(j.second, j.on_second)
             for j in bearings
             for view in [views[j.name]]
         ]
@@ -157,7 +158,8 @@ class Stage:
         return Frames(
             t,
             self._poses(o),
-            _by_instant(pins, count),
+            _by_instant([path[0] for path in pins], count),
+            _by_instant([path[1] for path in pins], count),
             touching,
             _by_instant([views[j.name].force for j in self.joints], count),
             _by_instant([_foot(views[j.name]) for j in self._moving], count),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import time
@@ -284,6 +285,7 @@ def view(
     -------
     Exit code: that of the run if it ends first, and 0 if the view is ended.
     """
+    signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # asleep it would hold up who publishes
     runs: list[subprocess.Popen[bytes]] = []
 
     def make() -> list[View]:

@@ -17,7 +17,8 @@ class BagInfo:
     """What is in a bag.
 
     size: [bytes]; start, end: smallest and largest log time [s], simulated; duration: between
-    them [s]; scene: name of the scene that made it, None where topic `scene` is missing.
+    them [s]; scene: name of the scene that made it, None where topic `scene` is missing;
+    wall_time: how long the recording took [s], None where that is not known.
     """
 
     path: str
@@ -32,6 +33,7 @@ class BagInfo:
     schemas: tuple[str, ...]
     compression: str
     scene: str | None
+    wall_time: float | None
 
     def to_json(self) -> dict[str, Any]:
         """Return the same as a plain dictionary."""
@@ -60,6 +62,7 @@ def info(path: Path | str) -> BagInfo:
         schemas=tuple(sorted({topic.type for topic in topics if topic.type})),
         compression=bag.compression,
         scene=scene_name(bag),
+        wall_time=bag.wall_time,
     )
 
 
@@ -108,11 +111,12 @@ def render_info(bag: BagInfo) -> str:
         'bag': f'{bag.path} ({bag.size / 1e6:.3g} MB, {bag.compression})',
         'scene': bag.scene or 'not recorded',
         kind: f'{bag.duration:.6g} s, from {bag.start:.6g} s to {bag.end:.6g} s',
+        'recorded': _pace(bag),
         'messages': f'{bag.messages} on {len(bag.topics)} topics',
         'complete': 'yes' if bag.complete else 'NO: cut short; what could be read is listed',
         'written by': bag.library or 'unknown',
     }
-    lines = [f'{key + ":":<12}{value}' for key, value in head.items()]
+    lines = [f'{key + ":":<12}{value}' for key, value in head.items() if value]
     rows = [('topic', 'messages', 'type', 'delivery'), *map(_row, bag.topics)]
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
     lines.append('')
@@ -120,6 +124,13 @@ def render_info(bag: BagInfo) -> str:
         line = f'{name:<{widths[0]}}  {count:>{widths[1]}}  {kind:<{widths[2]}}  {delivery}'
         lines.append(line.rstrip())
     return '\n'.join(lines)
+
+
+def _pace(bag: BagInfo) -> str:
+    """How fast the run was recorded; empty where that is not known."""
+    if not bag.wall_time:
+        return ''
+    return f'in {bag.wall_time:.3g} s, {bag.duration / bag.wall_time:.3g} x real time'
 
 
 def _row(topic: Topic) -> tuple[str, str, str, str]:

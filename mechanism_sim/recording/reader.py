@@ -14,6 +14,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.scan import Layout, blocks, messages, survey
+from mechanism_sim.recording.writer import RECORDING
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class Bag:
         end: Largest log time [ns].
         compression: Of its chunks, as `zstd`.
         library: What wrote it.
+        wall_time: How long that took [s], from the first message to the last; None of a bag that
+            was cut short, or that others wrote.
 
     """
 
@@ -51,6 +54,8 @@ class Bag:
         self.start, self.end = layout.start, layout.end
         self.compression = ', '.join(sorted(filter(None, layout.compression))) or 'none'
         self.library = layout.library
+        taken = layout.metadata.get(RECORDING, {}).get('wall_time')
+        self.wall_time = None if taken is None else float(taken)
         self.topics = _topics(layout)
         self._layout = layout
 

@@ -51,6 +51,7 @@ class Layout:
     counts: Counter[int] = field(default_factory=Counter)
     compression: set[str] = field(default_factory=set)
     chunk_channels: dict[int, frozenset[int]] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 def survey(path: Path) -> Layout:
@@ -148,6 +149,7 @@ def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
     try:
         reader = SeekingReader(stream)
         summary, header = reader.get_summary(), reader.get_header()
+        metadata = {found.name: found.metadata for found in reader.iter_metadata()}
     except (McapError, struct.error) as error:
         raise DamagedBagError(f'{path}: its index is damaged ({error}).') from error
     if summary is None or summary.statistics is None or not summary.chunk_indexes:
@@ -167,6 +169,7 @@ def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
             for index in summary.chunk_indexes
             if index.message_index_offsets
         },
+        metadata=metadata,
     )
 
 

@@ -27,6 +27,9 @@ from mechanism_sim.recording.rosbag2 import (
 )
 
 CHUNK_SIZE = 1 << 20  # [bytes] before compression
+RECORDING = 'mechanism_sim'
+"""Name of the metadata that say how the bag came about: ``wall_time`` [s]."""
+
 FLUSH_PERIOD = 0.5  # [s] of wall time: half of the second that a kill may cost
 
 
@@ -59,6 +62,7 @@ class BagWriter:
         self._counts: dict[str, int] = {}
         self._start, self._end = 2**63 - 1, 0
         self._flushed = time.monotonic()
+        self._written: tuple[float, float] | None = None  # [s] when the first and last message was
         with self._writing():
             self._mcap.start(profile=Profile.ROS2, library='mechanism_sim')
             # Here already, and again at the end: without the version that it states, the quality
@@ -146,7 +150,9 @@ class BagWriter:
             self._counts[topic] = count + 1
             self._start = min(self._start, log_time_ns)
             self._end = max(self._end, log_time_ns)
-            if time.monotonic() - self._flushed > FLUSH_PERIOD:
+            now = time.monotonic()
+            self._written = self._written[0] if self._written else now, now
+            if now - self._flushed > FLUSH_PERIOD:
                 self.flush()
 
     def flush(self) -> None:
@@ -162,6 +168,9 @@ class BagWriter:
                 return
             with self._writing():
                 self._add_metadata()
+                if self._written:
+                    first, last = self._written
+                    self._mcap.add_metadata(RECORDING, {'wall_time': f'{last - first:.6f}'})
                 self._mcap.finish()
                 self._stream.close()
             self._stream = None

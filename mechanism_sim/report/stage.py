@@ -34,7 +34,7 @@ _SWEEP = 721  # instants by which sizes are chosen
 _ARROW = 0.3  # length of the largest force, of the machine's size
 _HEAD, _FOOT = 34.0, 26.0  # [pixels] for the title, and for the clock
 _LETTER = 7.5  # [pixels] of the title
-_LENS = 170.0  # [pixels] at least
+_LENS, _WORDS = 170.0, 60.0  # [pixels] at least, and above and below it
 _PART = 0.5, 0.3, 0.75  # of the drawing's height, of its width, of its height at most
 
 
@@ -253,21 +253,21 @@ def _layout(shape: Array, size: int | tuple[int, int], lens: bool) -> _Layout:
         If that is too small.
     """
     wide, high = (size, size) if isinstance(size, int) else size
-    if not 200 <= max(wide, high) <= 4096 or min(wide, high) < 120:
-        raise InputError(f'a film of {wide} by {high} pixels: choose from 200 to 4096')
+    if not 240 <= min(wide, high) <= max(wide, high) <= 4096:
+        raise InputError(f'a film of {wide} by {high} pixels: choose from 240 to 4096')
     aspect, part = float(shape[0]), 0.0
     if lens:
         part = min(max(_PART[0], _PART[1] * aspect), _PART[2])
     rest = high - _HEAD - _FOOT
     height = min(rest, wide / (aspect + part))
-    beside = max(part * height, _LENS if lens else 0.0)
+    beside = min(max(part * height, _LENS), 0.45 * wide) if lens else 0.0
     height = min(height, (wide - beside) / aspect)
     if isinstance(size, int):
         wide, high = math.ceil(aspect * height + beside), math.ceil(height + _HEAD + _FOOT)
     wide, high = wide + wide % 2, high + high % 2
     left = 0.5 * (wide - aspect * height - beside)
     bottom = _FOOT + 0.5 * (high - _HEAD - _FOOT - height)
-    side = min(beside, height)
+    side = max(1.0, min(beside, height - _WORDS))
     up = bottom + 0.5 * (height - side)
     return _Layout(
         (wide, high),

@@ -65,8 +65,7 @@ class Target:
         self.usual_rate, self.usual_size = _USUAL[self.kind]
         self.files: list[Path] = []
         self._stem = path / 'frame' if folder else path.with_suffix('')
-        if self.kind == '.mp4':
-            mpl.rcParams['animation.ffmpeg_path'] = _ffmpeg()
+        self._program = _ffmpeg() if self.kind == '.mp4' else ''
 
     def check_rate(self, fps: float) -> None:
         """Refuse a number of frames a second that the file cannot hold.
@@ -113,7 +112,8 @@ class Target:
         writer = FFMpegWriter(rate, 'h264', extra_args=_EXACT) if movie else _GifWriter(rate)
         part = self.path.with_name(f'.{self.path.stem}.part{self.kind}')
         try:
-            with writer.saving(figure, str(part), DENSITY):
+            program: dict[Any, Any] = {'animation.ffmpeg_path': self._program} if movie else {}
+            with mpl.rc_context(program), writer.saving(figure, str(part), DENSITY):
                 yield writer.grab_frame
             part.replace(self.path)
         finally:

@@ -37,7 +37,7 @@ export class Charts {
   paper() {
     for (const place of this.places) this.#draw(place);
     for (const { plot, axis } of this.drawn.values()) {
-      Plotly.relayout(plot, { autosize: false, width: axis === 'polar' ? PAPER / 2 : PAPER });
+      Plotly.relayout(plot, { autosize: false, width: axis === 'polar' ? PAPER / 2 - 16 : PAPER });
     }
   }
 

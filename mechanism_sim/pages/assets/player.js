@@ -46,7 +46,7 @@ export class Recording {
   get end() { return this.t[this.t.length - 1]; }
 
   /**
-   * The machine at an instant, straight between those recorded.
+   * The machine at an instant, straight between those recorded; pins on cubics.
    * @param {number} t @param {number} glow how long impacts are seen [s]
    * @returns {import('stage').Frame}
    */
@@ -69,13 +69,24 @@ export class Recording {
     return {
       t,
       poses,
-      pins: between(this.pins, this.bearings, 2),
+      pins: this.#pins(i, j, share),
       modes: Array.from(this.modes.subarray(i * this.bearings, (i + 1) * this.bearings)),
       forces: between(this.forces, this.joints, 2),
       feet: between(this.feet, this.moving, 2),
       drive: this.drive[i] + share * (this.drive[j] - this.drive[i]),
       impacts: this.#impacts(t, glow),
     };
+  }
+
+  /** Cubics through places and rates of pins at two instants. */
+  #pins(i, j, s) {
+    const h = this.t[j] - this.t[i];
+    const [a, b] = [(1 + 2 * s) * (1 - s) ** 2, s * s * (3 - 2 * s)];
+    const [c, d] = [h * s * (1 - s) ** 2, h * s * s * (s - 1)];
+    const each = 2 * this.bearings;
+    const at = (k) => a * this.pins[i * each + k] + b * this.pins[j * each + k]
+      + c * this.pin_rates[i * each + k] + d * this.pin_rates[j * each + k];
+    return Array.from({ length: this.bearings }, (_, k) => [at(2 * k), at(2 * k + 1)]);
   }
 
   /** The places [m] of a pin over the last turn of the drive up to t, but no more than `span` [s]. */

@@ -54,7 +54,7 @@ function show(frame, shown) {
   by('time').textContent = `${frame.t.toFixed(digits())} s`;
   by('drive').textContent = drive(frame.drive);
   by('shown').textContent = `Shown at ${by('time').textContent}, ${
-    words(data.stage.main)} ${by('drive').textContent}.`;
+    words(data.stage.main)} ${by('drive').textContent.trim()}.`;
   document.documentElement.dataset.playing = shown?.playing ? '1' : '';
   document.documentElement.dataset.time = frame.t;
   by('play').setAttribute('aria-label', shown?.playing ? 'pause' : 'play');

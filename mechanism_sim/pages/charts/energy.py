@@ -121,6 +121,9 @@ def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
         yield 'CPU time', f'{stats.cpu_time:.3g} s'
         if stats.wall_time:
             yield 'real-time factor', f'{span / stats.wall_time:.3g}'
+    if record.wall_time:
+        yield 'recorded in', f'{record.wall_time:.3g} s'
+        yield 'real-time factor', f'{span / record.wall_time:.3g}'
     if summary and summary.ledger:
         yield 'messages lost on the way to the bag', f'{summary.ledger.lost:,}'
     yield 'digest', (summary and summary.digest) or _digest(record)
