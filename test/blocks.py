@@ -37,7 +37,7 @@ NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?')
 TIMEOUT = 120.0
 AFTERWARDS = """
 for _ in $(seq 30); do [ -z "$(jobs -pr)" ] && exit; sleep 0.1; done
-kill $(jobs -pr)
+kill $(jobs -pr) || true
 wait || true
 """
 """What is still at work in the background has a moment to end by itself."""

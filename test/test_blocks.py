@@ -14,6 +14,7 @@ ELSEWHERE = {'docs/tutorial.md'}  # test_tutorial.py follows it word by word
 NOT_RUN = [block for found in PAGES.values() for block in found if block.mark == 'not run']
 
 
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize(
     'page', [p for p, found in PAGES.items() if set(found) - set(NOT_RUN) and p not in ELSEWHERE]
 )
@@ -31,7 +32,8 @@ def test_few_blocks_are_not_run():
     reasons = {block.place: block.reason for block in NOT_RUN}
     for place, reason in reasons.items():
         print(f'{place}: {reason}')
-    assert len(reasons) <= 20
+    with_ros = sum(reason == 'needs ROS 2' for reason in reasons.values())
+    assert len(reasons) - with_ros <= 12
 
 
 @pytest.mark.parametrize('block', NOT_RUN, ids=lambda block: block.place)
