@@ -285,9 +285,9 @@ def test_one_of_several_machines_is_chosen_by_its_namespace(loose, tmp_path, mon
     [
         (['-o', 'page.pdf'], 'the ending must be .html'),
         (['-o', 'nowhere/page.html'], 'there is no directory'),
-        (['--from', '0.4', '--to', '0.2'], 'the first before the second'),
-        (['--to', '99'], 'choose times between 0 s and'),
-        (['--from', 'nan'], 'choose times between'),
+        (['--from', '0.4', '--to', '0.2'], 'from 0.4 s to 0.2 s is no part of the run'),
+        (['--to', '99'], 'is no part of the run, which goes from 0 s to'),
+        (['--from', 'nan'], 'is no part of the run'),
         (['--namespace', '/left'], 'nothing of a machine in namespace /left'),
         (['--set', 'drive.speed=1 rpm'], 'as it was recorded'),
         (['--revolutions', '2'], 'as it was recorded'),

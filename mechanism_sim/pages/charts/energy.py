@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.pages.charts.course import Course
@@ -126,7 +125,7 @@ def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
         yield 'real-time factor', f'{span / record.wall_time:.3g}'
     if summary and summary.ledger:
         yield 'messages lost on the way to the bag', f'{summary.ledger.lost:,}'
-    yield 'digest', (summary and summary.digest) or _digest(record)
+    yield 'digest', (summary and summary.digest) or record.digest()
 
 
 def _errors(record: Record) -> Iterator[tuple[str, str]]:
@@ -138,9 +137,3 @@ def _errors(record: Record) -> Iterator[tuple[str, str]]:
     yield 'largest error of a closure', f'{audit.max_closure_error:.3g} m'
     if audit.energy and np.isfinite(audit.energy.residual):
         yield 'energy missing at the end', f'{audit.energy.residual:.3g} J'
-
-
-def _digest(record: Record) -> str:
-    digest = MotionDigest()
-    digest.add(record.piece.motion, record.piece.impacts)
-    return digest.hexdigest()
