@@ -291,11 +291,13 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
         (['gap', '-o', 'x.bmp'], 'the ending must be .png, .svg or .pdf'),
     ],
 )
-def test_bad_input_is_one_sentence(bag, what, words):
+def test_bad_input_is_one_sentence(bag, what, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     done = run('plot', str(bag), *what)
     assert done.returncode == 2
     assert words in done.stderr
     assert done.stderr.count('\n') == 1
+    assert not list(tmp_path.iterdir())
 
 
 def test_from_python_bad_names_are_bad_input(solution):

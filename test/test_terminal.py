@@ -88,7 +88,7 @@ def plain_terminal(monkeypatch, tmp_path):
         ('analyze BAG', ['reading', '100%']),
         ('analyze BAG --impacts-on coupler_rocker', ['reading', 'analyze']),
         ('sound BAG', ['sound', 'impacts']),
-        ('plot BAG position.crank', ['reading']),
+        ('plot BAG position.crank', ['plot', '100%']),
     ],
 )
 def test_long_work_says_what_it_does_to_a_terminal_only(command, shown, bag, capsys):

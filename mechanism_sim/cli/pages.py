@@ -69,7 +69,7 @@ def _report(options: argparse.Namespace) -> int:
     file = report.check_file(options.output or f'{Path(options.scene).stem}.html')
     bag = Path(options.scene)
     source = ''
-    if bag.suffix == '.mcap' or bag.is_dir():
+    if bag.suffix == '.mcap' or any(bag.glob('*.mcap')):
         if overrides_of(options) or options.duration or options.revolutions:
             raise InputError('a bag is shown as it was recorded: leave out --set and lengths')
         with progress.share('reading', options.json) as read:

@@ -113,23 +113,25 @@ def _animate(options: argparse.Namespace) -> int:
 def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.asked import Asked  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
-    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
 
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
     numbers = [file for file in files if Path(file).suffix in tables.SUFFIXES]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
-    bag, record = (read_bag(options.scene) if is_bag(options.scene) else None), None
+    recorded, record = is_bag(options.scene), None
     start, end = options.start, options.end
-    if bag is None or options.duration is not None or options.revolutions is not None:
+    if not recorded or options.duration is not None or options.revolutions is not None:
         record, start, end = _run(options)
     elif overrides_of(options):
         raise InputError(_AS_IT_WAS)
-    asked = Asked(bag, record, options.namespace)
+    with progress.share('plot', options.json) as read:
+        bag = read_bag(options.scene, read) if recorded else None
+        asked = Asked(bag, record, options.namespace)
+        series = asked.series(options.what, start, end) if options.what else []
     if not options.what:
         return _list(options, asked)
-    series = asked.series(options.what, start, end)
     if numbers:
         from mechanism_sim.analysis.series import joined  # noqa: PLC0415
 

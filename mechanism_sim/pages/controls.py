@@ -86,11 +86,12 @@ def _all(machine: Machine) -> Iterator[Control]:
             logarithmic=True,
         )  # fmt: skip
     for name, play in machine.plan.rigid.items():
-        if play.contact is None:
-            path = f'joints.{name}.clearance.restitution'
+        path = _path_of_restitution(machine, name)
+        if play.contact is None and path:
             yield Control(
                 path, f'Restitution of {_words(name)}', '', 0.0, 1.0, 0.01, play.restitution,
-                'now', owner=integrator_of(machine), parameter=path,
+                'now', owner=integrator_of(machine),
+                parameter=f'joints.{name}.clearance.restitution',
             )  # fmt: skip
 
 
@@ -123,6 +124,16 @@ def _drive(machine: Machine) -> Iterator[Control]:
             'drive.speed', label, unit, low, high, (high - low) / 500.0, scale * now,
             'restart', scale, quantity=quantity,
         )  # fmt: skip
+
+
+def _path_of_restitution(machine: Machine, name: str) -> str:
+    """Where the scene has that of a joint; nowhere if it takes a default."""
+    joints = machine.scene.joints
+    joint = joints[name] if isinstance(joints, dict) else getattr(joints, name)
+    for part in ('clearance', 'lift_off', 'groove', 'backlash'):
+        if getattr(getattr(joint, part, None), 'restitution', None) is not None:
+            return f'joints.{name}.{part}.restitution'
+    return ''
 
 
 def _words(name: str) -> str:

@@ -81,6 +81,8 @@ export class Charts {
     this.#point(chart);
   }
 
+  // Where an axis lies is not part of plotly's interface, but to redraw a chart for every picture
+  // of the machine is too slow.
   #point({ plot, cursors, axes }) {
     cursors.forEach((cursor, i) => {
       const { xaxis, yaxis } = plot._fullLayout._plots[axes[i].id] ?? axes[i];

@@ -44,7 +44,8 @@ export class Lens {
     const out = [px / far, py / far];
     this.now = [frame.t, x, y];
     this.#turn(this.bushing, this.bearing.second, frame);
-    this.#turn(this.pin, this.bearing.first, frame, `translate(${px.toFixed(3)} ${py.toFixed(3)}) `);
+    const moved = `translate(${px.toFixed(3)} ${py.toFixed(3)}) `;
+    this.#turn(this.pin, this.bearing.first, frame, moved);
     this.pin.dataset.x = x;
     this.pin.dataset.y = y;
     this.svg.dataset.mode = mode;

@@ -89,7 +89,7 @@ export class Recording {
     return Array.from({ length: this.bearings }, (_, k) => [at(2 * k), at(2 * k + 1)]);
   }
 
-  /** The places [m] of a pin over the last turn of the drive up to t, but no more than `span` [s]. */
+  /** The places [m] of a pin over the last turn of the drive up to t, at most `span` [s]. */
   path(bearing, t, span) {
     const i = search(this.t, t);
     const now = this.drive[i];

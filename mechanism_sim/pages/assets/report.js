@@ -17,6 +17,7 @@ let charts = null;
 
 const player = new Player(recording, show);
 start();
+performance.mark('plays');
 await loadPlotly();
 charts = new Charts(JSON.parse(by('charts').textContent), seek);
 charts.cursor(player.time);
