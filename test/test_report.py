@@ -290,7 +290,8 @@ def test_one_of_several_machines_is_chosen_by_its_namespace(loose, tmp_path, mon
         (['--from', 'nan'], 'is no part of the run'),
         (['--namespace', '/left'], 'nothing of a machine in namespace /left'),
         (['--set', 'drive.speed=1 rpm'], 'as it was recorded'),
-        (['--revolutions', '2'], 'as it was recorded'),
+        (['--revolutions', '9'], 'turns from 0 s on, not 9'),
+        (['--to', '0.1', '--duration', '0.1'], 'give only one of'),
     ],
 )
 def test_what_no_page_can_be_made_of_is_one_sentence(loose, tmp_path, options, words, monkeypatch):
@@ -310,5 +311,5 @@ def test_a_namespace_is_for_bags(tmp_path):
 
 
 def test_a_part_outside_of_the_run_is_refused(loose):
-    with pytest.raises(InputError, match='between 0 s and'):
+    with pytest.raises(InputError, match='is no part of the run'):
         loose.between(-1.0, 0.1)

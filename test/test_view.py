@@ -210,12 +210,14 @@ def refuse(address: str) -> None:
             ({'type': 'dance'}, "'dance'"),
             ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 2}, 'outside 0 to 1'),
             ({'type': 'set', 'path': 'scene', 'value': 1}, 'scene cannot be set'),
+            ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 10**400}, 'inf is outside'),
         ):
+            for nonsense in ('no JSON', '[1]', '[' * 20_000, b'\xff'):
+                page.send(nonsense)
             page.send(json.dumps(asked))
             while (found := json.loads(page.recv(PATIENCE)))['type'] != 'message':
                 pass
             assert said in found['text']
-        page.send('no JSON')
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,7 @@ class Record:
     signals : of the accelerometers by name, as far as they are recorded or were asked for
     audit : of the motion and its impacts, where the record was read from a bag
     wall_time : how long the run took to be recorded [s], where that is known
+    whole : the motion from the start of the run on, where `piece` begins or ends elsewhere
     """
 
     machine: Machine
@@ -66,6 +67,7 @@ class Record:
     signals: dict[str, Signal]
     audit: Audit | None = None
     wall_time: float | None = None
+    whole: Motion | None = None
 
     @property
     def start(self) -> float:
@@ -76,6 +78,11 @@ class Record:
     def end(self) -> float:
         """Of the motion [s]."""
         return self.piece.motion.curve.end
+
+    @property
+    def history(self) -> Motion:
+        """The motion from the start of the run on: what sensors and frames on springs went by."""
+        return self.piece.motion if self.whole is None else self.whole
 
     def part(self, start: float | None, end: float | None) -> tuple[float, float]:
         """Start and end [s] of a part of the run; those of the run where they are None.
@@ -224,7 +231,7 @@ class Record:
         books = Books(work, impacts, float(before.drive_work[0]), float(before.dissipated[0]))
         signals = {name: s for name, x in self.signals.items() if (s := x.between(a, b))}
         piece = Piece(self.piece.physics, motion, books, impacts, changes)
-        return Record(self.machine, piece, signals, audit)
+        return Record(self.machine, piece, signals, audit, whole=self.history)
 
     def digest(self) -> str:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
@@ -238,7 +245,7 @@ class Record:
         Raises
         ------
         InputError
-            If there is no such sensor.
+            If there is no such sensor, or it took no sample.
         """
         if sensor not in self.sensors:
             known = ', '.join(self.sensors) or 'none'
@@ -246,13 +253,32 @@ class Record:
                 f"there is no sensor '{sensor}'{nearest(sensor, self.sensors)}; there are: {known}"
             )
         if sensor not in self.signals:
-            self.signals[sensor] = measured(self.machine, self.piece.motion, sensor)
+            signal = measured(self.machine, self.history, sensor)
+            found = signal if self.whole is None else signal.between(self.start, self.end)
+            if found is None:
+                raise InputError(
+                    f'sensor {sensor} takes no sample from {self.start:g} s to {self.end:g} s'
+                )
+            self.signals[sensor] = found
         return self.signals[sensor]
 
     @property
     def sensors(self) -> list[str]:
         """Those that were recorded, and those of the scene."""
         return sorted({*self.signals, *self.machine.scene.sensors})
+
+    @property
+    def heard(self) -> list[str]:
+        """The sensors that took samples: one that waits for a shock may have none."""
+
+        def took_any(sensor: str) -> bool:
+            try:
+                self.signal(sensor)
+            except InputError:
+                return False
+            return True
+
+        return [sensor for sensor in self.sensors if took_any(sensor)]
 
     @property
     def loose_joints(self) -> list[str]:

@@ -7,7 +7,6 @@ import gzip
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from mechanism_sim.catalogue import installed_version
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
 from mechanism_sim.pages.charts import Section
@@ -48,7 +48,7 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
     charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
-        version=version('mechanism_sim'),
+        version=installed_version(),
         title=scene.title,
         scene=record.machine.name,
         description=scene.description.strip(),
