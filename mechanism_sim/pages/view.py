@@ -291,8 +291,14 @@ def view(
     def make() -> list[View]:
         node = View(parameters, opened or _print, bool(run))
         if run:  # now that there is a network to join
-            command = [sys.executable, '-m', 'mechanism_sim', 'run', *run, '--json']
-            runs.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))  # noqa: S603 - ours
+            companion = [sys.executable, '-m', 'mechanism_sim.pages.companion', 'run']
+            runs.append(
+                subprocess.Popen(  # noqa: S603 - ours
+                    [*companion, *run, '--json'],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                )
+            )
         return [node]
 
     code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args)
