@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -278,6 +279,23 @@ def test_one_of_several_machines_is_chosen_by_its_namespace(loose, tmp_path, mon
     assert refused.returncode == 2
     assert 'several' in refused.stderr
     assert '/right' in refused.stderr
+
+
+def test_a_bag_that_was_cut_short_says_so_on_its_page(loose, tmp_path):
+    bag = write_bag(tmp_path / 'cut.mcap', loose)
+    whole = bag.read_bytes()
+    bag.write_bytes(whole[: whole.rindex(b'\x89MCAP0') - 8])  # without the end of its footer
+    done = command('report', str(bag), '-o', str(tmp_path / 'cut.html'))
+    assert done.returncode == 0
+    assert 'was cut short; what could be read is shown' in done.stderr
+    assert 'cut.mcap, cut short' in (tmp_path / 'cut.html').read_text('utf-8')
+
+
+def test_a_folder_with_the_name_of_a_scene_does_not_hide_it(tmp_path, monkeypatch):
+    """As `animate punch -o punch` makes one."""
+    monkeypatch.chdir(tmp_path)
+    Path('slider_crank').mkdir()
+    assert command('report', 'slider_crank', '--duration', '0.1').returncode == 0
 
 
 @pytest.mark.parametrize(

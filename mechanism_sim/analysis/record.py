@@ -59,6 +59,7 @@ class Record:
     signals : of the accelerometers by name, as far as they are recorded or were asked for
     audit : of the motion and its impacts, where the record was read from a bag
     wall_time : how long the run took to be recorded [s], where that is known
+    complete : False if the bag was cut short
     whole : the motion from the start of the run on, where `piece` begins or ends elsewhere
     """
 
@@ -67,6 +68,7 @@ class Record:
     signals: dict[str, Signal]
     audit: Audit | None = None
     wall_time: float | None = None
+    complete: bool = True
     whole: Motion | None = None
 
     @property
@@ -231,7 +233,9 @@ class Record:
         books = Books(work, impacts, float(before.drive_work[0]), float(before.dissipated[0]))
         signals = {name: s for name, x in self.signals.items() if (s := x.between(a, b))}
         piece = Piece(self.piece.physics, motion, books, impacts, changes)
-        return Record(self.machine, piece, signals, audit, whole=self.history)
+        return Record(
+            self.machine, piece, signals, audit, complete=self.complete, whole=self.history
+        )
 
     def digest(self) -> str:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
@@ -339,7 +343,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     work = audit.add(motion, impacts)
     piece = Piece(machine.physics, motion, Books(work, impacts), impacts, changes)
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
-    return Record(machine, piece, signals, audit, bag.wall_time)
+    return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
 
 
 _WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,7 +55,13 @@ def recorded(options: argparse.Namespace) -> Record:
 
     refuse_overrides(options)
     with progress.share('reading', options.json) as read:
-        return read_record(read_bag(options.scene, read), options.namespace)
+        record = read_record(read_bag(options.scene, read), options.namespace)
+    if not record.complete:
+        print(
+            f'mechanism-sim: {options.scene} was cut short; what could be read is shown',
+            file=sys.stderr,
+        )
+    return record
 
 
 def simulated(options: argparse.Namespace, start: float = 0.0, to: float | None = None) -> Record:

@@ -119,7 +119,9 @@ def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
         facts.append(Fact('Impacts', f'{len(record.piece.impacts)}{fewer}'))
     facts.append(Fact('Tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g} m'))
     facts.append(Fact('Digest', f'{digest[:12]}…', digest))
-    return [*facts, Fact('Recorded in', source)] if source else facts
+    if source:
+        facts.append(Fact('Recorded in', source if record.complete else f'{source}, cut short'))
+    return facts
 
 
 def _section(section: Section) -> dict[str, Any]:
