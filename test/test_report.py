@@ -205,16 +205,6 @@ def test_a_long_run_does_not_grow_the_page(loose, monkeypatch):
     assert found.hardest == hardest[0]
 
 
-def test_one_instant_is_the_same_as_in_all(loose):
-    t = np.array([0.01, 0.2])
-    samples = loose.piece.samples(t)
-    found = stage_of(loose.machine, samples.observed).frames(t, samples.observed, samples.modes)
-    one = found.plain(1)
-    assert one['t'] == 0.2
-    assert one['poses'] == found.poses[1].tolist()
-    assert json.loads(json.dumps(one)) == one
-
-
 @pytest.mark.parametrize('rows', [np.arange(3.0), np.ones((2, 3), np.uint8), np.zeros((0, 2))])
 def test_arrays_are_written_as_plotly_writes_them(rows):
     assert unpacked(packed(rows)).tolist() == rows.tolist()

@@ -85,7 +85,7 @@ def _report(options: argparse.Namespace) -> int:
 
 def _view(options: argparse.Namespace) -> int:
     from mechanism_sim.middleware import Parameter  # noqa: PLC0415
-    from mechanism_sim.pages.view import view  # noqa: PLC0415
+    from mechanism_sim.pages.viewing import view  # noqa: PLC0415
 
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]

@@ -67,10 +67,6 @@ class Frames:
             'drive': packed(self.drive),
         }
 
-    def plain(self, i: int) -> dict[str, Any]:
-        """One instant, as numbers and lists."""
-        return {field.name: getattr(self, field.name)[i].tolist() for field in fields(self)}
-
 
 @dataclass(frozen=True, eq=False)
 class Stage:

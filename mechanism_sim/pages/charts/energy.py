@@ -10,7 +10,6 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
@@ -86,9 +85,9 @@ def _add(figure: go.Figure, lines: dict[str, Line], course: Course) -> None:
         )  # fmt: skip
 
 
-def solver(course: Course, summary: Summary | None) -> Section:
+def solver(course: Course) -> Section:
     """Steps, events, errors and digest of the run as a table."""
-    rows = tuple(_rows(course.record, summary))
+    rows = tuple(_rows(course.record))
     text = (
         'Errors are read from the finished polynomials, independently of the loop that made them. '
         'Runs with equal digests are equal bit by bit.'
@@ -96,7 +95,7 @@ def solver(course: Course, summary: Summary | None) -> Section:
     return Section('solver', 'Solver', text, (), rows)
 
 
-def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
+def _rows(record: Record) -> Iterator[tuple[str, str]]:
     machine, piece = record.machine, record.piece
     tolerances = machine.scene.solver
     steps, span = len(piece.motion), record.end - record.start
@@ -123,9 +122,7 @@ def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
     if record.wall_time:
         yield 'recorded in', f'{record.wall_time:.3g} s'
         yield 'real-time factor', f'{span / record.wall_time:.3g}'
-    if summary and summary.ledger:
-        yield 'messages lost on the way to the bag', f'{summary.ledger.lost:,}'
-    yield 'digest', (summary and summary.digest) or record.digest()
+    yield 'digest', record.digest()
 
 
 def _errors(record: Record) -> Iterator[tuple[str, str]]:
