@@ -1,4 +1,4 @@
-"""What comes with the package: where its scenes are, and their names.
+"""What comes with the package: where its scenes are, their names, and its version.
 
 Apart from the rooms, because a shell that completes a name cannot wait for the mechanics.
 """
@@ -17,6 +17,16 @@ def config_folder() -> Path:
         if folder.is_dir():
             return folder
     return Path(sysconfig.get_path('data')) / shared
+
+
+def installed_version() -> str:
+    """The version of the package; empty for sources that nothing has installed."""
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+
+    try:
+        return version('mechanism_sim')
+    except PackageNotFoundError:
+        return ''
 
 
 def scene_names() -> list[str]:

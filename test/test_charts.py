@@ -266,6 +266,23 @@ def test_turns_at_the_start_can_be_left_out(loose):
         sections(loose, skip=10)
 
 
+def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
+    """They do not begin anew where the part begins."""
+    part = loose.between(0.7 * loose.end, 0.8 * loose.end)
+    (sensor,) = part.heard
+    (run,), (t,) = part.signal(sensor).runs, part.signal(sensor).times
+    (all_of_it,) = loose.signal(sensor).runs
+    first = round((t[0] - loose.signal(sensor).starts[0]) * part.signal(sensor).rate)
+    assert part.start <= t[0] < t[-1] <= part.end
+    assert run.tolist() == all_of_it[first : first + len(run)].tolist()
+    whole = recorded('four_bar_on_frame', revolutions=1.5)
+    (name,) = whole.machine.scene.oscillators
+    line = Course(whole.between(0.5 * whole.end)).run.lines[f'oscillator.{name}.y']
+    frame = whole.machine.oscillator(name).take(whole.piece.motion)
+    assert np.ptp(line.values) > 0.0
+    assert line.values == pytest.approx(frame(line.at).position[1], rel=1e-9, abs=1e-15)
+
+
 def test_a_cam_and_a_gear_show_lift_off_and_backlash():
     charts = charts_of(sections(recorded('valve_train', revolutions=2.5)))
     law, follower = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -204,16 +205,6 @@ def test_a_long_run_does_not_grow_the_page(loose, monkeypatch):
     assert found.hardest == hardest[0]
 
 
-def test_one_instant_is_the_same_as_in_all(loose):
-    t = np.array([0.01, 0.2])
-    samples = loose.piece.samples(t)
-    found = stage_of(loose.machine, samples.observed).frames(t, samples.observed, samples.modes)
-    one = found.plain(1)
-    assert one['t'] == 0.2
-    assert one['poses'] == found.poses[1].tolist()
-    assert json.loads(json.dumps(one)) == one
-
-
 @pytest.mark.parametrize('rows', [np.arange(3.0), np.ones((2, 3), np.uint8), np.zeros((0, 2))])
 def test_arrays_are_written_as_plotly_writes_them(rows):
     assert unpacked(packed(rows)).tolist() == rows.tolist()
@@ -280,17 +271,35 @@ def test_one_of_several_machines_is_chosen_by_its_namespace(loose, tmp_path, mon
     assert '/right' in refused.stderr
 
 
+def test_a_bag_that_was_cut_short_says_so_on_its_page(loose, tmp_path):
+    bag = write_bag(tmp_path / 'cut.mcap', loose)
+    whole = bag.read_bytes()
+    bag.write_bytes(whole[: whole.rindex(b'\x89MCAP0') - 8])  # without the end of its footer
+    done = command('report', str(bag), '-o', str(tmp_path / 'cut.html'))
+    assert done.returncode == 0
+    assert 'was cut short; what could be read is shown' in done.stderr
+    assert 'cut.mcap, cut short' in (tmp_path / 'cut.html').read_text('utf-8')
+
+
+def test_a_folder_with_the_name_of_a_scene_does_not_hide_it(tmp_path, monkeypatch):
+    """As `animate punch -o punch` makes one."""
+    monkeypatch.chdir(tmp_path)
+    Path('slider_crank').mkdir()
+    assert command('report', 'slider_crank', '--duration', '0.1').returncode == 0
+
+
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
         (['-o', 'page.pdf'], 'the ending must be .html'),
         (['-o', 'nowhere/page.html'], 'there is no directory'),
-        (['--from', '0.4', '--to', '0.2'], 'the first before the second'),
-        (['--to', '99'], 'choose times between 0 s and'),
-        (['--from', 'nan'], 'choose times between'),
+        (['--from', '0.4', '--to', '0.2'], 'from 0.4 s to 0.2 s is no part of the run'),
+        (['--to', '99'], 'is no part of the run, which goes from 0 s to'),
+        (['--from', 'nan'], 'is no part of the run'),
         (['--namespace', '/left'], 'nothing of a machine in namespace /left'),
         (['--set', 'drive.speed=1 rpm'], 'as it was recorded'),
-        (['--revolutions', '2'], 'as it was recorded'),
+        (['--revolutions', '9'], 'turns from 0 s on, not 9'),
+        (['--to', '0.1', '--duration', '0.1'], 'give only one of'),
     ],
 )
 def test_what_no_page_can_be_made_of_is_one_sentence(loose, tmp_path, options, words, monkeypatch):
@@ -310,5 +319,5 @@ def test_a_namespace_is_for_bags(tmp_path):
 
 
 def test_a_part_outside_of_the_run_is_refused(loose):
-    with pytest.raises(InputError, match='between 0 s and'):
+    with pytest.raises(InputError, match='is no part of the run'):
         loose.between(-1.0, 0.1)

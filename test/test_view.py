@@ -11,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,11 +156,11 @@ def watch(tab: Any, heard: Listener) -> None:
     """The page follows: its time goes on as that of the machine, and the pin is in its bushing."""
     heard.until(lambda: data(tab, 'time'))
     heard.until(lambda: float(data(tab, 'time')) > 0.05)
-    known = float(heard.motion[-1].known_until)
-    assert abs(float(data(tab, 'time')) - known) < 0.5
+    heard.until(lambda: abs(float(data(tab, 'time')) - heard.motion[-1].known_until) < 0.5)
     pin = tab.page.locator('#lens .journal')
-    x, y = (float(str(pin.get_attribute(f'data-{axis}'))) for axis in 'xy')
-    assert 0.0 < math.hypot(x, y) < 0.254e-3 * (1.0 + 1e-5)
+    # both at one instant; between two with an impact among them a cubic leaves the bore a little
+    x, y = map(float, pin.evaluate('pin => [pin.dataset.x, pin.dataset.y]'))
+    assert 0.0 < math.hypot(x, y) < 1.15 * 0.254e-3
     assert tab.page.locator('#stage .machine').bounding_box()['height'] > 100
     heard.until(lambda: tab.page.locator('#play').get_attribute('aria-label') == 'pause')
     assert tab.shoot('live_view').stat().st_size > 10_000
@@ -210,12 +211,14 @@ def refuse(address: str) -> None:
             ({'type': 'dance'}, "'dance'"),
             ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 2}, 'outside 0 to 1'),
             ({'type': 'set', 'path': 'scene', 'value': 1}, 'scene cannot be set'),
+            ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 10**400}, 'inf is outside'),
         ):
+            for nonsense in ('no JSON', '[1]', '[' * 20_000, b'\xff'):
+                page.send(nonsense)
             page.send(json.dumps(asked))
             while (found := json.loads(page.recv(PATIENCE)))['type'] != 'message':
                 pass
             assert said in found['text']
-        page.send('no JSON')
 
 
 @pytest.mark.parametrize(
@@ -249,7 +252,20 @@ def test_a_view_with_a_scene_runs_it_and_ends_it(network):
             while found[-1]['type'] != 'frames' or found[-1]['frames']['t'] is None:
                 found.append(json.loads(page.recv(2.0 * PATIENCE)))
         assert 'stage' in [message['type'] for message in found]
+        run = int(Path(f'/proc/{view.pid}/task/{view.pid}/children').read_text())
         assert ended(view) == 0
+    assert not Path(f'/proc/{run}').exists()
+    assert network
+
+
+def test_a_view_that_is_killed_leaves_no_run_behind(network):
+    with started('view', SCENE, '--port', '0', '--json', '--paused') as view:
+        address_of(view)
+        children = Path(f'/proc/{view.pid}/task/{view.pid}/children')
+        assert eventually(lambda: bool(children.read_text()))
+        run = Path('/proc', children.read_text().strip(), 'stat')
+        view.kill()
+        assert eventually(lambda: not run.exists() or ') Z ' in run.read_text())
     assert network
 
 

@@ -136,7 +136,7 @@ def _average(turns: Turns, unit: str) -> dict[str, Any]:
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
     """All that can be drawn of a run, in the way that is wanted: of each sensor and bearing."""
-    sensors = [x for x in record.sensors if len(record.signal(x).longest) >= _FEWEST]
+    sensors = [x for x in record.heard if len(record.signal(x).longest) >= _FEWEST]
     joints = record.loose_joints
     turning = sensors if record.has_turns else ()
     return replace(

@@ -7,7 +7,6 @@ simulation can be asked of a bag.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,13 +26,11 @@ from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.sampling import Books
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.messages.events import described
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 
 Array = NDArray[np.float64]
 
@@ -49,12 +46,7 @@ def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
         If the scene is not recorded, or cannot be read by this version.
     """
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    try:
-        content = json.loads(scene_text(bag, namespace) or 'null')
-        name, scene = str(content['name']), dict(content['scene'])
-    except (ValueError, TypeError, KeyError) as error:
-        raise InputError(f'{bag.path} does not hold its scene: its machine is unknown.') from error
-    return build(name, check_scene(f'the scene in {bag.path.name}', scene))
+    return described(scene_text(bag, namespace) or '', str(bag.path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +59,8 @@ class Record:
     signals : of the accelerometers by name, as far as they are recorded or were asked for
     audit : of the motion and its impacts, where the record was read from a bag
     wall_time : how long the run took to be recorded [s], where that is known
+    complete : False if the bag was cut short
+    whole : the motion from the start of the run on, where `piece` begins or ends elsewhere
     """
 
     machine: Machine
@@ -74,6 +68,8 @@ class Record:
     signals: dict[str, Signal]
     audit: Audit | None = None
     wall_time: float | None = None
+    complete: bool = True
+    whole: Motion | None = None
 
     @property
     def start(self) -> float:
@@ -84,6 +80,11 @@ class Record:
     def end(self) -> float:
         """Of the motion [s]."""
         return self.piece.motion.curve.end
+
+    @property
+    def history(self) -> Motion:
+        """The motion from the start of the run on: what sensors and frames on springs went by."""
+        return self.piece.motion if self.whole is None else self.whole
 
     def part(self, start: float | None, end: float | None) -> tuple[float, float]:
         """Start and end [s] of a part of the run; those of the run where they are None.
@@ -218,12 +219,7 @@ class Record:
         InputError
             If they do not lie within the run, or nothing lies between them.
         """
-        a, b = self.start if start is None else start, self.end if end is None else end
-        if not self.start <= a < b <= self.end * (1.0 + 1e-12):
-            raise InputError(
-                f'from {a:g} s to {b:g} s: choose times between {self.start:g} s and '
-                f'{self.end:g} s, the first before the second'
-            )
+        a, b = self.part(start, end)
         if (a, b) == (self.start, self.end):
             return self
         motion = self.piece.motion.between(a, b)
@@ -237,7 +233,9 @@ class Record:
         books = Books(work, impacts, float(before.drive_work[0]), float(before.dissipated[0]))
         signals = {name: s for name, x in self.signals.items() if (s := x.between(a, b))}
         piece = Piece(self.piece.physics, motion, books, impacts, changes)
-        return Record(self.machine, piece, signals, audit)
+        return Record(
+            self.machine, piece, signals, audit, complete=self.complete, whole=self.history
+        )
 
     def digest(self) -> str:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
@@ -251,7 +249,7 @@ class Record:
         Raises
         ------
         InputError
-            If there is no such sensor.
+            If there is no such sensor, or it took no sample.
         """
         if sensor not in self.sensors:
             known = ', '.join(self.sensors) or 'none'
@@ -259,7 +257,13 @@ class Record:
                 f"there is no sensor '{sensor}'{nearest(sensor, self.sensors)}; there are: {known}"
             )
         if sensor not in self.signals:
-            self.signals[sensor] = measured(self.machine, self.piece.motion, sensor)
+            signal = measured(self.machine, self.history, sensor)
+            found = signal if self.whole is None else signal.between(self.start, self.end)
+            if found is None:
+                raise InputError(
+                    f'sensor {sensor} takes no sample from {self.start:g} s to {self.end:g} s'
+                )
+            self.signals[sensor] = found
         return self.signals[sensor]
 
     @property
@@ -268,14 +272,23 @@ class Record:
         return sorted({*self.signals, *self.machine.scene.sensors})
 
     @property
+    def heard(self) -> list[str]:
+        """The sensors that took samples: one that waits for a shock may have none."""
+
+        def took_any(sensor: str) -> bool:
+            try:
+                self.signal(sensor)
+            except InputError:
+                return False
+            return True
+
+        return [sensor for sensor in self.sensors if took_any(sensor)]
+
+    @property
     def loose_joints(self) -> list[str]:
-        """Those with a pin loose in a bushing."""
-        return [
-            name
-            for name in self.machine.physics.clearances
-            if name in self.machine.clearances
-            and isinstance(self.machine.mechanism.joint(name), Revolute)
-        ]
+        """Those with a pin loose in a bushing; on an oil film it never touches: not these."""
+        known = self.machine.physics.clearances
+        return [joint.name for joint in self.machine.bearings if joint.name in known]
 
     def loose(self, joint: str) -> str:
         """The joint, once sure that it has a pin loose in a bushing.
@@ -330,7 +343,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     work = audit.add(motion, impacts)
     piece = Piece(machine.physics, motion, Books(work, impacts), impacts, changes)
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
-    return Record(machine, piece, signals, audit, bag.wall_time)
+    return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
 
 
 _WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from mechanism_sim.cli.options import (
     Command,
     length_options,
-    overrides_of,
     print_json,
     quantity,
-    read_machine,
     scene_options,
 )
+from mechanism_sim.cli.source import is_bag, namespace_option, recorded, simulated
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import echo
 
@@ -29,13 +28,12 @@ def add(command: Command) -> None:
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
     sub = command('analyze', _analyze, 'say what happened in a recorded run')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
-    sub.add_argument(
-        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
-    )
+    namespace_option(sub)
     _detail_options(sub)
     sub = command('sound', _sound, 'what the impacts of a run sound like, as a WAV file')
     scene_options(sub, 'a scene, or a bag (.mcap) of a run', 'SCENE|BAG')
     length_options(sub)
+    namespace_option(sub)
     sub.add_argument(
         '-o', '--output', metavar='FILE', help='the .wav file; SCENE.wav if not given'
     )
@@ -149,10 +147,7 @@ def _analyze(options: argparse.Namespace) -> int:
 
 
 def _sound(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress, sound  # noqa: PLC0415
-    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
     from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
 
     listener = Listener(
@@ -161,17 +156,13 @@ def _sound(options: argparse.Namespace) -> int:
     )
     pulse = None if options.pulse is None else quantity('--pulse', options.pulse, 's')[0]
     file = sound.check_file(options.output or f'{Path(options.scene).stem}.wav')
-    if Path(options.scene).suffix == '.mcap':
-        if overrides_of(options) or options.duration or options.revolutions:
-            raise InputError('a bag is heard as it was recorded: leave out --set and lengths')
-        with progress.share('reading', options.json) as read:
-            record = read_record(read_bag(options.scene, read))
-        machine, run = record.machine, record.piece
+    if is_bag(options.scene):
+        if options.duration or options.revolutions:
+            raise InputError('a bag is heard as it was recorded: leave out lengths')
+        record = recorded(options)
     else:
-        machine = read_machine(options)
-        end = span(machine, options.revolutions, options.duration)
-        with progress.bar('sound', end, quiet=options.json) as show:
-            run = simulate(machine, duration=end, progress=show)
+        record = simulated(options)
+    machine, run = record.machine, record.piece
     with progress.busy('sound', options.json) as say:
         say(f'of {len(run.impacts)} impacts')
         train = strikes(machine.mechanism, run.motion, run.impacts)

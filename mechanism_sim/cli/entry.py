@@ -86,12 +86,10 @@ def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
 
 def _start(options: argparse.Namespace) -> int:
     if options.version:
-        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+        from mechanism_sim.catalogue import installed_version  # noqa: PLC0415
 
-        try:
-            print(f'mechanism-sim {version("mechanism_sim")}')
-        except PackageNotFoundError:  # sources that nothing has installed
-            print('mechanism-sim, not installed')
+        version = installed_version()
+        print(f'mechanism-sim {version}' if version else 'mechanism-sim, not installed')
     else:
         echo(render_start())
     return 0

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from mechanism_sim.cli.options import (
     Command,
-    length_options,
     overrides_of,
     print_json,
     read_machine,
     ros_args,
     scene_options,
 )
+from mechanism_sim.cli.source import is_bag, run_of, source_options
 from mechanism_sim.errors import InputError
 
 HOUR = 3600.0  # [s]
@@ -23,16 +23,10 @@ HOUR = 3600.0  # [s]
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('report', _report, 'a page that plays a run and charts it, in one HTML file')
-    scene_options(sub, 'a bag of a run, or a scene to be run', 'BAG|SCENE')
-    length_options(sub)
+    source_options(sub)
     sub.add_argument(
         '-o', '--output', metavar='FILE', help='the .html file; named after the run if not given'
     )
-    sub.add_argument(
-        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
-    )
-    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
-    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
     scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
@@ -58,32 +52,16 @@ def add(command: Command) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.record import Record, read_record  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
 
     file = report.check_file(options.output or f'{Path(options.scene).stem}.html')
-    bag = Path(options.scene)
-    source = ''
-    if bag.suffix == '.mcap' or any(bag.glob('*.mcap')):
-        if overrides_of(options) or options.duration or options.revolutions:
-            raise InputError('a bag is shown as it was recorded: leave out --set and lengths')
-        with progress.share('reading', options.json) as read:
-            record = read_record(read_bag(bag, read), options.namespace)
-        source = bag.name
-    else:
-        if options.namespace:
-            raise InputError('--namespace is for bags of several machines')
-        machine = read_machine(options)
-        end = span(machine, options.revolutions, options.duration)
-        with progress.bar('run', end, quiet=options.json) as show:
-            record = Record(machine, simulate(machine, duration=end, progress=show), {})
+    record, start, end = run_of(options)
+    source = Path(options.scene).name if is_bag(options.scene) else ''
     digest = record.digest()
-    record = record.between(options.start, options.end)
+    record = record.between(start, end)
     with progress.bar('report', record.end, quiet=options.json) as show:
         shown = recorded(record, show)
     with progress.busy('drawing charts', quiet=options.json):
@@ -107,7 +85,7 @@ def _report(options: argparse.Namespace) -> int:
 
 def _view(options: argparse.Namespace) -> int:
     from mechanism_sim.middleware import Parameter  # noqa: PLC0415
-    from mechanism_sim.pages.view import view  # noqa: PLC0415
+    from mechanism_sim.pages.viewing import view  # noqa: PLC0415
 
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]

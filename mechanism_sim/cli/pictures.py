@@ -6,29 +6,18 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechanism_sim.cli.options import (
-    Command,
-    length_options,
-    overrides_of,
-    print_json,
-    read_machine,
-    scene_options,
-)
+from mechanism_sim.cli.options import Command, print_json
+from mechanism_sim.cli.source import is_bag, refuse_overrides, run_of, source_options
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.asked import Asked
-    from mechanism_sim.analysis.record import Record
-
-_AS_IT_WAS = 'a bag is shown as it was recorded: leave out --set and tolerances'
-_SOURCE = 'a bag (.mcap) of a run, or a scene, which is simulated'
 
 
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('animate', _animate, 'a film of a run: MP4, GIF or SVG frames')
-    scene_options(sub, _SOURCE, 'BAG|SCENE')
-    _span_options(sub)
+    source_options(sub)
     sub.add_argument(
         '-o', '--output', metavar='FILE|DIR', help='.mp4, .gif, .svg to be numbered, or a folder '
         'for SVG frames; SCENE.mp4 if not given',
@@ -63,13 +52,12 @@ def add(command: Command) -> None:
         help='which names are written',
     )
     sub = command('plot', _plot, 'anything in a run over time, or over the angle of the drive')
-    scene_options(sub, _SOURCE, 'BAG|SCENE')
+    source_options(sub)
     sub.add_argument(
         'what', nargs='*', default=[], metavar='WHAT',
         help='TOPIC.FIELD of a bag, or a quantity such as normal_force.JOINT; without any, all '
         'there are',
     )  # fmt: skip
-    _span_options(sub)
     sub.add_argument(
         '-o', '--output', action='append', default=[], metavar='FILE',
         help='.svg, .png or .pdf for the plot, .csv, .npz or .parquet for the numbers; may be '
@@ -88,7 +76,7 @@ def _animate(options: argparse.Namespace) -> int:
 
     target = Target(options.output or f'{Path(options.scene).stem}.mp4')
     size = _size(options.size) if options.size else None
-    record, start, end = _run(options)
+    record, start, end = run_of(options)
     chosen = film(record, target, start, end, options.fps, options.speed)
     shown = Shown(options.lens, options.forces, options.path, options.labels)
     with progress.count('animate', len(chosen.t), quiet=options.json) as show:
@@ -120,14 +108,14 @@ def _plot(options: argparse.Namespace) -> int:
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
-    recorded, record = is_bag(options.scene), None
+    in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
-    if not recorded or options.duration is not None or options.revolutions is not None:
-        record, start, end = _run(options)
-    elif overrides_of(options):
-        raise InputError(_AS_IT_WAS)
+    if not in_bag or options.duration is not None or options.revolutions is not None:
+        record, start, end = run_of(options)
+    else:
+        refuse_overrides(options)
     with progress.share('plot', options.json) as read:
-        bag = read_bag(options.scene, read) if recorded else None
+        bag = read_bag(options.scene, read) if in_bag else None
         asked = Asked(bag, record, options.namespace)
         series = asked.series(options.what, start, end) if options.what else []
     if not options.what:
@@ -168,70 +156,6 @@ def _list(options: argparse.Namespace, asked: Asked) -> int:
     for name, unit in names:
         print(f'{name:{width}}  {unit}'.rstrip())
     return 0
-
-
-def _span_options(sub: argparse.ArgumentParser) -> None:
-    """Which part of a run."""
-    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
-    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
-    length_options(sub)
-    sub.add_argument(
-        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
-    )
-
-
-def _run(options: argparse.Namespace) -> tuple[Record, float, float]:
-    """The run that is asked for, read or simulated, and from when to when it is wanted [s].
-
-    Raises
-    ------
-    InputError
-        If the bag or the scene is no good, or says otherwise than the options.
-    """
-    from mechanism_sim.analysis.record import Record, read_record  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
-
-    asked = options.end, options.duration, options.revolutions
-    if sum(x is not None for x in asked) > 1:
-        raise InputError('give only one of --to, --duration and --revolutions')
-    start = options.start or 0.0
-    if is_bag(options.scene):
-        if overrides_of(options):
-            raise InputError(_AS_IT_WAS)
-        with progress.share('reading', options.json) as read:
-            record = read_record(read_bag(options.scene, read), options.namespace)
-        start = record.start if options.start is None else start
-        return record, start, _end(options, record, start)
-    if options.namespace:
-        raise InputError('--namespace is for bags')
-    machine = read_machine(options)
-    if options.end is None:
-        end = start + span(machine, options.revolutions, options.duration)
-    else:
-        end = span(machine, None, options.end)
-    with progress.bar('simulate', end, quiet=options.json) as show:
-        run = simulate(machine, duration=end, progress=show)
-    return Record(machine, run, {}), start, end
-
-
-def _end(options: argparse.Namespace, record: Record, start: float) -> float:
-    """The end of the part of a bag that is asked for [s]."""
-    if options.revolutions is not None:
-        import numpy as np  # noqa: PLC0415
-
-        record.whole_turns()
-        (turned,) = record.turned(np.array([start]))
-        return float(record.times_at(np.array([turned + options.revolutions]))[0])
-    if options.duration is not None:
-        return start + float(options.duration)
-    return record.end if options.end is None else float(options.end)
-
-
-def is_bag(source: str) -> bool:
-    """Whether a name is that of a bag: a file ending in .mcap, or a folder with one."""
-    return Path(source).suffix == '.mcap' or Path(source).is_dir()
 
 
 def _size(text: str) -> int | tuple[int, int]:

@@ -6,23 +6,46 @@ import json
 from collections.abc import Container
 from typing import Any
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.messages.classes import float64_array, message_class
 from mechanism_sim.messages.stamps import stamp
 from mechanism_sim.planar.drive import DriveLaw as MotionLaw
 from mechanism_sim.planar.drive import Law, TorqueLaw
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.machine import Machine
 
 
 def describe(machine: Machine) -> str:
     """The scene as JSON, in SI units, and which of its coordinates are displacements.
 
-    `mechanism_sim.analysis.record` makes the machine of it again.
+    `described` makes the machine of it again.
     """
     displacements = machine.mechanism.displacements
     content = {'name': machine.name, 'scene': machine.scene.model_dump(by_alias=True)}
     return json.dumps(content | {'displacements': displacements})
+
+
+def described(text: str, source: str) -> Machine:
+    """The machine of such a description.
+
+    Parameters
+    ----------
+    source : where it comes from, for errors
+
+    Raises
+    ------
+    InputError
+        If it is none, or of a scene that this version does not understand.
+    """
+    try:
+        content = json.loads(text)
+        name, scene = str(content['name']), dict(content['scene'])
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(f'{source} does not hold its scene: its machine is unknown.') from error
+    return build(name, check_scene(f'the scene in {source}', scene))
 
 
 def drive_law(

@@ -17,7 +17,7 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
+from mechanism_sim.planar.mechanism import GROUND, Joint
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -128,11 +128,7 @@ class Picture:
         self._forces = machine.physics.has_forces and machine.scene.outputs.forces
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
-        self._lenses = [
-            self._lens(seen, joint, magnification)
-            for joint in machine.mechanism.joints
-            if isinstance(joint, Revolute) and joint.name in machine.clearances
-        ]
+        self._lenses = [self._lens(seen, joint, magnification) for joint in machine.bearings]
         self._springs = [s.outline for s in seen.skeleton.shapes if s.kind == 'spring']
         gaps = machine.system.gaps if machine.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
@@ -190,21 +186,13 @@ class Picture:
         return JointView(self._machine.mechanism, joint, self._machine.physics, o, modes)
 
     def _arrows(self, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
-        """The force of the first-named on the second-named link, from where it acts.
-
-        That is the joint's point on the latter; of a higher pair, which presses at a point, the
-        foot of that point on the force's line of action.
-        """
+        """The force of the first-named on the second-named link, from where it acts."""
         s = self._symbol
         for k, joint in enumerate(self._machine.mechanism.joints if self._forces else ()):
             view = self._view(joint, o, modes)
-            force, foot = view.force, view.place(joint.second, joint.on_second)
-            square = (force**2).sum(axis=0)
-            if isinstance(joint, HigherPair):
-                lever = np.divide(view.moment, square, out=np.zeros_like(square), where=square > 0)
-                foot = foot + lever * np.array([force[1], -force[0]])
-            tip = foot + self.force_scale * force
-            shown = np.sqrt(square) * self.force_scale > SHORTEST * self._size
+            foot = view.foot
+            tip = foot + self.force_scale * view.force
+            shown = np.hypot(*view.force) * self.force_scale > SHORTEST * self._size
             arrow = marker(
                 'reactions', k, self._world, Marker.ARROW, FORCE, (0.5 * s, 1.2 * s, 1.8 * s),
                 [(0.0, 0.0), (0.0, 0.0)], _HEIGHT * s,

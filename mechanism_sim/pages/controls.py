@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 from mechanism_sim.nodes.parts import integrator_of
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.scene import Machine
 
 DRIVE = 'crank_drive'
@@ -79,14 +78,13 @@ def _all(machine: Machine) -> Iterator[Control]:
         parameter='realtime_factor', logarithmic=True,
     )  # fmt: skip
     yield from _drive(machine)
-    for joint in machine.mechanism.joints:
-        if isinstance(joint, Revolute) and joint.name in machine.clearances:
-            radial = 1e3 * machine.clearances[joint.name].radial
-            yield Control(
-                f'joints.{joint.name}.clearance.radial', f'Clearance of {_words(joint.name)}',
-                'mm', 0.1 * radial, 10.0 * radial, 0.0, radial, 'restart', 1e3, quantity='m',
-                logarithmic=True,
-            )  # fmt: skip
+    for joint in machine.bearings:
+        radial = 1e3 * machine.clearances[joint.name].radial
+        yield Control(
+            f'joints.{joint.name}.clearance.radial', f'Clearance of {_words(joint.name)}',
+            'mm', 0.1 * radial, 10.0 * radial, 0.0, radial, 'restart', 1e3, quantity='m',
+            logarithmic=True,
+        )  # fmt: skip
     for name, play in machine.plan.rigid.items():
         path = _path_of_restitution(machine, name)
         if play.contact is None and path:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import deque
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.messages.events import described
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.nodes.force_markers import preview
 from mechanism_sim.pages.recorded import PER_TURN
 from mechanism_sim.pages.stage import Frames, packed, stage_of
-from mechanism_sim.scene import Machine
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
 
 MOST = 120
 """Instants of a batch; what is older than they reach is not shown."""
@@ -38,15 +33,13 @@ class Live:
 
     def __init__(self, text: str) -> None:
         """`text`: the data of a message on ``scene``. InputError, RunError: no such machine."""
-        self.text, self.machine = text, machine_of(text)
+        self.text, self.machine = text, described(text, 'the topic scene')
         seen = preview(self.machine, _SEEN)
         t = seen.found.t
         self.stage = stage_of(self.machine, seen.found.solution.samples(t).observed)
         self.step = min(self.machine.period / PER_TURN, _SLOWEST)
         self.epoch, self.run = 0, 0
         self._names = tuple(self.machine.physics.coordinates)
-        gaps = self.machine.system.gaps if self.machine.dynamic else []
-        self._joint_of = {gap.name: gap.joint for gap in gaps}
         self._forget()
 
     def _forget(self) -> None:
@@ -77,12 +70,12 @@ class Live:
         """An Impact message."""
         self.impacts = int(message.index) + 1
         if len(self._struck) < MOST:
-            joint = self._joint_of.get(message.joint, '')
+            bearing, joint = self.stage.struck(message.joint)
             self._struck.append(
                 {
                     't': message.time,
-                    'bearing': _index([j.name for j in self.stage.bearings], joint),
-                    'joint': _index([j.name for j in self.stage.joints], joint),
+                    'bearing': bearing,
+                    'joint': joint,
                     'angle': message.normal_angle,
                     'impulse': message.normal_impulse,
                     'approach': message.approach_speed,
@@ -125,23 +118,6 @@ class Live:
             parts.append(self.stage.frames(now, seen, motion.modes[k].T))
             speed.append(seen.velocity[main])
             torque.append(seen.drive_torque[0] if len(seen.drive_torque) else np.zeros(len(now)))
-        frames = Frames(*(np.concatenate([getattr(p, f.name) for p in parts])
-                          for f in fields(Frames)))  # fmt: skip
         rates = {'speed': np.concatenate(speed), 'torque': np.concatenate(torque)}
+        frames = Frames.joined(parts)
         return frames.packed() | {name: packed(x.astype('<f4')) for name, x in rates.items()}
-
-
-def machine_of(text: str) -> Machine:
-    """The machine of a description as published on ``scene``. InputError: it is none."""
-    try:
-        content = json.loads(text)
-        name, scene = str(content['name']), dict(content['scene'])
-    except (ValueError, TypeError, KeyError) as error:
-        raise InputError(
-            'what is on the topic scene describes no scene of this program'
-        ) from error
-    return build(name, check_scene(f'the scene {name}', scene))
-
-
-def _index(names: list[str], name: str) -> int:
-    return names.index(name) if name in names else -1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -58,15 +58,12 @@ class Recorded:
 
     def _impacts(self) -> dict[str, Any]:
         """When, in which bearing and joint (-1 if in none), direction [rad], impulse [N s]."""
-        stage = self.stage
-        loose = [joint.name for joint in stage.bearings]
-        shown = [joint.name for joint in stage.joints]
-        of = _joints_of_gaps(stage)
-        names = [of[impact.joint] for impact in self.impacts]
+        gaps = [impact.joint for impact in self.impacts]
+        struck = {gap: self.stage.struck(gap) for gap in set(gaps)}
         return {
             't': packed(np.array([impact.t for impact in self.impacts])),
-            'bearing': packed(np.array([_index(loose, n) for n in names], np.int16)),
-            'joint': packed(np.array([_index(shown, n) for n in names], np.int16)),
+            'bearing': packed(np.array([struck[gap][0] for gap in gaps], np.int16)),
+            'joint': packed(np.array([struck[gap][1] for gap in gaps], np.int16)),
             'angle': packed(np.array([i.normal_angle for i in self.impacts], np.float32)),
             'impulse': packed(np.array([i.normal_impulse for i in self.impacts], np.float32)),
             'hardest': self.hardest,
@@ -96,11 +93,9 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
         parts.append(stage.frames(some, *_observe(record, some)))
         if show:
             show(float(some[-1]), int(np.searchsorted([i.t for i in kept], some[-1])))
-    frames = Frames(
-        *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Frames))
-    )
     hardest = max((i.normal_impulse for i in kept), default=0.0)
-    return Recorded(record, stage, frames, kept, hardest, len(hardest_first) - len(kept))
+    left_out = len(hardest_first) - len(kept)
+    return Recorded(record, stage, Frames.joined(parts), kept, hardest, left_out)
 
 
 def instants(record: Record, most: int = MOST) -> Array:
@@ -140,12 +135,3 @@ def _size(stage: Stage) -> int:
     """Bytes of an instant on the page."""
     numbers = 3 * len(stage.links) + 4 * len(stage.bearings) + 2 * len(stage.joints)
     return 16 + 4 * numbers + len(stage.bearings)
-
-
-def _joints_of_gaps(stage: Stage) -> dict[str, str]:
-    machine = stage.machine
-    return {gap.name: gap.joint for gap in machine.system.gaps} if machine.dynamic else {}
-
-
-def _index(names: list[str], name: str) -> int:
-    return names.index(name) if name in names else -1

@@ -7,7 +7,6 @@ import gzip
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from mechanism_sim.catalogue import installed_version
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
 from mechanism_sim.pages.charts import Section
@@ -48,7 +48,7 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
     charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
-        version=version('mechanism_sim'),
+        version=installed_version(),
         title=scene.title,
         scene=record.machine.name,
         description=scene.description.strip(),
@@ -119,7 +119,9 @@ def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
         facts.append(Fact('Impacts', f'{len(record.piece.impacts)}{fewer}'))
     facts.append(Fact('Tolerances', f'rtol {solver.rtol:g}, atol {solver.atol:g} m'))
     facts.append(Fact('Digest', f'{digest[:12]}…', digest))
-    return [*facts, Fact('Recorded in', source)] if source else facts
+    if source:
+        facts.append(Fact('Recorded in', source if record.complete else f'{source}, cut short'))
+    return facts
 
 
 def _section(section: Section) -> dict[str, Any]:

@@ -126,16 +126,12 @@ class Server:
 
     async def _speak(self, page: ServerConnection) -> None:
         self._pages.add(page)
-        for message in self._greet():
-            await page.send(json.dumps(message, allow_nan=False))
         try:
+            for message in self._greet():
+                await page.send(json.dumps(message, allow_nan=False))
             async for text in page:
-                try:
-                    message = json.loads(text)
-                except ValueError:
-                    continue
-                if isinstance(message, dict):
-                    self._hear(message)
+                if heard := _read(text):
+                    self._hear(heard)
         except ConnectionClosed:
             pass  # as pages are, without a word
         finally:
@@ -144,6 +140,15 @@ class Server:
     def _send(self, text: str, may_drop: bool) -> None:
         waiting = {page: page.transport.get_write_buffer_size() for page in self._pages}
         broadcast([page for page, size in waiting.items() if not may_drop or size < SLOW], text)
+
+
+def _read(text: str | bytes) -> dict[str, Any]:
+    """What a page says; nothing where it is no message. Numbers are floats, however long."""
+    try:
+        message = json.loads(text, parse_int=float)
+    except (ValueError, RecursionError):
+        return {}
+    return message if isinstance(message, dict) else {}
 
 
 def _silent() -> logging.Logger:

@@ -6,6 +6,7 @@ All in SI units and as plain data for JSON. The page draws and moves it; it know
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -51,6 +52,11 @@ class Frames:
     feet: Array
     drive: Array
 
+    @classmethod
+    def joined(cls, parts: Sequence[Frames]) -> Frames:
+        """Several, one after the other."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
         single = 'poses', 'pins', 'pin_rates', 'forces', 'feet'
@@ -60,10 +66,6 @@ class Frames:
             'modes': packed(self.modes),
             'drive': packed(self.drive),
         }
-
-    def plain(self, i: int) -> dict[str, Any]:
-        """One instant, as numbers and lists."""
-        return {field.name: getattr(self, field.name)[i].tolist() for field in fields(self)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +97,20 @@ class Stage:
         return list(machine.mechanism.joints) if shown else []
 
     @cached_property
-    def bearings(self) -> list[Joint]:
-        """Joints with a pin loose in a bushing."""
+    def bearings(self) -> list[Revolute]:
+        """Those with a pin loose in a bushing."""
+        return self.machine.bearings
+
+    def struck(self, gap: str) -> tuple[int, int]:
+        """Numbers of the bearing and the joint that a gap belongs to; -1 if there is none."""
+        joint = self._joints_of_gaps.get(gap, '')
+        bearings, joints = ([j.name for j in known] for known in (self.bearings, self.joints))
+        return _index(bearings, joint), _index(joints, joint)
+
+    @cached_property
+    def _joints_of_gaps(self) -> dict[str, str]:
         machine = self.machine
-        joints = machine.mechanism.joints
-        return [j for j in joints if isinstance(j, Revolute) and j.name in machine.clearances]
+        return {gap.name: gap.joint for gap in machine.system.gaps} if machine.dynamic else {}
 
     @cached_property
     def _moving(self) -> list[Joint]:
@@ -162,7 +173,7 @@ class Stage:
             _by_instant([path[1] for path in pins], count),
             touching,
             _by_instant([views[j.name].force for j in self.joints], count),
-            _by_instant([_foot(views[j.name]) for j in self._moving], count),
+            _by_instant([views[j.name].foot for j in self._moving], count),
             o.position[physics.coordinates.index(self.machine.main)],
         )
 
@@ -224,15 +235,10 @@ def packed(rows: NDArray[Any]) -> dict[str, str]:
     return {'dtype': kind, 'bdata': data, **shape}
 
 
+def _index(names: list[str], name: str) -> int:
+    return names.index(name) if name in names else -1
+
+
 def _by_instant(rows: list[Array], count: int) -> Array:
     """Vectors (K, 2, N) as (N, K, 2)."""
     return np.array(rows).reshape(len(rows), 2, count).transpose(2, 0, 1)
-
-
-def _foot(view: JointView) -> Array:
-    """The foot (2, N) [m] of the second link's joint point on the force's line of action."""
-    force = view.force
-    square = (force**2).sum(axis=0)
-    lever = np.divide(view.moment, square, out=np.zeros_like(square), where=square > 0.0)
-    place = view.place(view.joint.second, view.joint.on_second)
-    return np.asarray(place + lever * np.array([force[1], -force[0]]))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 import time
 import webbrowser
 from collections.abc import Callable, Sequence
@@ -25,7 +22,7 @@ from mechanism_sim.middleware import (
     ReliabilityPolicy,
 )
 from mechanism_sim.nodes.described_node import DescribedNode
-from mechanism_sim.nodes.process import INTERRUPTED, main_of, run_nodes
+from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED
 from mechanism_sim.pages.assets import asset, embedded, render
 from mechanism_sim.pages.controls import Control, controls
@@ -46,7 +43,8 @@ _PATIENCE = 10.0  # [s] for the answer to a command, before the next is begun
 _PACE = 1.0  # [s] over which the real-time factor is measured
 
 
-def _print(address: str) -> None:
+def say_where(address: str) -> None:
+    """Print the address of the page."""
     print(f'View: {address}', flush=True)
 
 
@@ -70,7 +68,7 @@ class View(DescribedNode):
     def __init__(
         self,
         parameters: Sequence[Parameter] = (),
-        opened: Callable[[str], None] = _print,
+        opened: Callable[[str], None] = say_where,
         starting: bool = False,
     ) -> None:
         super().__init__('view', parameters)
@@ -266,43 +264,6 @@ def page() -> str:
         style=Markup(asset('style.css') + asset('live.css')),  # noqa: S704 - ours
         imports=embedded({name: f'/{name}.js' for name in MODULES}),
     )
-
-
-def view(
-    parameters: Sequence[Parameter] = (),
-    run: Sequence[str] = (),
-    ros_args: Sequence[str] = (),
-    opened: Callable[[str], None] | None = None,
-) -> int:
-    """Show what runs until somebody ends it.
-
-    Parameters
-    ----------
-    run : arguments of ``mechanism-sim run``: a run of its own, which ends with the view
-    opened : called with the address of the page, instead of printing it
-
-    Returns
-    -------
-    Exit code: that of the run if it ends first, and 0 if the view is ended.
-    """
-    signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # asleep it would hold up who publishes
-    runs: list[subprocess.Popen[bytes]] = []
-
-    def make() -> list[View]:
-        node = View(parameters, opened or _print, bool(run))
-        if run:  # now that there is a network to join
-            command = [sys.executable, '-m', 'mechanism_sim', 'run', *run, '--json']
-            runs.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))  # noqa: S603 - ours
-        return [node]
-
-    code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args)
-    for process in runs:
-        if process.poll() is None:
-            process.terminate()
-            process.wait()
-        elif not code:
-            code = process.returncode
-    return 0 if code == INTERRUPTED else code
 
 
 def main(args: list[str] | None = None) -> None:

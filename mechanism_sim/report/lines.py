@@ -23,6 +23,7 @@ from mechanism_sim.report.picture import Picture
 
 Array = NDArray[np.float64]
 
+_MOST = 100  # lines that axes and legend have room for
 _LETTERS = 110  # in a line of a legend
 _WIDTH, _PANEL, _ROW, _REST = 8.0, 1.9, 0.28, 0.9  # [in]
 _SHADES = {
@@ -63,7 +64,18 @@ def over_angle_of(record: Record) -> Abscissa:
 
 
 def draw(series: Sequence[Series], title: str, over: Abscissa = TIME) -> Picture:
-    """Lines over a common abscissa: those of one unit share axes, modes of contact are bands."""
+    """Lines over a common abscissa: those of one unit share axes, modes of contact are bands.
+
+    Raises
+    ------
+    InputError
+        If there are more lines than can be told apart.
+    """
+    if len(series) > _MOST:
+        raise InputError(
+            f'{len(series)} lines, {series[0].name} to {series[-1].name}, are more than the '
+            f'{_MOST} that can be told apart: ask for some of them'
+        )
     with figures.style():
         bands = [] if over.wraps else [s for s in series if s.name.startswith('mode.')]
         panels: dict[str, list[Series]] = {}

@@ -16,7 +16,6 @@ from mechanism_sim.cycles.points import choose
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import HigherPair, Revolute
 from mechanism_sim.report.brush import INK, Brush, Move
 from mechanism_sim.report.drawing import PATHS
 from mechanism_sim.report.labels import Labels
@@ -179,13 +178,8 @@ class Stage:
         feet, forces = [], []
         for joint in machine.mechanism.joints:
             view = JointView(machine.mechanism, joint, machine.physics, observed, modes)
-            foot, force = view.place(joint.second, joint.on_second), view.force
-            if isinstance(joint, HigherPair):  # it presses at a point
-                square = (force**2).sum(axis=0)
-                lever = np.divide(view.moment, square, out=np.zeros_like(square), where=square > 0)
-                foot = foot + lever * np.array([force[1], -force[0]])
-            feet.append(foot)
-            forces.append(force)
+            feet.append(view.foot)
+            forces.append(view.force)
         at, force = np.array(feet), np.array(forces)  # (j, 2, N)
         size = np.hypot(*force.swapaxes(0, 1))
         largest = float(np.nanmax(size, initial=0.0)) or 1.0
@@ -219,11 +213,7 @@ def _lens_joint(record: Record, wanted: str | None) -> str:
     if wanted is None:
         return ''
     machine = record.machine
-    known = [
-        joint.name
-        for joint in machine.mechanism.joints
-        if isinstance(joint, Revolute) and joint.name in machine.clearances
-    ]
+    known = [joint.name for joint in machine.bearings]
     if wanted and wanted not in known:
         raise InputError(
             f"'{wanted}' is no joint with a pin loose in a bushing{nearest(wanted, known)}; such "

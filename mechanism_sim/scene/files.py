@@ -49,13 +49,13 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
             f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' says what is in it"
         )
     try:
-        exists, is_file = path.exists(), path.is_file()
+        is_file = path.is_file()
     except (OSError, ValueError):  # longer than the file system allows, or with a null character
-        exists = is_file = False
-    if path.suffix in ('.yaml', '.yml') or exists:
-        if not is_file:
-            raise InputError(f"there is no {kind} file '{name}'")
+        is_file = False
+    if is_file:
         return path
+    if path.suffix in ('.yaml', '.yml'):
+        raise InputError(f"there is no {kind} file '{name}'")
     known = sorted(path.stem for path in folder.glob('*.yaml'))
     if name not in known:
         hint = nearest(name, known)

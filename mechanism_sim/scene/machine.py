@@ -29,7 +29,7 @@ from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_ang
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.known import Edges
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Revolute
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.assembly import Assembly, assemble
@@ -158,6 +158,12 @@ class Machine:
     def clearances(self) -> dict[str, Play]:
         """The joints with clearance."""
         return self.plan.clearances
+
+    @property
+    def bearings(self) -> list[Revolute]:
+        """The joints with a pin loose in a bushing."""
+        joints = self.mechanism.joints
+        return [j for j in joints if isinstance(j, Revolute) and j.name in self.clearances]
 
     @property
     def linkage(self) -> FourBar:

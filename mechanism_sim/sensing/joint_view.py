@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Mechanism, Vector2
 
 Array = NDArray[np.float64]
 
@@ -79,6 +79,20 @@ class JointView:
     def moment(self) -> Array:
         """Moment (N,) [N m] likewise, about the joint's point on the second-named link."""
         return self._of_forces(self.observed.reaction_moment, ())
+
+    @property
+    def foot(self) -> Array:
+        """Where the force acts (2, N) [m]: at the joint's point on the second-named link.
+
+        A higher pair presses at a point that wanders: there it is the foot of the joint's point on
+        the force's line of action, or the point itself without a force.
+        """
+        point, force = self.place(self.joint.second, self.joint.on_second), self.force
+        if not isinstance(self.joint, HigherPair):
+            return point
+        square = (force**2).sum(axis=0)
+        lever = np.divide(self.moment, square, out=np.zeros_like(square), where=square > 0.0)
+        return np.asarray(point + lever * np.array([force[1], -force[0]]))
 
     def moment_on_first(self, centre: Array) -> Array:
         """Moment (N,) [N m] of the second-named on the first-named link, about points (2, N)."""

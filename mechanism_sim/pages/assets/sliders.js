@@ -36,6 +36,7 @@ export class Sliders {
       if (slider && performance.now() > slider.until) {
         slider.input.value = place(slider.control, value);
         write(slider, value);
+        slider.asked = null; // it may be asked for again, where it was refused or is changed
       }
     }
     for (const { control, input } of this.all.values()) {

@@ -48,7 +48,7 @@ export class Stream {
     return part;
   }
 
-  /** Lets time go on. @param {number} wall [s] since the last call @param {number} now [s] */
+  /** Lets time go on. @param {number} passed [s] since the last call @param {number} wall [s] */
   tick(passed, wall) {
     if (!this.parts.length) return null;
     const { start } = this.parts[0];

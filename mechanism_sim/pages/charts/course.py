@@ -138,7 +138,7 @@ class Course:
         self.record = record
         self.begin = record.begin(skip)
         self._frames = {
-            name: record.machine.oscillator(name).take(record.piece.motion)
+            name: record.machine.oscillator(name).take(record.history)
             for name in record.machine.scene.oscillators
         }
         self.run = Window(record, self.begin, record.end, self._frames)

@@ -10,9 +10,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.pages.charts.course import Course
@@ -87,9 +85,9 @@ def _add(figure: go.Figure, lines: dict[str, Line], course: Course) -> None:
         )  # fmt: skip
 
 
-def solver(course: Course, summary: Summary | None) -> Section:
+def solver(course: Course) -> Section:
     """Steps, events, errors and digest of the run as a table."""
-    rows = tuple(_rows(course.record, summary))
+    rows = tuple(_rows(course.record))
     text = (
         'Errors are read from the finished polynomials, independently of the loop that made them. '
         'Runs with equal digests are equal bit by bit.'
@@ -97,7 +95,7 @@ def solver(course: Course, summary: Summary | None) -> Section:
     return Section('solver', 'Solver', text, (), rows)
 
 
-def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
+def _rows(record: Record) -> Iterator[tuple[str, str]]:
     machine, piece = record.machine, record.piece
     tolerances = machine.scene.solver
     steps, span = len(piece.motion), record.end - record.start
@@ -124,9 +122,7 @@ def _rows(record: Record, summary: Summary | None) -> Iterator[tuple[str, str]]:
     if record.wall_time:
         yield 'recorded in', f'{record.wall_time:.3g} s'
         yield 'real-time factor', f'{span / record.wall_time:.3g}'
-    if summary and summary.ledger:
-        yield 'messages lost on the way to the bag', f'{summary.ledger.lost:,}'
-    yield 'digest', (summary and summary.digest) or _digest(record)
+    yield 'digest', record.digest()
 
 
 def _errors(record: Record) -> Iterator[tuple[str, str]]:
@@ -138,9 +134,3 @@ def _errors(record: Record) -> Iterator[tuple[str, str]]:
     yield 'largest error of a closure', f'{audit.max_closure_error:.3g} m'
     if audit.energy and np.isfinite(audit.energy.residual):
         yield 'energy missing at the end', f'{audit.energy.residual:.3g} J'
-
-
-def _digest(record: Record) -> str:
-    digest = MotionDigest()
-    digest.add(record.piece.motion, record.piece.impacts)
-    return digest.hexdigest()

@@ -32,7 +32,7 @@ _DECADES = 1e-7  # below the highest line nothing is drawn
 def sensors(course: Course, skip: int) -> Section | None:
     """Signal, power spectral density, orders and envelope spectrum of every sensor."""
     record = course.record
-    names = [x for x in record.sensors if len(record.signal(x).longest)]
+    names = record.heard
     if not names:
         return None
     wanted = everything(record, Wanted(skip=skip))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.pages.charts.contacts import contacts
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.energy import energy, solver
@@ -14,7 +13,7 @@ from mechanism_sim.pages.charts.section import Section
 from mechanism_sim.pages.charts.sensors import sensors
 
 
-def sections(record: Record, skip: int = 0, summary: Summary | None = None) -> list[Section]:
+def sections(record: Record, skip: int = 0) -> list[Section]:
     """All that there is to see of a run, subject by subject; only what its machine has.
 
     However long the run, a line has no more than some 4,000 points; each keeps its extremes.
@@ -22,7 +21,6 @@ def sections(record: Record, skip: int = 0, summary: Summary | None = None) -> l
     Parameters
     ----------
     skip : whole turns of the main drive at the start that are left out
-    summary : of the bag that the record was read from, if there is one
 
     Raises
     ------
@@ -40,6 +38,6 @@ def sections(record: Record, skip: int = 0, summary: Summary | None = None) -> l
         *parts(course),
         guides(course),
         energy(course),
-        solver(course, summary),
+        solver(course),
     )
     return [section for section in found if section and (section.charts or section.rows)]

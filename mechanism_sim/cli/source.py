@@ -1,0 +1,127 @@
+"""What is shown of a run: one that a bag holds, or that of a scene, which is made here."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mechanism_sim.cli.options import length_options, overrides_of, read_machine, scene_options
+from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mechanism_sim.analysis.record import Record
+
+
+def source_options(sub: argparse.ArgumentParser) -> None:
+    """Add what says which run is shown, and which part of it."""
+    scene_options(sub, 'a bag (.mcap) of a run, or a scene, which is simulated', 'BAG|SCENE')
+    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
+    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
+    length_options(sub)
+    namespace_option(sub)
+
+
+def namespace_option(sub: argparse.ArgumentParser) -> None:
+    """Add what says which machine of a bag is meant."""
+    sub.add_argument(
+        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
+    )
+
+
+def is_bag(source: str) -> bool:
+    """Whether a name is that of a bag: a file ending in .mcap, or a folder with one."""
+    return Path(source).suffix == '.mcap' or any(Path(source).glob('*.mcap'))
+
+
+def refuse_overrides(options: argparse.Namespace) -> None:
+    """InputError where values are given for a run that has been."""
+    if overrides_of(options):
+        raise InputError('a bag is shown as it was recorded: leave out --set and tolerances')
+
+
+def recorded(options: argparse.Namespace) -> Record:
+    """The run that a bag holds.
+
+    Raises
+    ------
+    InputError
+        If the bag is no good, or values of the scene are given with it.
+    """
+    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    refuse_overrides(options)
+    with progress.share('reading', options.json) as read:
+        record = read_record(read_bag(options.scene, read), options.namespace)
+    if not record.complete:
+        print(
+            f'mechanism-sim: {options.scene} was cut short; what could be read is shown',
+            file=sys.stderr,
+        )
+    return record
+
+
+def simulated(options: argparse.Namespace, start: float = 0.0, to: float | None = None) -> Record:
+    """The run of a scene, up to a time [s], or over the length from `start` [s] asked for.
+
+    Raises
+    ------
+    InputError
+        If the scene or its length is no good, or a namespace is given with it.
+    RunError
+        If the run fails.
+    """
+    from mechanism_sim.analysis.record import Record  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
+
+    if options.namespace:
+        raise InputError('--namespace is for bags')
+    machine = read_machine(options)
+    if to is None:
+        end = start + span(machine, options.revolutions, options.duration)
+    else:
+        end = span(machine, None, to)
+    with progress.bar('simulate', end, quiet=options.json) as show:
+        return Record(machine, simulate(machine, duration=end, progress=show), {})
+
+
+def run_of(options: argparse.Namespace) -> tuple[Record, float, float]:
+    """The run that is asked for, read or simulated, and from when to when it is wanted [s].
+
+    Raises
+    ------
+    InputError, RunError
+        As `recorded` and `simulated` do, or if the options contradict each other.
+    """
+    asked = options.end, options.duration, options.revolutions
+    if sum(x is not None for x in asked) > 1:
+        raise InputError('give only one of --to, --duration and --revolutions')
+    if not is_bag(options.scene):
+        start = options.start or 0.0
+        record = simulated(options, start, options.end)
+        return record, start, record.end if options.end is None else options.end
+    record = recorded(options)
+    start = record.start if options.start is None else options.start
+    return record, start, _end(options, record, start)
+
+
+def _end(options: argparse.Namespace, record: Record, start: float) -> float:
+    """The end of the part of a bag that is asked for [s]."""
+    if options.revolutions is not None:
+        import numpy as np  # noqa: PLC0415
+
+        record.whole_turns()
+        first, last = record.turned(np.array([start, record.end])).tolist()
+        if not first + options.revolutions <= last + 1e-9:
+            raise InputError(
+                f'the run makes {last - first:.6g} turns from {start:g} s on, not '
+                f'{options.revolutions:g}'
+            )
+        return float(record.times_at(np.array([first + options.revolutions]))[0])
+    if options.duration is not None:
+        return start + float(options.duration)
+    return record.end if options.end is None else float(options.end)

@@ -1,0 +1,55 @@
+"""A view until somebody ends it, and a run of its own that ends with it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.process import INTERRUPTED, run_nodes
+from mechanism_sim.pages.view import View, say_where
+
+
+def view(
+    parameters: Sequence[Parameter] = (),
+    run: Sequence[str] = (),
+    ros_args: Sequence[str] = (),
+    opened: Callable[[str], None] | None = None,
+) -> int:
+    """Show what runs until somebody ends it.
+
+    Parameters
+    ----------
+    run : arguments of ``mechanism-sim run``: a run of its own, which ends with the view
+    opened : called with the address of the page, instead of printing it
+
+    Returns
+    -------
+    Exit code: that of the run if it ends first, and 0 if the view is ended.
+    """
+    signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # asleep it would hold up who publishes
+    runs: list[subprocess.Popen[bytes]] = []
+
+    def make() -> list[View]:
+        node = View(parameters, opened or say_where, bool(run))
+        if run:  # now that there is a network to join
+            companion = [sys.executable, '-m', 'mechanism_sim.pages.companion', 'run']
+            runs.append(
+                subprocess.Popen(  # noqa: S603 - ours
+                    [*companion, *run, '--json'],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                )
+            )
+        return [node]
+
+    code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args)
+    for process in runs:
+        if process.poll() is None:
+            process.terminate()
+            process.wait()
+        elif not code:
+            code = process.returncode
+    return 0 if code == INTERRUPTED else code
