@@ -20,6 +20,7 @@ OPTIONS = {
     'adjustable_stroke_drive': "--at '0.06 s' --positions 6",
     'catapult': '--positions 5 --path arm.cup',
     'constant_velocity_slider': "--at '0.7 s' --positions 4",
+    'differential': "--at '0.37 s'",
     'double_rocker_tracing': '--positions 6 --path connecting_link.tracer',
     'double_toggle_punch': '--positions 4',
     'dump_truck': "--at '6 s' --positions 3",

@@ -114,6 +114,33 @@ def test_links_meet_at_their_joints(scene):
         assert (y < top).all(), shape
 
 
+def test_arrows_stay_on_the_stage():
+    """The catapult's are longest at its start, and point away from it."""
+    record = simulated('catapult')
+    samples = record.piece.samples(np.linspace(record.start, record.end, 50))
+    stage = stage_of(record.machine, samples.observed)
+    found = stage.frames(samples.t, samples.observed, samples.modes)
+    for k, joint in enumerate(stage.joints):
+        if isinstance(joint, Revolute) and joint.second in stage.links:
+            foot = at(found.poses, stage.links.index(joint.second), joint.on_second)
+            tip = foot[0] + stage.force_scale * found.forces[0, k]
+            assert (tip >= stage.low - 1e-9).all()
+            assert (tip <= stage.high + 1e-9).all()
+
+
+def test_rotors_can_be_seen_to_turn():
+    """The differential's links are but axes."""
+    record = simulated('differential', duration=0.1)
+    stage = stage_of(record.machine, record.piece.samples(np.linspace(0.0, 0.1, 9)).observed)
+    lengths = [
+        np.hypot(*np.ptp([at for _, at in shape.outline], axis=0))
+        for shape in stage.skeleton.shapes
+        if shape.kind == 'link'
+    ]
+    assert len(lengths) == len(set(lengths)) == 4
+    assert min(lengths) > stage.skeleton.symbol
+
+
 def test_forces_make_links_move_as_they_do():
     """Newton: what acts on each link in its joints, and weight, is mass times acceleration."""
     record = simulated('four_bar_nominal', revolutions=1)

@@ -100,6 +100,7 @@ class Skeleton:
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
         self._geared: set[str] = set()
+        self._hands = 0
         self._gears: list[tuple[float, tuple[Place, ...]]] = []
         self.shapes: list[Shape] = []
         for joint in joints:
@@ -285,6 +286,9 @@ class Skeleton:
         cog = self.mechanism.body(link).cog
         if len(set(corners)) == 1 and link not in self._bodied:
             corners.append(cog)  # a pendulum
+            if math.dist(corners[0], cog) < 0.5 * self.symbol:  # a rotor: a hand shows its turn
+                self._hands += 1
+                corners[-1] = corners[0][0] + 6.0 * self._hands * self.symbol, corners[0][1]
         distinct: list[Vector2] = []
         for corner in corners:
             if all(math.dist(corner, other) > 1e-9 for other in distinct):

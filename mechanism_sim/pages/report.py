@@ -108,7 +108,8 @@ def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
     record = run.record
     machine, solver = record.machine, record.machine.scene.solver
     span = f'{record.start:.6g} s to {record.end:.6g} s'
-    if not record.slides:
+    steps = np.diff(run.frames.drive)
+    if not record.slides and abs(steps.sum()) > 0.999 * np.abs(steps).sum():  # else it swings
         first, last = record.turned(np.array([record.start, record.end]))
         turns = f'{last - first:.4g}'
         what = 'turn' if turns == '1' else 'turns'

@@ -74,7 +74,7 @@ class Stage:
 
     Attributes
     ----------
-    low, high : corners (2,) [m] of all that moves, and room around it
+    low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
     force_scale : length of arrows per force [m/N]; 0 where there are no forces
     """
 
@@ -177,6 +177,25 @@ class Stage:
             o.position[physics.coordinates.index(self.machine.main)],
         )
 
+    def tips(self, o: Observation, scale: float, longest: float) -> Array:
+        """Where arrows end that begin at fixed points, (J - K, 2, N) [m], none longer than that.
+
+        Parameters
+        ----------
+        o : the observed machine at N instants
+        scale : [m/N] of their length
+        longest : [m]
+        """
+        physics, none = self.machine.physics, np.zeros((0, o.position.shape[1]), np.uint8)
+        found = []
+        for joint in self.joints:
+            if joint not in self._moving:
+                view = JointView(self.machine.mechanism, joint, physics, o, none)
+                along = scale * view.force
+                along *= longest / np.maximum(np.hypot(*along), longest)
+                found.append(view.place(joint.second, joint.on_second) + along)
+        return np.array(found)
+
     def _poses(self, o: Observation) -> Array:
         mechanism = self.machine.mechanism
         rows = []
@@ -222,8 +241,12 @@ def stage_of(machine: Machine, observed: Observation) -> Stage:
     if not stage.joints:
         return stage
     usual = float(np.percentile(np.hypot(*observed.reaction.swapaxes(0, 1)).max(axis=0), _RARELY))
-    scale = _LONGEST * skeleton.size / usual if usual else 0.0
-    return Stage(machine, skeleton, low, high, scale)
+    if not usual:
+        return stage
+    longest = _LONGEST * skeleton.size
+    tips = stage.tips(observed, longest / usual, longest)
+    low, high = np.minimum(low, tips.min(axis=(0, 2))), np.maximum(high, tips.max(axis=(0, 2)))
+    return Stage(machine, skeleton, low, high, longest / usual)
 
 
 def packed(rows: NDArray[Any]) -> dict[str, str]:

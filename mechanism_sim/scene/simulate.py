@@ -192,8 +192,9 @@ def stream(
 ) -> Stream:
     """Run a machine piece by piece, in memory that does not grow with the length of the run.
 
-    ``for piece in stream(machine, revolutions=100_000): ...`` gives `Piece`s of some thousand
-    steps, which can be sampled as a whole solution can; the arguments are those of `simulate`.
+    ``for piece in stream(machine, revolutions=100_000): ...`` gives a `Piece` of some thousand
+    steps at a time, which can be sampled as a whole solution can. The arguments are those of
+    `simulate`.
 
     Raises
     ------
