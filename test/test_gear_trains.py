@@ -238,7 +238,7 @@ SIMPLE = planetary(24, 21, 66)
         (lambda: Train({'a': 9, 'b': 9}, (Mesh('a', 'b'),), (), frozenset('b')), 'a carrier'),
         (lambda: Train({'a': 9}, (), (('a', 'a'),)), 'joined to itself'),
         (lambda: gear_box(BOX, 4), 'gears 1, 2 and 3'),
-        (lambda: choose(-1.0), 'positive ratio'),
+        (lambda: choose(-1.0), 'a ratio must be positive'),
         (lambda: choose(9.0), 'the nearest is 6.66667'),
         (lambda: choose(2.0, centre_distance=0.1), 'belong together'),
         (lambda: choose(2.0, centre_distance=0.1001, modules=(1e-3,)), 'centre distance'),
