@@ -295,7 +295,10 @@ def hear(message):
         statuses[status.name] = [level, status.message, status.hardware_id, known]
 node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
 found['steps'] = step(299)
-while len(statuses) < 5 or statuses['linkage'][3].get('time [s]') != '0.3':
+def there(name, key):
+    return name in statuses and statuses[name][3].get(key) == '0.3'
+while not (len(statuses) == 5 and there('linkage', 'time [s]')
+           and there('crank_drive', 'announced [s]')):
     spin_once(node, timeout_sec=0.1)
 found['statuses'] = statuses
 def parameter(owner, name):

@@ -18,6 +18,13 @@ from mechanism_sim.report import drawing, figures
 
 ORIGIN = (0.0, 0.0)
 
+CROWDED = (
+    'andrews_squeezer', 'double_toggle_punch', 'dump_truck', 'four_bar_clearance', 'gear_box',
+    'geneva', 'hand_pump', 'loader', 'locking_pliers', 'planetary', 'quick_return_shaper',
+    'rotary_engine', 'ten_links', 'valve_train', 'whole_machine', 'windshield_wiper',
+)  # fmt: skip
+"""Scenes with many names, or with names close together; the gallery has them all."""
+
 
 def shapes(skeleton, kind):
     return [shape for shape in skeleton.shapes if shape.kind == kind]
@@ -45,8 +52,8 @@ def overlapping(figure):
                 yield name, other
 
 
-@pytest.mark.parametrize('scene', ms.scene_names())
-def test_every_scene_is_drawn_legibly(scene):
+@pytest.mark.parametrize('scene', CROWDED)
+def test_names_do_not_cover_each_other(scene):
     machine = ms.load_scene(scene)
     found, t = instant(machine, still=True)
     with figures.style():

@@ -109,10 +109,10 @@ def overlapping(rectangles):
 
 def test_it_plays_and_stops(opened):
     assert time_of(opened) == 0.0
+    places = {opened.locator('#stage g[data-kind=link]').last.get_attribute('transform')}
     opened.click('#play')
     when(opened, 'document.documentElement.dataset.time > 0.005')
     assert opened.locator('#play').get_attribute('aria-label') == 'pause'
-    places = {opened.locator('#stage g[data-kind=link]').last.get_attribute('transform')}
     opened.evaluate('document.activeElement.blur()')  # a button has the space bar for itself
     opened.keyboard.press(' ')
     stopped = time_of(opened)
