@@ -22,8 +22,9 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.singular import AHEAD, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
 from mechanism_sim.planar.drive import DriveLaw, Law
 
@@ -33,6 +34,8 @@ _SHORTEST = 1e-12
 _ROW = 64  # steps after which the directions of the drives are computed anew
 _NEAR = 0.05  # of a step: roots nearer to its start may get lost
 
+
+_UNWATCHED = (0.0, 1.0, 0.0)
 
 STEP_SCALE = 0.1
 """Rate relative to that of the fastest drive whose relative error is `rtol`."""
@@ -45,6 +48,7 @@ class _Pending(NamedTuple):
     h: float  #: [s]
     guard: int | None  #: that ended it
     taken: tuple[float, float]  #: with which stabilisation [1/s] and longest step [s]
+    origin: Array | None  #: the state at its start, if it was projected then
 
 
 class EventLoop:
@@ -92,9 +96,11 @@ class EventLoop:
         series = floats(self._ta.tc)
         self._coefficients = series[: 2 * f * width]
         watch = 2 * f + 1  # after the state and the constant
-        self._guard_series = series[watch * width :] if system.lone else (0.0, 1.0, 0.0)
+        self._guard_series = series[watch * width :] if system.lone else _UNWATCHED
+        near = watch + system.lone  # then the distance from singular positions
+        self._nearness = series[near * width :] if system.relations else _UNWATCHED
         self._turning = [system.prescribed.index(c) for c in system.turning]
-        self._directions = floats(self._ta.state)[watch + system.lone :]
+        self._directions = floats(self._ta.state)[near + bool(system.relations) :]
         self._step = self._ta.step
         self._stabilisation = system.stabilisation_index
         self._state[:] = [*state.q, *state.v]
@@ -109,6 +115,7 @@ class EventLoop:
             rtol,
             fastest * system.mechanism.size,
         )
+        self._singular = SingularPositions(system, self._ta, self._contacts, near)
         self._start_base()
         self._pending: _Pending | None = None
         self._since = 0  # steps since the directions were computed
@@ -167,6 +174,7 @@ class EventLoop:
         enter_tau, enter_length = tape.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
         watched, watch = bool(self._system.guards), self._guard_series
+        near = self._nearness
         quick = (lone or not watched) and not timed
         stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
         longest, reach = self._max_step, min(self._max_step, contacts.horizon)
@@ -186,6 +194,8 @@ class EventLoop:
                         end = tau + h
                         if pars[fired] or not end <= stop or watch[1] < _NEAR * h * abs(watch[2]):
                             break
+                        if near[1] + AHEAD * h * near[2] < 0.0:
+                            break
                         slot[:] = coefficients
                         enter_tau(tau)
                         enter_length(h)
@@ -204,7 +214,7 @@ class EventLoop:
                         ta.time = tau
                     h = step(reach, True)[1]
                 taken = (alpha, reach)
-                guard = self._fired() if pars[fired] else None
+                guard = self._system.fired(pars) if pars[fired] else None
                 if lone:
                     if watch[1] < _NEAR * h * abs(watch[2]):
                         if watch[1] < 0.0 and not contacts.flying:
@@ -215,18 +225,23 @@ class EventLoop:
                             h, guard = self._look_again(tau, h, guard)
                 elif watched:
                     h, guard = self._look_again(tau, h, guard)
+                crossing, ahead = None, False
+                if near[1] + AHEAD * h * near[2] < 0.0 and reach is longest:
+                    h, guard, crossing, ahead = self._singular.approach(tau, h, guard, alpha)
                 if not h > 0.0 and guard is None:
                     raise self._breakdown(tau)
-                slots[count][:] = coefficients
-                if guard is None and (h < reach or reach is longest):
+                slots[count][:] = crossing.terms if crossing else coefficients
+                if guard is None and not ahead and (h < reach or reach is longest):
                     alpha = pars[stabilisation] = 1.0 / h
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
             else:
-                tau, h, guard, taken = pending
+                tau, h, guard, taken, _ = pending
             end = tau + h
             if end > limit or self._coming:
-                pending = self._pending = _Pending(tau, h, guard, taken)
+                if pending is None:
+                    origin = crossing.origin if crossing else None
+                    pending = self._pending = _Pending(tau, h, guard, taken, origin)
                 change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
                 if change <= limit and change < end:
                     self._cut(change)
@@ -297,16 +312,9 @@ class EventLoop:
         while fallen is not None and h > _SHORTEST * self._max_step:
             self._back_to(tau)
             h = self._step(_SHORTER * h, True)[1]
-            guard = self._fired()
+            guard = self._system.fired(self._pars)
             fallen = self._overlooked(guard)
         return h, guard if fallen is None or guard is not None else fallen
-
-    def _fired(self) -> int | None:
-        """The guard that ended the last step, told once."""
-        index = self._system.fired_index
-        guard = int(self._pars[index]) - 1
-        self._pars[index] = 0.0
-        return guard if guard >= 0 else None
 
     def _overlooked(self, guard: int | None) -> int | None:
         """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""
@@ -322,6 +330,10 @@ class EventLoop:
             self._ta.reset_cooldowns()
 
     def _breakdown(self, tau: float) -> RunError:
+        if self._system.relations:
+            self._back_to(tau)
+            if self._contacts.singular_joints():
+                return self._singular.undecided()
         return RunError(
             f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
             'became infinite; the mechanism may be at a singular position'
@@ -444,7 +456,8 @@ class EventLoop:
         alpha, horizon = self._pars[self._stabilisation], contacts.horizon
         if self._pending:
             tau, (alpha, horizon) = self._pending.tau, self._pending.taken
-            state = self._ta.tc[:, 0]
+            began = self._pending.origin
+            state = self._ta.tc[:, 0] if began is None else began
         return Snapshot(
             '',
             self._base.time,

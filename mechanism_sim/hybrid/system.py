@@ -39,6 +39,10 @@ SLIP_SCALE = 1e-3
 """[s] The same for tangential velocities."""
 
 
+WATCH_SCALE = 1e-30
+"""Keeps what is integrated only to be watched out of the choice of steps."""
+
+
 class ContactTerms(NamedTuple):
     """The m gaps at one state: r rows, all normals, then all tangents if there is friction."""
 
@@ -154,6 +158,12 @@ class System:
         ]
         self.torque_index = [[p.names[f'{c}.torque.{k}'] for k in range(3)] for c in self.powered]
 
+    def fired(self, parameters: Array | memoryview[float]) -> int | None:
+        """The guard that ended the last step, by these runtime parameters; told once."""
+        guard = int(parameters[self.fired_index]) - 1
+        parameters[self.fired_index] = 0.0
+        return guard if guard >= 0 else None
+
     @property
     def lone(self) -> bool:
         """Whether there is one gap, and no friction in it: the case that is made fastest."""
@@ -184,7 +194,8 @@ class System:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
         State: free coordinates, their rates, a constant that only sets the step, of a lone contact
-        a state whose derivative is its guard, then cosine and sine of the angles in `turning`,
+        a state whose derivative is its guard, with closures one whose derivative is the distance
+        from singular positions, then cosine and sine of the angles in `turning`,
         which cost less as solutions of a linear equation than as functions. heyoka ties its order
         p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term is about
         `tol` of the largest state variable. Four orders more than it would take for `rtol` make
@@ -203,13 +214,16 @@ class System:
         frames = self.equations.frames
         a = [dense(x) for x in self.dynamics.stabilised.a]
         rates = [frames.v[c] for c in self.turning]
-        driven = self._driven([*self._by_directions([*a, *self._guards]), *rates])
-        n, m = len(a), len(self._guards)
-        a, guards, rates = driven[:n], driven[n : n + m], driven[n + m :]
+        near = [self.dynamics.distance] if self.relations else []
+        driven = self._driven([*self._by_directions([*a, *self._guards, *near]), *rates])
+        n, m, k = len(a), len(self._guards), len(near)
+        a, guards, near = driven[:n], driven[n : n + m], driven[n + m : n + m + k]
+        rates = driven[n + m + k :]
         motion = [(frames.q[c], frames.v[c]) for c in self.free]
         motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
-        # too small to matter: its Taylor series tells the guard at the start of a step for nothing
-        watch = [(hy.make_vars('watch'), 1e-30 * guards[0])] if self.lone else []
+        # too small to matter: their Taylor series tell what they watch for nothing
+        watch = [(hy.make_vars('watch'), WATCH_SCALE * guards[0])] if self.lone else []
+        watch += [(hy.make_vars('singularity'), WATCH_SCALE * x) for x in near]
         directions: list[tuple[hy.expression, hy.expression]] = []
         for (cosine, sine), rate in zip(self._direction_symbols, rates, strict=True):
             directions += [(cosine, -(rate * sine)), (sine, rate * cosine)]
@@ -383,6 +397,11 @@ class System:
                 for i, c in enumerate(self.free)
             ]
         return self._on_now(outputs)
+
+    @cached_property
+    def singularity(self) -> hy.cfunc_dbl:
+        """Distances of the closures from depending on each other; of the same vector."""
+        return self._on_now(self.dynamics.distances)
 
     @cached_property
     def _terms(self) -> dict[str, list[Term]]:

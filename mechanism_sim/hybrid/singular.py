@@ -1,0 +1,227 @@
+"""Passing singular positions of ideal mechanisms, where closures depend on each other.
+
+There ``G M^-1 G^T`` has no inverse, but the motion is analytic: what grows beyond bounds near the
+position are errors of rounding. A step that begins well before it therefore leads beyond it, on
+that part of its Taylor polynomial which rounding has not spoilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.contacts import Contacts
+from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
+from mechanism_sim.hybrid.tape import floats
+
+AHEAD = 3.0
+"""Steps ahead in which the tangent of the distance's root may foresee a singular position."""
+
+ZONE = 0.1
+"""Of a regular step: so far before a singular position begins the step that leads beyond it.
+
+Farther away its polynomial would be less exact; nearer, errors of rounding would be larger, which
+grow with the inverse square of the way to the position.
+"""
+
+_TOUCHES = 1e-5
+"""Least distance relative to that at the start of a step which counts as zero."""
+
+_DECIDED = 1e-6
+"""Largest error of a step across a singular position relative to the speed."""
+
+_NARROW = 1e-9
+"""Least distance relative to the largest so far at which branches can still be told apart."""
+
+_BLIND = 0.1
+"""Of a step across a singular position: nearer to its middle forces are not computed."""
+
+_PLACES = np.linspace(0.0, 1.0, 65)
+
+
+def time_of_touch(distance: Array, within: float) -> float | None:
+    """When a polynomial (p,) of time, positive at 0, touches zero in (0, within] [s]; or None."""
+    distance = distance.copy()
+    truncate(distance[None], within, distance[:1])
+    slope = polynomial.polyder(distance)
+    bend = polynomial.polyder(slope)
+    t = float(within * _PLACES[np.argmin(polynomial.polyval(within * _PLACES, distance))])
+    for _ in range(6):
+        curvature = float(polynomial.polyval(t, bend))
+        if not curvature > 0.0:
+            return None
+        t -= float(polynomial.polyval(t, slope)) / curvature
+    if not 0.0 < t <= within:
+        return None
+    return t if polynomial.polyval(t, distance) < _TOUCHES * distance[0] else None
+
+
+def truncate(coefficients: Array, h: float, scale: Array) -> float:
+    """Set to zero the terms of Taylor polynomials that rounding has spoilt.
+
+    Terms become smaller up to where rounding takes over; the sum ends there.
+
+    Parameters
+    ----------
+    coefficients : (r, p) of r functions of time, by powers; changed
+    h : up to which the polynomials are to serve [s]
+    scale : (r,) sizes of the functions
+
+    Returns
+    -------
+    The error relative to `scale`: the size of the first two terms left out.
+    """
+    terms = np.abs(coefficients / scale[:, None]).max(axis=0) * h ** np.arange(len(coefficients.T))
+    pairs = terms[1:-1] + terms[2:]  # every second term may vanish
+    last = int(np.argmin(np.where(np.isfinite(pairs), pairs, np.inf)))
+    coefficients[:, last + 1 :] = 0.0
+    return float(pairs[last])
+
+
+class Crossing(NamedTuple):
+    """A step across a singular position."""
+
+    terms: memoryview[float]  #: its coefficients
+    origin: Array  #: the state at its start, before it was projected
+
+
+class SingularPositions:
+    """Watches for singular positions ahead of an integrator, and leads it beyond them.
+
+    Parameters
+    ----------
+    system : of equations with closures
+    integrator : of that system
+    contacts : of the same run
+    index : of the state whose derivative is the distance from singular positions
+    """
+
+    def __init__(
+        self, system: System, integrator: hy.taylor_adaptive_dbl, contacts: Contacts, index: int
+    ) -> None:
+        self._system = system
+        self._ta = integrator
+        self._contacts = contacts
+        self._index = index
+        self._widest = 0.0
+        size = system.mechanism.size
+        self._scale = np.array([1.0 if angular else size for angular in system.angular])
+
+    def approach(
+        self, tau: float, h: float, guard: int | None, alpha: float
+    ) -> tuple[float, int | None, Crossing | None, bool]:
+        """End the last step before a singular position, or lead it beyond.
+
+        Parameters
+        ----------
+        tau, h, guard : start and length [s] of the step, and the guard that ended it
+        alpha : rate of stabilisation in it [1/s], the reciprocal of the last regular step
+
+        Returns
+        -------
+        Length and guard of the step that is to be taken; what it is if it leads across; whether a
+        singular position is ahead, so that this is no regular step.
+
+        Raises
+        ------
+        RunError
+            If the way beyond is not decided.
+        """
+        integrated = self._ta.tc[self._index]
+        distance = integrated[1:] * np.arange(1.0, len(integrated)) / WATCH_SCALE
+        self._widest = max(self._widest, distance[0])
+        stride = max(h, 1.0 / alpha if alpha else 0.0)
+        zone = ZONE * stride
+        touch = time_of_touch(distance, stride + zone)
+        if touch is None:
+            if distance[0] < _NARROW * self._widest:
+                raise self.undecided()
+            return h, guard, None, False
+        if touch > 1.25 * zone:
+            if touch - zone < h:
+                self._return_to(tau)
+                h = self._ta.step(touch - zone, True)[1]
+                guard = self._system.fired(self._ta.pars)
+            return h, guard, None, True
+        origin = self._ta.tc[: 2 * len(self._system.free), 0].copy()
+        h, guard, terms = self._cross(tau, 2.0 * touch, alpha)
+        return h, guard, Crossing(terms, origin), True
+
+    def _return_to(self, tau: float) -> None:
+        self._ta.state[:] = self._ta.tc[:, 0]
+        self._ta.time = tau
+        if self._system.guards:
+            self._ta.reset_cooldowns()
+
+    def _cross(
+        self, tau: float, h: float, alpha: float
+    ) -> tuple[float, int | None, memoryview[float]]:
+        """Take a step of length h with a singular position in its middle."""
+        ta, system, f = self._ta, self._system, len(self._system.free)
+        state, index = ta.state[: 2 * f], system.stabilisation_index
+        self._return_to(tau)
+        for _ in range(2):  # the rates are projected where the coordinates were before
+            self._contacts.project()
+        ta.pars[index] = 0.0
+        ta.step(h, True)
+        ta.pars[index], ta.pars[system.fired_index] = alpha, 0.0
+        series = ta.tc[: 2 * f].copy()
+        speed = float((np.abs(series[f:, 0]) / self._scale).max())
+        error = truncate(series[f:], h, self._scale)
+        if not error <= _DECIDED * speed:
+            self._return_to(tau)
+            raise self.undecided()
+        series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
+
+        def go_to(s: float) -> None:
+            state[:] = polynomial.polyval(s, series.T)
+            ta.time = tau + s
+
+        end, guard = self._first_event(go_to, h) if system.guards else (h, None)
+        go_to(end)
+        if guard is None:
+            self._contacts.project()
+        if system.guards:
+            ta.reset_cooldowns()
+        return end, guard, floats(series)
+
+    def _first_event(self, go_to: Callable[[float], None], h: float) -> tuple[float, int | None]:
+        """The first guard beyond its fall along a step across a position, and when [s]."""
+        places = h * _PLACES[1:]
+        before = 0.0
+        for s in places[np.abs(places - 0.5 * h) > _BLIND * h]:  # forces are not known nearer
+            go_to(s)
+            guard = self._contacts.fallen()
+            if guard is not None:
+                return self._bisect(go_to, before, float(s))
+            before = float(s)
+        return h, None
+
+    def _bisect(
+        self, go_to: Callable[[float], None], low: float, high: float
+    ) -> tuple[float, int | None]:
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            go_to(middle)
+            low, high = (middle, high) if self._contacts.fallen() is None else (low, middle)
+        go_to(high)
+        return high, self._contacts.fallen()
+
+    def undecided(self) -> RunError:
+        """At the present state two ways go on."""
+        joints = self._contacts.singular_joints()
+        named = [j for j in self._system.mechanism.joints if j.name in joints]
+        links = sorted({link for j in named for link in (j.first, j.second)})
+        return RunError(
+            f'at t = {self._contacts.time:.9g} s the mechanism is at a singular position where '
+            f'the links of {", ".join(joints) or "its loops"} ({", ".join(links)}) can go on in '
+            'more than one way, and nothing decides which: change a length, the start or the '
+            'drive a little'
+        )
