@@ -23,7 +23,6 @@ from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.sampling import table
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene import Level, Machine, simulate, span
 
 Array = NDArray[np.float64]
@@ -52,7 +51,7 @@ class Cycle:
     machine, solution : what was run
     t : (N + 1,) [s] evenly spaced
     repeats : whether it is a whole number of turns of a drive at constant speed
-    static : whether forces are those at rest in each position, without those of inertia
+    static : whether forces are without those of inertia
     """
 
     machine: Machine
@@ -102,7 +101,9 @@ class Cycle:
         """The columns at any instants (K,) of the cycle."""
         samples = self.solution.samples(t)
         if self.static:
-            samples = samples._replace(observed=self._at_rest(samples.observed, samples.t))
+            motion = self.solution.motion
+            seen = self.machine.statics.observe(motion, *motion.curve.find(samples.t))
+            samples = samples._replace(observed=seen)
         o = samples.observed
         columns = table(self.machine.physics, samples)
         if self.static:  # of the motion as it is
@@ -114,15 +115,6 @@ class Cycle:
         if self.machine.physics.has_forces:
             columns |= self._forces.columns(samples.t, o)
         return columns
-
-    def _at_rest(self, o: Observation, t: Array) -> Observation:
-        """The same motion, with the forces that act if it is so slow as to be at rest."""
-        forces, still = self.machine.inverse_dynamics, np.zeros_like(o.position)
-        outside = np.array([t if x == 'time' else still[0] for x in forces.outside])
-        seen = forces(o.position, still, still, outside.reshape(-1, len(t)))
-        driven = [self.machine.physics.coordinates.index(c) for c in self.machine.physics.driven]
-        power = (seen.drive_torque * o.velocity[driven]).sum(axis=0)
-        return seen._replace(velocity=o.velocity, acceleration=o.acceleration, drive_power=power)
 
     def plot(self, *names: str, **how: Any) -> Any:
         """Plot columns by name, or an overview, over the angle of a steady drive.
@@ -196,7 +188,8 @@ def cycle(
     duration : [s] instead, where the drive has no constant speed; that of the scene if not
     points : whose paths are wanted, ``LINK.POINT``
     local : forces on each link along and across it too
-    static : forces without those of inertia ([V] 3.5.1), as if it moved ever so slowly
+    static : forces without those of inertia ([V] 3.5.1): weights stay, and what loads, dampers and
+        friction owe to the speed
 
     Raises
     ------

@@ -63,6 +63,8 @@ class InverseDynamics:
     relations : its cut joints
     driven : names of the coordinates with a drive
     elements : springs, dampers and loads
+    inertia : whether ``M a`` and the velocity products count; statics leaves them out, and nothing
+        else: weights and all that loads owe to speed stay
     """
 
     def __init__(
@@ -71,8 +73,10 @@ class InverseDynamics:
         relations: Sequence[Relation],
         driven: Sequence[str],
         elements: Sequence[ForceElement] = (),
+        inertia: bool = True,
     ) -> None:
         self.mechanism = mechanism
+        self._inertia = inertia
         self.relations = tuple(relations)
         self.elements = tuple(elements)
         self._driven = [mechanism.coordinates.index(c) for c in driven]
@@ -95,10 +99,11 @@ class InverseDynamics:
         """What must be supplied with the closure rows; and the joint forces from the closures'."""
         eq = self.equations
         frames, a = eq.frames, dict(eq.frames.a)
+        accelerated = a if self._inertia else None
         applied = generalised(self._loads, frames, self.mechanism)
         supplied = [
             add(x, neg(applied.get(c)))
-            for c, x in zip(eq.coordinates, generalized_forces(eq, a), strict=True)
+            for c, x in zip(eq.coordinates, generalized_forces(eq, accelerated), strict=True)
         ]
         rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
         closing, cut = [], {}
@@ -107,7 +112,7 @@ class InverseDynamics:
             own = [hy.make_vars(f'{relation.name}_force_{i}') for i in range(count)]
             cut[relation.name] = relation.wrench(frames, own)
             closing += own
-        wrenches = tree_reactions(eq, a, cut, self._loads).values()
+        wrenches = tree_reactions(eq, accelerated, cut, self._loads).values()
         forces = [x for w in wrenches for x in (w.x, w.y)]
         moments = [w.moment for w in wrenches]
         kinetic, potential = energies(eq)

@@ -249,11 +249,17 @@ class Machine:
     @cached_property
     def inverse_dynamics(self) -> InverseDynamics:
         """Forces of the ideal mechanism."""
+        return self._inverse_dynamics(inertia=True)
+
+    @cached_property
+    def statics(self) -> NominalPhysics:
+        """The ideal mechanism with the forces that it has without inertia, at actual speeds."""
+        return NominalPhysics(self.ideal, self.mechanism, self._inverse_dynamics(inertia=False))
+
+    def _inverse_dynamics(self, inertia: bool) -> InverseDynamics:
         ideal = self.plan.ideal
-        driven = self.plan.prescribed
-        return InverseDynamics(
-            ideal, closures(ideal, ideal.cut), driven, self.plan.elements(ideal)
-        )
+        closing, loads = closures(ideal, ideal.cut), self.plan.elements(ideal)
+        return InverseDynamics(ideal, closing, self.plan.prescribed, loads, inertia)
 
     @cached_property
     def system(self) -> System:
