@@ -37,6 +37,7 @@ from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
+_ENDED = np.array([*_NODES, 1.0])
 _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
@@ -55,6 +56,7 @@ class NominalRun:
     first : configuration (n,) at the start, or near it
     size : [m] of the mechanism
     edges : at which pieces end: something begins or ceases to act there
+    slope : direction (n,) in which the motion begins, if the first configuration is singular
 
     Attributes
     ----------
@@ -70,6 +72,7 @@ class NominalRun:
         size: float,
         edges: Edges | None = None,
         start: float = 0.0,
+        slope: Array | None = None,
     ) -> None:
         self.steps = 0
         self.events = 0
@@ -84,6 +87,7 @@ class NominalRun:
         self._pieces: list[tuple[float, float, NDArray[np.int64], Array]] = []
         self._turns = np.zeros(len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
+        self._slope = slope
         self._share = 0.5  # of the greatest length of a piece
 
     def change_law(self, law: Law) -> None:
@@ -130,12 +134,14 @@ class NominalRun:
         """
         if until <= self.time:
             return None
-        kept = self.time, self.steps, self._turns.copy(), self._last.copy(), self._share
+        kept = (
+            self.time, self.steps, self._turns.copy(), self._last.copy(), self._share, self._slope
+        )  # fmt: skip
         while self.time < until:
             end = self.time + self._share * self._width()
             self._add(min([end, *(law.valid_from for law in self._coming)]))
         motion, *_ = self.drain()
-        self.time, self.steps, self._turns, self._last, self._share = kept
+        self.time, self.steps, self._turns, self._last, self._share, self._slope = kept
         motion.curve.duration[-1] = until - motion.curve.start[-1]
         return motion
 
@@ -157,7 +163,8 @@ class NominalRun:
             shortest = self._share < _SHORTEST
             try:
                 h = self._before_switch(h)
-                values = self._values(h * _NODES)
+                values, slope = self._followed(h * _ENDED)
+                values = values[:, :-1]
             except RunError:  # too far for Newton's method, or for the mechanism
                 if shortest:
                     raise
@@ -179,6 +186,7 @@ class NominalRun:
         self.steps += 1
         self.time = end if h == end - self.time else self.time + h
         self._last = coefficients @ h ** np.arange(len(_NODES))
+        self._slope = slope
         whole = np.where(self._turning, np.trunc(self._last / TWO_PI), 0.0)
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole
@@ -190,7 +198,7 @@ class NominalRun:
             return h
         follow = {*edges.coordinates} - {*self._ideal.driven}
         place = self._values if follow else self._driven
-        times = h * np.array([*_NODES, 1.0])
+        times = h * _ENDED
         q = place(times)
         edges.check(q)
         present = edges.present(q[:, 0])
@@ -212,7 +220,18 @@ class NominalRun:
 
     def _values(self, times: Array) -> Array:
         """The coordinates at times [s] from now: (n, N)."""
-        return self._ideal.follow(self._last, self._driven(times)[self._ideal.driven])
+        return self._followed(times)[0]
+
+    def _followed(self, times: Array) -> tuple[Array, Array | None]:
+        """The same, and the direction of the branch at the last of them if need be."""
+        q = self._driven(times)
+        now = np.zeros((3, len(self._laws)))
+        for row, law in enumerate(self._laws):
+            _, local = law.about(Fraction(self.time))
+            now[: len(local), row] = local[:3]
+        now[2] *= 2.0
+        driven = q[self._ideal.driven]
+        return self._ideal.follow(self._last, times, driven, now, self._slope)
 
     def _driven(self, times: Array) -> Array:
         """The same, zero for those that follow."""
@@ -238,8 +257,9 @@ class NominalRun:
     def snapshot(self) -> Snapshot:
         """What it takes to go on."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
+        slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
-            '', Fraction(0), self.time, turns, tuple(self._last.tolist()), (), 0, (), (), (),
+            '', Fraction(0), self.time, turns, (*self._last.tolist(), *slope), (), 0, (), (), (),
             self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0, 0,
         )  # fmt: skip
 
@@ -248,7 +268,9 @@ class NominalRun:
         self.time = snapshot.tau
         self._laws = [law for law in snapshot.laws if isinstance(law, DriveLaw)]
         self._coming = deque(law for law in snapshot.coming if isinstance(law, DriveLaw))
-        self._last, self._share = np.array(snapshot.state), snapshot.stabilisation
+        n = len(self._last)
+        self._last, slope = np.array(snapshot.state[:n]), np.array(snapshot.state[n:])
+        self._slope, self._share = slope if slope.size else None, snapshot.stabilisation
         self._turns = np.array([snapshot.turns[c] for c in self._ideal.coordinates])
         self._pieces.clear()
 
@@ -289,8 +311,8 @@ class NominalPhysics:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         curve, driven = motion.curve, self._ideal.driven
         fitted = curve.at(segments, dt).T
-        rates = [curve.at(segments, dt, d).T[driven] for d in (1, 2)]
-        q, v, a = self._ideal.motion(fitted, *rates)
+        along = curve.at(segments, dt, 1).T, curve.at(segments, dt, 2).T
+        q, v, a, passage = self._ideal.motion(fitted, along[0][driven], along[1][driven], along)
         if self._forces is not None:
             known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
             for row, name in zip(known, self._forces.outside, strict=True):
