@@ -21,7 +21,7 @@ from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array
-from mechanism_sim.linkages.ideal import IdealMotion
+from mechanism_sim.linkages.ideal import IdealMotion, Passage
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
@@ -31,6 +31,7 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
     shift_powers,
 )
+from mechanism_sim.planar.branch import SAMPLES, limits
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Observation
 from mechanism_sim.planar.known import Edges
@@ -42,6 +43,7 @@ _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
+_SHORTER = 4  # halvings of the time in which forces are compared beside a singular position
 _LONGEST = 0.1
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
@@ -314,17 +316,88 @@ class NominalPhysics:
         along = curve.at(segments, dt, 1).T, curve.at(segments, dt, 2).T
         q, v, a, passage = self._ideal.motion(fitted, along[0][driven], along[1][driven], along)
         if self._forces is not None:
-            known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
-            for row, name in zip(known, self._forces.outside, strict=True):
-                if name != 'time':
-                    row[:] = 0.0  # the angles have all their turns
-            return self._forces(q, v, a, known)
+            seen = self._forces(q, v, a, self._outside(curve, segments, dt))
+            if passage is None:
+                return seen
+            segment, since = _each(curve, segments, dt)
+            chosen = passage.index
+            return self._limited(seen, curve, segment[chosen], since[chosen], passage)
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         return Observation(
             q, v, a, none, none, none, np.zeros(count), np.zeros((0, 2, count)), none, none,
             unknown, unknown, unknown,
         )  # fmt: skip
+
+    def _outside(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Array:
+        """What loads ask for beside the motion."""
+        assert self._forces is not None  # noqa: S101 - nobody asks otherwise
+        known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
+        for row, name in zip(known, self._forces.outside, strict=True):
+            if name != 'time':
+                row[:] = 0.0  # the angles have all their turns
+        return known
+
+    def _limited(
+        self,
+        seen: Observation,
+        curve: PiecewisePolynomial,
+        segments: NDArray[np.intp],
+        dt: Array,
+        passage: Passage,
+    ) -> Observation:
+        """The same with the limits of forces, along their branches, near singular positions.
+
+        Parameters
+        ----------
+        segments, dt : (K,) of the instants of the passage
+        """
+        found = np.full((len(_stacked(seen)), len(dt)), np.inf)
+        left, share = np.flatnonzero(np.isfinite(passage.duration)), 1.0
+        for _ in range(_SHORTER):
+            if not left.size:
+                break
+            found[:, left] = self._limits(curve, segments[left], dt[left], passage[left], share)
+            left = left[np.isinf(found[:, left]).any(axis=0)]
+            share *= 0.5
+        found[np.isinf(found)] = np.nan
+        joints = len(self.joints)
+        force, moment, torque = np.split(found, [2 * joints, 3 * joints])
+        seen.reaction[:, :, passage.index] = force.reshape(joints, 2, -1)
+        seen.reaction_moment[:, passage.index] = moment
+        seen.drive_torque[:, passage.index] = torque
+        power = (seen.drive_torque * seen.velocity[self._ideal.driven]).sum(axis=0)
+        return seen._replace(drive_power=power)
+
+    def _limits(
+        self,
+        curve: PiecewisePolynomial,
+        segments: NDArray[np.intp],
+        dt: Array,
+        passage: Passage,
+        share: float,
+    ) -> Array:
+        """Forces, moments and torques (M, K) from those before and after, see `limits`.
+
+        Law of the drive and rows of switches are those of the instant itself on both sides.
+        """
+        assert self._forces is not None  # noqa: S101 - nobody asks otherwise
+        since = (share * passage.duration)[:, None] * SAMPLES
+        times = dt[:, None] + since
+        law = [curve.local(segments, times, d).T[self._ideal.driven] for d in range(3)]
+        turns = curve.turns[segments][:, self._ideal.driven].T[:, :, None]
+        driven = np.array(law).reshape(3, -1, *times.shape)
+        driven[0] += TWO_PI * turns
+        q, v, a = passage.states(since, driven)
+        middle = np.repeat(passage.branch.middle, times.shape[1], axis=1)
+        seen = self._forces(q, v, a, self._outside(curve, segments, times), middle)
+        kinematics = passage.kinematics
+        shape = times.shape
+        independence = kinematics.independence(q).reshape(shape)
+        determinant = kinematics.determinant(q).reshape(shape)
+        return limits(_stacked(seen).reshape(-1, *shape), determinant, independence)
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """There are none: (0, N)."""
@@ -335,3 +408,18 @@ class NominalPhysics:
         seen = self.observe(motion, segments, dt)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)
+
+
+def _stacked(seen: Observation) -> Array:
+    """Forces, moments and torques in rows."""
+    rows = seen.reaction.reshape(-1, seen.reaction.shape[-1])
+    return np.concatenate([rows, seen.reaction_moment, seen.drive_torque])
+
+
+def _each(
+    curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+) -> tuple[NDArray[np.intp], Array]:
+    """The segment of every instant, and the time since its start [s], in the order of samples."""
+    if isinstance(dt, Nodes):
+        dt = np.outer(curve.duration[segments], dt.fractions)
+    return np.repeat(segments, dt.size // max(len(segments), 1)), dt.ravel()

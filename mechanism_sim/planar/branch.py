@@ -43,11 +43,17 @@ _TRIES = 48
 _STEP = 0.02  # [rad, or lengths of the mechanism] from a singular position where branches begin
 _STEEPEST = 20.0  # [-] rate of a link by that of the drive
 _SAME = 1e-6
+_FAR = 0.1  # part of the greatest independence: nearer samples of forces do not count
+_DIFFERENCE = 1e-9  # of a function's size: less is rounding
+_BESIDE = 1e-3  # of the largest of its kind: what is smaller is measured by that
+_AT = 1e-9  # of the width: not farther from a singular position is at it
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
 
 # positive Chebyshev points of an even number of them: none in the middle
 _POINTS = np.sin((2.0 * np.arange(1, _PAIRS + 1) - 1.0) * np.pi / (4.0 * _PAIRS))
 _BOTH = np.concatenate([-_POINTS[::-1], _POINTS])
+SAMPLES = _BOTH
+"""Where functions along a branch are sampled, as parts of its width."""
 _BASIS = chebyshev.chebvander(_BOTH, _DEGREE)
 _SLOPE = np.zeros((_DEGREE + 1, _DEGREE + 1))
 for _k in range(1, _DEGREE + 1):
@@ -83,6 +89,11 @@ class Branch:
             values.append(np.einsum('tcm,tkm->ctk', c, basis) / self.width[:, None] ** order)
             c = c @ _SLOPE.T
         return values[0], values[1], values[2]
+
+    @property
+    def middle(self) -> Array:
+        """The positions (n, N) themselves."""
+        return self.at(np.zeros((len(self.width), 1)))[0][:, :, 0]
 
     def __getitem__(self, chosen: Mask | NDArray[np.intp]) -> Branch:
         return Branch(self.found[chosen], self.width[chosen], self.coefficients[chosen])
@@ -179,6 +190,56 @@ def _along(drive: Array, u: Array) -> Array:
     """The held coordinates (p, N) at shifts (N,) of the parameter."""
     along: Array = drive[0] + u * (drive[1] + 0.5 * u * drive[2])
     return along
+
+
+def limits(values: Array, determinant: Array, independence: Array) -> Array:
+    """What M functions of time come to in the middle of N intervals, along a branch.
+
+    Each is the quotient of analytic functions over the determinant of what it was solved from. It
+    is a polynomial where that vanishes, if the quotient has a limit there; or the quotient of two.
+
+    Parameters
+    ----------
+    values : (M, N, K) at the K `SAMPLES` of the intervals
+    determinant : (N, K) of the matrix from which they follow
+    independence : (N, K) of the constraints: how far samples are from the singular position
+
+    Returns
+    -------
+    (M, N): NaN where a function grows beyond all bounds at the very middle; infinite where the
+    functions are no such quotients, and shorter intervals should be tried.
+    """
+    trust = independence / independence.max(axis=1, keepdims=True)
+    trust = np.where(trust > _FAR, trust, 0.0) ** 2
+    weighted = trust[:, :, None] * _BASIS
+    inverse = np.linalg.pinv(weighted, rcond=1e-12)
+
+    def fit(x: Array) -> tuple[Array, Array]:
+        """Coefficients (M, N, d + 1), and whether (M, N) they reproduce the samples."""
+        y = np.where(trust > 0.0, trust * x, 0.0)
+        c = np.einsum('ndk,mnk->mnd', inverse, y)
+        size = np.abs(y).max(axis=2)
+        size = np.maximum(size, _BESIDE * size.max(axis=0))
+        off = np.abs(np.einsum('nkd,mnd->mnk', weighted, c) - y).max(axis=2)
+        return c, off <= _DIFFERENCE * size
+
+    middle = chebyshev.chebvander(0.0, _DEGREE)[0]
+    plain, smooth = fit(values)
+    unit = determinant / np.abs(determinant).max(axis=1, keepdims=True)
+    below, even = fit(unit[None])
+    above, quotient = fit(values * unit)
+    root = np.array([_root(c) for c in below[0]])
+    with np.errstate(divide='ignore', invalid='ignore'):
+        ratio = np.where(np.abs(root) > _AT, (above @ middle) / (below @ middle), np.nan)
+    ratio = np.where(quotient & even, ratio, np.inf)
+    return np.asarray(np.where(smooth, plain @ middle, ratio))
+
+
+def _root(coefficients: Array) -> float:
+    """The real root nearest to the middle of the interval; infinite if there is none."""
+    roots = chebyshev.chebroots(chebyshev.chebtrim(coefficients, 1e-14))
+    real = roots.real[np.abs(roots.imag) < 1e-6]
+    return float(real[np.abs(real).argmin()]) if real.size else np.inf
 
 
 def beginnings(kinematics: Kinematics, q: Array, drive: Array) -> Branch:

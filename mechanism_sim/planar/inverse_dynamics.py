@@ -10,7 +10,6 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.evaluation import COLUMNS
 from mechanism_sim.numerics.symbolic import add, neg
 from mechanism_sim.planar.equations import Equations
@@ -124,41 +123,44 @@ class InverseDynamics:
         second = Known(frames, [forces, moments, books], [*motion, *closing])
         return first, second
 
-    def __call__(self, q: Array, v: Array, a: Array, outside: Array | None = None) -> Observation:
-        """Forces and energies at N instants.
+    def __call__(
+        self,
+        q: Array,
+        v: Array,
+        a: Array,
+        outside: Array | None = None,
+        switched_at: Array | None = None,
+    ) -> Observation:
+        """Forces and energies at N instants; forces are NaN at a singular position.
 
         Parameters
         ----------
         q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
         outside : (k, N) what is named by `outside`
-
-        Raises
-        ------
-        RunError
-            At a singular position, where the forces are not determined.
+        switched_at : (n, N) positions whose rows of switches hold, if not those of q
         """
         n, count = q.shape
         given = np.zeros((len(self.outside), count)) if outside is None else outside
         if count > COLUMNS:
             blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
-            parts = [self(q[:, b], v[:, b], a[:, b], given[:, b]) for b in blocks]
+            held = [None if switched_at is None else switched_at[:, b] for b in blocks]
+            parts = [
+                self(q[:, b], v[:, b], a[:, b], given[:, b], h)
+                for b, h in zip(blocks, held, strict=True)
+            ]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
         first, second = self._functions
         closures = n - len(self._driven)
         motion = np.concatenate([q, v, a, given])
-        supplied, rows = first(motion)
-        matrix = np.zeros((count, n, n))
-        matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
-        for k, i in enumerate(self._driven):
-            matrix[:, i, closures + k] = 1.0
-        try:
-            unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
-        except np.linalg.LinAlgError as error:
-            raise RunError(
-                'the forces are not determined: the mechanism is at a singular position, such as '
-                'a dead point'
-            ) from error
-        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]))
+        supplied, rows = first(motion, switched_at)
+        matrix = self._matrix(rows, count)
+        singular = np.linalg.det(matrix) == 0.0
+        matrix[singular] = np.eye(n)
+        unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
+        unknown[:, singular] = np.nan
+        forces, moments, books = second(
+            np.concatenate([motion, unknown[:closures]]), switched_at
+        )
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
@@ -177,3 +179,13 @@ class InverseDynamics:
             books[0],
             books[1],
         )
+
+    def _matrix(self, rows: Array, count: int) -> Array:
+        """``J^T`` beside the columns of the drives, (N, n, n)."""
+        n = len(self.mechanism.coordinates)
+        closures = n - len(self._driven)
+        matrix = np.zeros((count, n, n))
+        matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
+        for k, i in enumerate(self._driven):
+            matrix[:, i, closures + k] = 1.0
+        return matrix

@@ -132,6 +132,10 @@ class Kinematics:
         A = self._directions(q)
         return np.asarray(np.linalg.svd(A, compute_uv=False).min(axis=1, initial=1.0))
 
+    def determinant(self, q: Array) -> Array:
+        """The determinant (N,) of the same matrix, where it is square: it changes sign."""
+        return np.asarray(np.linalg.det(self._directions(q)))
+
     def nearly_singular(self, q: Array, below: float) -> NDArray[np.bool_]:
         """Whether (N,) their `independence` is below a bound.
 
