@@ -202,9 +202,22 @@ class LinkageMotion:
             open_by = self.kinematics.left_open(place).max()
             if found.found[0] and open_by <= branch.OPEN * self.kinematics.rounding:
                 return place, rates[:, -1]
-        if failed:
-            raise failed
+            shift = shift[0]
+        if failed or slope is None or not self._continues(last, q, slope * shift):
+            raise failed or RunError(
+                f'the mechanism comes to a singular position at {self._said(now[0])}, and the '
+                'branch on which it goes on is not decided'
+            )
         return q, None
+
+    def _continues(self, last: Array, q: Array, way: Array) -> bool:
+        """Whether the first of positions (n, N) lies in the direction of the last one's motion.
+
+        Newton's method may find another branch than that on which it came.
+        """
+        scale = self.kinematics.scale
+        off = np.linalg.norm((q[:, 0] - last - way) / scale)
+        return bool(off <= 0.5 * np.linalg.norm(way / scale) + 1e-9)
 
     def _ahead(self, last: Array, driven: Array) -> Array:
         """Coordinates (n, N) that close the loops, from where the last ones (n,) point."""
@@ -237,11 +250,7 @@ class LinkageMotion:
         q, left = self.kinematics.positions(near)
         if left.any():
             k = int(np.argmax(left))
-            driven = ', '.join(
-                f'{self.coordinates[i]} = {near[i, k]:.6g} m' if i in self.sliding
-                else f'{self.coordinates[i]} = {np.degrees(near[i, k]):.6g} deg'
-                for i in self.driven
-            )  # fmt: skip
+            driven = self._said(near[self.driven, k])
             off = np.abs(self.kinematics.closure(q[:, k : k + 1])[0][0])
             joint = self.kinematics.rows[int(np.argmax(off))]
             raise RunError(
@@ -249,6 +258,14 @@ class LinkageMotion:
                 f'{left[k]:.3g} m at {joint}; it may be at a dead point'
             )
         return q
+
+    def _said(self, driven: Array) -> str:
+        """The driven coordinates (p,) for people."""
+        return ', '.join(
+            f'{self.coordinates[i]} = {x:.6g} m' if i in self.sliding
+            else f'{self.coordinates[i]} = {np.degrees(x):.6g} deg'
+            for i, x in zip(self.driven, driven, strict=True)
+        )  # fmt: skip
 
     def motion(
         self, near: Array, v: Array, a: Array, along: tuple[Array, Array] | None = None
