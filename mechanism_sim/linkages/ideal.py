@@ -2,67 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.four_bar import Array, FourBar
+from mechanism_sim.linkages.passage import Passage
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar import branch
-from mechanism_sim.planar.branch import Branch
 from mechanism_sim.planar.kinematics import Kinematics
-
-
-@dataclass(frozen=True)
-class Passage:
-    """Where a motion is near a singular position, and its branch there.
-
-    Attributes
-    ----------
-    index : (K,) of the instants
-    branch : (K,) through their positions
-    pace, bend : (K,) rate and acceleration of the branch's parameter
-    """
-
-    kinematics: Kinematics
-    index: NDArray[np.intp]
-    branch: Branch
-    pace: Array
-    bend: Array
-
-    def __getitem__(self, chosen: NDArray[np.intp]) -> Passage:
-        return replace(
-            self, index=self.index[chosen], branch=self.branch[chosen],
-            pace=self.pace[chosen], bend=self.bend[chosen],
-        )  # fmt: skip
-
-    @property
-    def duration(self) -> Array:
-        """Time (K,) [s] to either side in which the branch is known; infinite at rest."""
-        width = self.branch.width
-        with np.errstate(divide='ignore'):
-            root = np.sqrt(self.pace**2 + 2.0 * np.abs(self.bend) * width)
-            return np.asarray(2.0 * width / (np.abs(self.pace) + root))
-
-    def states(self, times: Array, driven: Array) -> tuple[Array, Array, Array]:
-        """Coordinates, rates and accelerations (n, K S) at S times beside each instant.
-
-        Parameters
-        ----------
-        times : (K, S) [s] from the instants on
-        driven : (3, p, K, S) the driven coordinates then, their rates and accelerations
-        """
-        shift, pace, bend = times, np.ones_like(times), np.zeros_like(times)
-        held = self.kinematics.held
-        if len(held) == 1:
-            first = self.branch.at(np.zeros_like(times[:, :1]))[0][held[0]]
-            shift, pace, bend = driven[0, 0] - first, driven[1, 0], driven[2, 0]
-        q, slope, curvature = self.branch.at(shift)
-        found = q, slope * pace, curvature * pace**2 + slope * bend
-        return tuple(x.reshape(len(x), -1) for x in found)
 
 
 class IdealMotion(Protocol):

@@ -21,7 +21,8 @@ from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array
-from mechanism_sim.linkages.ideal import IdealMotion, Passage
+from mechanism_sim.linkages.ideal import IdealMotion
+from mechanism_sim.linkages.passage import Passage, with_limits
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
@@ -31,9 +32,8 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
     shift_powers,
 )
-from mechanism_sim.planar.branch import SAMPLES, limits
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Observation
+from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import Mechanism
 
@@ -43,8 +43,10 @@ _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
-_SHORTER = 4  # halvings of the time in which forces are compared beside a singular position
 _LONGEST = 0.1
+_SEARCHED = 33  # places in a piece where singular positions are looked for
+_ROUNDS = 4  # in which they are found to rounding
+_END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
 
@@ -311,23 +313,31 @@ class NominalPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        curve, driven = motion.curve, self._ideal.driven
-        fitted = curve.at(segments, dt).T
-        along = curve.at(segments, dt, 1).T, curve.at(segments, dt, 2).T
-        q, v, a, passage = self._ideal.motion(fitted, along[0][driven], along[1][driven], along)
+        curve = motion.curve
+        q, v, a, passage = self._motion(curve, segments, dt)
         if self._forces is not None:
             seen = self._forces(q, v, a, self._outside(curve, segments, dt))
             if passage is None:
                 return seen
             segment, since = _each(curve, segments, dt)
-            chosen = passage.index
-            return self._limited(seen, curve, segment[chosen], since[chosen], passage)
+            return with_limits(
+                seen, self._sampled, curve, segment[passage.index], since[passage.index], passage
+            )
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         return Observation(
             q, v, a, none, none, none, np.zeros(count), np.zeros((0, 2, count)), none, none,
             unknown, unknown, unknown,
         )  # fmt: skip
+
+    def _motion(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> tuple[Array, Array, Array, Passage | None]:
+        """Coordinates, rates and accelerations, exact beside the fitted ones."""
+        driven = self._ideal.driven
+        fitted, *along = (curve.at(segments, dt, d).T for d in range(3))
+        v, a = along
+        return self._ideal.motion(fitted, v[driven], a[driven], (v, a))
 
     def _outside(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
@@ -340,64 +350,56 @@ class NominalPhysics:
                 row[:] = 0.0  # the angles have all their turns
         return known
 
-    def _limited(
+    def _sampled(
         self,
-        seen: Observation,
+        passage: Passage,
         curve: PiecewisePolynomial,
         segments: NDArray[np.intp],
         dt: Array,
-        passage: Passage,
+        beside: Array,
     ) -> Observation:
-        """The same with the limits of forces, along their branches, near singular positions.
-
-        Parameters
-        ----------
-        segments, dt : (K,) of the instants of the passage
-        """
-        found = np.full((len(_stacked(seen)), len(dt)), np.inf)
-        left, share = np.flatnonzero(np.isfinite(passage.duration)), 1.0
-        for _ in range(_SHORTER):
-            if not left.size:
-                break
-            found[:, left] = self._limits(curve, segments[left], dt[left], passage[left], share)
-            left = left[np.isinf(found[:, left]).any(axis=0)]
-            share *= 0.5
-        found[np.isinf(found)] = np.nan
-        joints = len(self.joints)
-        force, moment, torque = np.split(found, [2 * joints, 3 * joints])
-        seen.reaction[:, :, passage.index] = force.reshape(joints, 2, -1)
-        seen.reaction_moment[:, passage.index] = moment
-        seen.drive_torque[:, passage.index] = torque
-        power = (seen.drive_torque * seen.velocity[self._ideal.driven]).sum(axis=0)
-        return seen._replace(drive_power=power)
-
-    def _limits(
-        self,
-        curve: PiecewisePolynomial,
-        segments: NDArray[np.intp],
-        dt: Array,
-        passage: Passage,
-        share: float,
-    ) -> Array:
-        """Forces, moments and torques (M, K) from those before and after, see `limits`.
+        """The machine (K S) at S times `beside` (K, S) [s] each of the instants of a passage.
 
         Law of the drive and rows of switches are those of the instant itself on both sides.
         """
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
-        since = (share * passage.duration)[:, None] * SAMPLES
-        times = dt[:, None] + since
+        times = dt[:, None] + beside
         law = [curve.local(segments, times, d).T[self._ideal.driven] for d in range(3)]
-        turns = curve.turns[segments][:, self._ideal.driven].T[:, :, None]
         driven = np.array(law).reshape(3, -1, *times.shape)
-        driven[0] += TWO_PI * turns
-        q, v, a = passage.states(since, driven)
+        driven[0] += TWO_PI * curve.turns[segments][:, self._ideal.driven].T[:, :, None]
+        q, v, a = passage.states(beside, driven)
         middle = np.repeat(passage.branch.middle, times.shape[1], axis=1)
-        seen = self._forces(q, v, a, self._outside(curve, segments, times), middle)
-        kinematics = passage.kinematics
-        shape = times.shape
-        independence = kinematics.independence(q).reshape(shape)
-        determinant = kinematics.determinant(q).reshape(shape)
-        return limits(_stacked(seen).reshape(-1, *shape), determinant, independence)
+        return self._forces(q, v, a, self._outside(curve, segments, times), middle)
+
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        curve, count = motion.curve, len(motion)
+        if self._forces is None or not count:
+            return []
+        segments = np.repeat(np.arange(count), _SEARCHED)
+        dt = np.outer(curve.duration, np.linspace(0.0, 1.0, _SEARCHED)).ravel()
+        for _ in range(_ROUNDS):
+            _, _, _, passage = self._motion(curve, segments, dt)
+            if passage is None:
+                return []
+            segments, dt = segments[passage.index], dt[passage.index]
+            with np.errstate(divide='ignore', invalid='ignore'):
+                dt = dt + passage.root / passage.pace
+            within = np.clip(dt, 0.0, curve.duration[segments])
+            inside = np.abs(within - dt) <= _END * curve.duration[segments]
+            segments, dt = segments[inside], within[inside]
+            if not dt.size:
+                return []
+        seen = self.observe(motion, segments, dt)
+        found: list[NoLimit] = []
+        for k in np.argsort(curve.start[segments] + dt):
+            unknown = ~np.isfinite(seen.reaction[:, :, k]).all(axis=1)
+            t = float(curve.start[segments[k]] + dt[k])
+            joints = tuple(j for j, x in zip(self.joints, unknown, strict=True) if x)
+            one = NoLimit(t, float(seen.position[self._ideal.driven[0], k]), joints)
+            if joints and not (found and one.is_at(found[-1].t)):
+                found.append(one)
+        return found
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """There are none: (0, N)."""
@@ -408,12 +410,6 @@ class NominalPhysics:
         seen = self.observe(motion, segments, dt)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)
-
-
-def _stacked(seen: Observation) -> Array:
-    """Forces, moments and torques in rows."""
-    rows = seen.reaction.reshape(-1, seen.reaction.shape[-1])
-    return np.concatenate([rows, seen.reaction_moment, seen.drive_torque])
 
 
 def _each(

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: [-] independence of the constraints (`Kinematics.independence`) below which a branch is fitted
-NEAR = 0.03
+NEAR = 0.05
 #: [-] the same below which a position is singular but for rounding (Newton's method ends at the
 #: root of rounding from a double point)
 SINGULAR = 1e-5
@@ -228,18 +228,25 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
     unit = determinant / np.abs(determinant).max(axis=1, keepdims=True)
     below, even = fit(unit[None])
     above, quotient = fit(values * unit)
-    root = np.array([_root(c) for c in below[0]])
+    root = roots(determinant)
     with np.errstate(divide='ignore', invalid='ignore'):
         ratio = np.where(np.abs(root) > _AT, (above @ middle) / (below @ middle), np.nan)
     ratio = np.where(quotient & even, ratio, np.inf)
     return np.asarray(np.where(smooth, plain @ middle, ratio))
 
 
-def _root(coefficients: Array) -> float:
-    """The real root nearest to the middle of the interval; infinite if there is none."""
-    roots = chebyshev.chebroots(chebyshev.chebtrim(coefficients, 1e-14))
-    real = roots.real[np.abs(roots.imag) < 1e-6]
-    return float(real[np.abs(real).argmin()]) if real.size else np.inf
+def roots(values: Array) -> Array:
+    """Where functions (N, K), given at `SAMPLES`, vanish nearest to the middle, in its width.
+
+    Infinite (N,) if they do not.
+    """
+    fits = np.linalg.pinv(_BASIS) @ values.T
+    found = np.full(len(values), np.inf)
+    for k, c in enumerate((fits / np.abs(values).max(axis=1)).T):
+        every = chebyshev.chebroots(chebyshev.chebtrim(c, 1e-14))
+        real = every.real[(np.abs(every.imag) < 1e-6) & (np.abs(every.real) <= 1.0)]
+        found[k] = real[np.abs(real).argmin()] if real.size else np.inf
+    return found
 
 
 def beginnings(kinematics: Kinematics, q: Array, drive: Array) -> Branch:

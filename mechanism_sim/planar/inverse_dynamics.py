@@ -40,6 +40,18 @@ class Observation(NamedTuple):
     potential_energy: Array  #: (N,) [J]
 
 
+class NoLimit(NamedTuple):
+    """An instant at which forces grow beyond all bounds, from either side."""
+
+    t: float  #: [s]
+    drive: float  #: position of the first drive [rad, m]
+    joints: tuple[str, ...]  #: whose forces do
+
+    def is_at(self, t: float) -> bool:
+        """Whether it is at a time but for rounding."""
+        return abs(self.t - t) <= 1e-9 * max(abs(t), 1e-3)
+
+
 class Account(NamedTuple):
     """What books are kept of, at N instants: m joints with clearance."""
 
