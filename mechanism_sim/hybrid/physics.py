@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
-from mechanism_sim.planar.inverse_dynamics import Account, Observation
+from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 
 
 class Physics(Protocol):
@@ -58,6 +58,10 @@ class Physics(Protocol):
         `closure_error` is the largest distance [m] from zero: of closed gaps, and of what is left
         open where loops close.
         """
+
+
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """Instants at which forces grow beyond all bounds; there they are NaN."""
 
 
 class DynamicPhysics:
@@ -122,6 +126,10 @@ class DynamicPhysics:
         values = self.system.gap_values(q)
         gaps = self.system.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
+
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """None: equations of motion are not integrated through singular positions."""
+        return []
 
 
 def outside(

@@ -61,7 +61,14 @@ def joint_forces(machine: Machine, q: Array, v: Array, a: Array) -> Array:
     `a` counts only where the drives are prescribed; a torque sets its own acceleration.
     """
     if not machine.torque_driven:
-        return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
+        found = machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
+        if not np.isfinite(found).all():
+            raise InputError(
+                f'{machine.name}: start = seated, but the forces that press pins on bushings are '
+                'not determined: the start is a singular position, such as a dead point; write '
+                "'start: centred', or start beside it"
+            )
+        return found
     system = machine.ideal_system
     rows = []
     for c in machine.plan.powered:
