@@ -22,12 +22,15 @@ from mechanism_sim.hybrid.tape import floats
 AHEAD = 3.0
 """Steps ahead in which the tangent of the distance's root may foresee a singular position."""
 
-ZONE = 0.1
+ZONE = 0.25
 """Of a regular step: so far before a singular position begins the step that leads beyond it.
 
 Farther away its polynomial would be less exact; nearer, errors of rounding would be larger, which
 grow with the inverse square of the way to the position.
 """
+
+BEYOND = 1.2
+"""Length of that step by the way to the position. The errors grow as its powers."""
 
 _TOUCHES = 1e-5
 """Least distance relative to that at the start of a step which counts as zero."""
@@ -39,7 +42,7 @@ _NARROW = 1e-9
 """Least distance relative to the largest so far at which branches can still be told apart."""
 
 _BLIND = 0.1
-"""Of a step across a singular position: nearer to its middle forces are not computed."""
+"""Of a step across a singular position: nearer to the position forces are not computed."""
 
 _PLACES = np.linspace(0.0, 1.0, 65)
 
@@ -149,7 +152,7 @@ class SingularPositions:
                 guard = self._system.fired(self._ta.pars)
             return h, guard, None, True
         origin = self._ta.tc[: 2 * len(self._system.free), 0].copy()
-        h, guard, terms = self._cross(tau, 2.0 * touch, alpha)
+        h, guard, terms = self._cross(tau, touch, alpha)
         return h, guard, Crossing(terms, origin), True
 
     def _return_to(self, tau: float) -> None:
@@ -159,9 +162,10 @@ class SingularPositions:
             self._ta.reset_cooldowns()
 
     def _cross(
-        self, tau: float, h: float, alpha: float
+        self, tau: float, touch: float, alpha: float
     ) -> tuple[float, int | None, memoryview[float]]:
-        """Take a step of length h with a singular position in its middle."""
+        """Take a step across a singular position at `touch` [s] from its start."""
+        h = BEYOND * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
         state, index = ta.state[: 2 * f], system.stabilisation_index
         self._return_to(tau)
@@ -182,7 +186,7 @@ class SingularPositions:
             state[:] = polynomial.polyval(s, series.T)
             ta.time = tau + s
 
-        end, guard = self._first_event(go_to, h) if system.guards else (h, None)
+        end, guard = self._first_event(go_to, h, touch) if system.guards else (h, None)
         go_to(end)
         if guard is None:
             self._contacts.project()
@@ -190,11 +194,13 @@ class SingularPositions:
             ta.reset_cooldowns()
         return end, guard, floats(series)
 
-    def _first_event(self, go_to: Callable[[float], None], h: float) -> tuple[float, int | None]:
+    def _first_event(
+        self, go_to: Callable[[float], None], h: float, touch: float
+    ) -> tuple[float, int | None]:
         """The first guard beyond its fall along a step across a position, and when [s]."""
         places = h * _PLACES[1:]
         before = 0.0
-        for s in places[np.abs(places - 0.5 * h) > _BLIND * h]:  # forces are not known nearer
+        for s in places[np.abs(places - touch) > _BLIND * h]:  # forces are not known nearer
             go_to(s)
             guard = self._contacts.fallen()
             if guard is not None:

@@ -586,7 +586,20 @@ class System:
     def _gap_values(self) -> Known:
         frames = self.equations.frames
         values = [jet.value for jet in self.dynamics.normal]
-        return Known(frames, [values], list(frames.q.values()))
+        return Known(frames, [values], self._positions)
+
+    @property
+    def _positions(self) -> list[hy.expression]:
+        return list(self.equations.frames.q.values())
+
+    @cached_property
+    def _distance(self) -> Known:
+        return Known(self.equations.frames, [[self.dynamics.distance]], self._positions)
+
+    def distance(self, q: Array) -> Array:
+        """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
+        found: Array = self._distance(q)[0][0]
+        return found
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""

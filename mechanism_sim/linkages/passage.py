@@ -74,9 +74,7 @@ class Passage:
         return tuple(x.reshape(len(x), -1) for x in found)
 
 
-Sampled = Callable[
-    [Passage, PiecewisePolynomial, NDArray[np.intp], Array, Array], Observation
-]
+Sampled = Callable[[Passage, PiecewisePolynomial, NDArray[np.intp], Array, Array], Observation]
 
 
 def with_limits(

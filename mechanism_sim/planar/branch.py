@@ -57,7 +57,7 @@ SAMPLES = _BOTH
 _BASIS = chebyshev.chebvander(_BOTH, _DEGREE)
 _SLOPE = np.zeros((_DEGREE + 1, _DEGREE + 1))
 for _k in range(1, _DEGREE + 1):
-    _SLOPE[: _k, _k] = chebyshev.chebder(np.eye(_DEGREE + 1)[_k])[:_k]
+    _SLOPE[:_k, _k] = chebyshev.chebder(np.eye(_DEGREE + 1)[_k])[:_k]
 
 
 @dataclass(frozen=True)

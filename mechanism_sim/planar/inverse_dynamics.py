@@ -170,9 +170,7 @@ class InverseDynamics:
         matrix[singular] = np.eye(n)
         unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
         unknown[:, singular] = np.nan
-        forces, moments, books = second(
-            np.concatenate([motion, unknown[:closures]]), switched_at
-        )
+        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]), switched_at)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
