@@ -59,7 +59,6 @@ class Physics(Protocol):
         open where loops close.
         """
 
-
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Instants at which forces grow beyond all bounds; there they are NaN."""
 

@@ -231,11 +231,16 @@ class LinkageMotion:
             )
             slope = _slope(along[0][:, index], along[1][:, index], pace, bend)
             found = branch.follow(kinematics, near[:, index], slope, drive)
-            index, found, pace, bend = (x[found.found] for x in (index, found, pace, bend))
+            # where no branch is known, and none is needed: at rest
+            lost = kinematics.independence(near[:, index]) < branch.SINGULAR
+            kept = found.found | lost
+            index, found, pace, bend = index[kept], found[kept], pace[kept], bend[kept]
             if index.size:
                 place, first, second = (x[:, :, 0] for x in found.at(np.zeros((len(index), 1))))
-                q[:, index], rates[:, index] = place, first * pace
-                accelerations[:, index] = second * pace**2 + first * bend
+                exact = place, first * pace, second * pace**2 + first * bend
+                fitted = near[:, index], along[0][:, index], along[1][:, index]
+                for into, x, y in zip((q, rates, accelerations), exact, fitted, strict=True):
+                    into[:, index] = np.where(found.found, x, y)
                 rest[index] = False
                 passage = Passage(kinematics, index, found, pace, bend)
         if rest.any():

@@ -57,7 +57,7 @@ SAMPLES = _BOTH
 _BASIS = chebyshev.chebvander(_BOTH, _DEGREE)
 _SLOPE = np.zeros((_DEGREE + 1, _DEGREE + 1))
 for _k in range(1, _DEGREE + 1):
-    _SLOPE[: _k, _k] = chebyshev.chebder(np.eye(_DEGREE + 1)[_k])[:_k]
+    _SLOPE[:_k, _k] = chebyshev.chebder(np.eye(_DEGREE + 1)[_k])[:_k]
 
 
 @dataclass(frozen=True)
@@ -214,14 +214,14 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
     weighted = trust[:, :, None] * _BASIS
     inverse = np.linalg.pinv(weighted, rcond=1e-12)
 
-    def fit(x: Array) -> tuple[Array, Array]:
+    def fit(x: Array) -> tuple[Array, Mask]:
         """Coefficients (M, N, d + 1), and whether (M, N) they reproduce the samples."""
         y = np.where(trust > 0.0, trust * x, 0.0)
         c = np.einsum('ndk,mnk->mnd', inverse, y)
         size = np.abs(y).max(axis=2)
         size = np.maximum(size, _BESIDE * size.max(axis=0))
         off = np.abs(np.einsum('nkd,mnd->mnk', weighted, c) - y).max(axis=2)
-        return c, off <= _DIFFERENCE * size
+        return c, np.asarray(off <= _DIFFERENCE * size)
 
     middle = chebyshev.chebvander(0.0, _DEGREE)[0]
     plain, smooth = fit(values)
