@@ -152,7 +152,9 @@ class LinkageMotion:
             if found.found[0] and open_by <= branch.OPEN * self.kinematics.rounding:
                 return place, rates[:, -1]
             shift = shift[0]
-        if failed or slope is None or not self._continues(last, q, slope * shift):
+        ends = self.kinematics.independence(q[:, -1:])[0] > branch.SINGULAR
+        known = slope is not None and ends and self._continues(last, q, slope * shift)
+        if failed or not known:
             raise failed or RunError(
                 f'the mechanism comes to a singular position at {self._said(now[0])}, and the '
                 'branch on which it goes on is not decided'

@@ -315,6 +315,16 @@ class NominalPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
+        return self._observe(motion, segments, dt)
+
+    def _observe(
+        self,
+        motion: Motion,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+        limited: bool = True,
+    ) -> Observation:
+        """The same; the limits of forces in joints, which take time, on request."""
         curve = motion.curve
         q, v, a, passage = self._motion(curve, segments, dt)
         if self._forces is not None:
@@ -330,7 +340,7 @@ class NominalPhysics:
             def sampled(part: Passage, which: NDArray[np.intp], share: float) -> Observation:
                 return self._sampled(part, curve, segment[which], since[which], share)
 
-            return with_limits(seen, sampled, required, passage)
+            return with_limits(seen, sampled if limited else None, required, passage)
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         return Observation(
@@ -438,7 +448,8 @@ class NominalPhysics:
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """What books are kept of, and how far the interpolated motion leaves the loops open."""
-        seen = self.observe(motion, segments, dt)
+        limited = len(self.driven) > 1  # one drive's torque follows without
+        seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)
 

@@ -73,7 +73,7 @@ class Passage:
 
 def with_limits(
     seen: Observation,
-    sampled: Callable[[Passage, NDArray[np.intp], float], Observation],
+    sampled: Callable[[Passage, NDArray[np.intp], float], Observation] | None,
     required: Array,
     passage: Passage,
 ) -> Observation:
@@ -83,14 +83,15 @@ def with_limits(
 
     Parameters
     ----------
-    sampled : the machine at `SAMPLES` beside some (M,) of the instants, in a share of the width
+    sampled : the machine at `SAMPLES` beside some (M,) of the instants, in a share of the width;
+        without it only the torque of a single drive is exact
     required : (n, K) generalised forces that closures and drives supply together
     """
     count = len(passage.index)
     found = np.full((len(_stacked(seen)), count), np.inf)
     left, share = np.flatnonzero(passage.branch.found), 1.0
     for _ in range(_SHORTER):
-        if not left.size:
+        if sampled is None or not left.size:
             break
         around = sampled(passage[left], left, share)
         shape = len(left), len(SAMPLES)
