@@ -152,7 +152,9 @@ class LinkageMotion:
             if found.found[0] and open_by <= branch.OPEN * self.kinematics.rounding:
                 return place, rates[:, -1]
             shift = shift[0]
-        if failed or slope is None or not self._continues(last, q, slope * shift):
+        ends = self.kinematics.independence(q[:, -1:])[0] > branch.SINGULAR
+        known = slope is not None and ends and self._continues(last, q, slope * shift)
+        if failed or not known:
             raise failed or RunError(
                 f'the mechanism comes to a singular position at {self._said(now[0])}, and the '
                 'branch on which it goes on is not decided'
@@ -231,11 +233,16 @@ class LinkageMotion:
             )
             slope = _slope(along[0][:, index], along[1][:, index], pace, bend)
             found = branch.follow(kinematics, near[:, index], slope, drive)
-            index, found, pace, bend = (x[found.found] for x in (index, found, pace, bend))
+            # where no branch is known, and none is needed: at rest
+            lost = kinematics.independence(near[:, index]) < branch.SINGULAR
+            kept = found.found | lost
+            index, found, pace, bend = index[kept], found[kept], pace[kept], bend[kept]
             if index.size:
                 place, first, second = (x[:, :, 0] for x in found.at(np.zeros((len(index), 1))))
-                q[:, index], rates[:, index] = place, first * pace
-                accelerations[:, index] = second * pace**2 + first * bend
+                exact = place, first * pace, second * pace**2 + first * bend
+                fitted = near[:, index], along[0][:, index], along[1][:, index]
+                for into, x, y in zip((q, rates, accelerations), exact, fitted, strict=True):
+                    into[:, index] = np.where(found.found, x, y)
                 rest[index] = False
                 passage = Passage(kinematics, index, found, pace, bend)
         if rest.any():

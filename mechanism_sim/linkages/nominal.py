@@ -32,6 +32,7 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
     shift_powers,
 )
+from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.known import Edges
@@ -46,6 +47,7 @@ _SHORTEST = 2.0**-20
 _LONGEST = 0.1
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
+_LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
 _END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
@@ -313,16 +315,32 @@ class NominalPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
+        return self._observe(motion, segments, dt)
+
+    def _observe(
+        self,
+        motion: Motion,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+        limited: bool = True,
+    ) -> Observation:
+        """The same; the limits of forces in joints, which take time, on request."""
         curve = motion.curve
         q, v, a, passage = self._motion(curve, segments, dt)
         if self._forces is not None:
             seen = self._forces(q, v, a, self._outside(curve, segments, dt))
             if passage is None:
                 return seen
+            near = passage.index
             segment, since = _each(curve, segments, dt)
-            return with_limits(
-                seen, self._sampled, curve, segment[passage.index], since[passage.index], passage
-            )
+            segment, since = segment[near], since[near]
+            known = self._outside(curve, segment, since)
+            required = self._forces.required(q[:, near], v[:, near], a[:, near], known)
+
+            def sampled(part: Passage, which: NDArray[np.intp], share: float) -> Observation:
+                return self._sampled(part, curve, segment[which], since[which], share)
+
+            return with_limits(seen, sampled if limited else None, required, passage)
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         return Observation(
@@ -356,17 +374,29 @@ class NominalPhysics:
         curve: PiecewisePolynomial,
         segments: NDArray[np.intp],
         dt: Array,
-        beside: Array,
+        share: float,
     ) -> Observation:
-        """The machine (K S) at S times `beside` (K, S) [s] each of the instants of a passage.
+        """The machine (K S) at S instants around each of a passage, in a share of its width.
 
-        Law of the drive and rows of switches are those of the instant itself on both sides.
+        Law of the drive and rows of switches are those of the instant itself on both sides. Where
+        the drive nearly rests, it is the positions that differ, and not the times.
         """
         assert self._forces is not None  # noqa: S101 - nobody asks otherwise
+        indices = self._ideal.driven
+        still = share * passage.duration > _LONG
+        beside = np.where(still, 0.0, share * passage.duration)[:, None] * SAMPLES
         times = dt[:, None] + beside
-        law = [curve.local(segments, times, d).T[self._ideal.driven] for d in range(3)]
+        law = [curve.local(segments, times, d).T[indices] for d in range(3)]
         driven = np.array(law).reshape(3, -1, *times.shape)
-        driven[0] += TWO_PI * curve.turns[segments][:, self._ideal.driven].T[:, :, None]
+        if len(indices) == 1:
+            now = np.array([curve.local(segments, dt, d).T[indices] for d in range(3)])[..., None]
+            width = share * passage.branch.width[:, None]
+            away = width * SAMPLES * np.where(passage.pace < 0.0, -1.0, 1.0)[:, None]
+            still |= (np.abs(driven[0, 0] - now[0, 0] - away) > 0.5 * width).any(axis=1)
+            driven[:, 0, still] = now[:, 0, still]
+            driven[0, 0, still] += away[still]
+            times[still] = dt[still, None]
+        driven[0] += TWO_PI * curve.turns[segments][:, indices].T[:, :, None]
         q, v, a = passage.states(beside, driven)
         middle = np.repeat(passage.branch.middle, times.shape[1], axis=1)
         return self._forces(q, v, a, self._outside(curve, segments, times), middle)
@@ -378,28 +408,39 @@ class NominalPhysics:
             return []
         segments = np.repeat(np.arange(count), _SEARCHED)
         dt = np.outer(curve.duration, np.linspace(0.0, 1.0, _SEARCHED)).ravel()
-        for _ in range(_ROUNDS):
+        found: list[NoLimit] = []
+        for turn in range(_ROUNDS):
             _, _, _, passage = self._motion(curve, segments, dt)
             if passage is None:
-                return []
-            segments, dt = segments[passage.index], dt[passage.index]
+                return found
+            segments, dt, sure = segments[passage.index], dt[passage.index], passage.branch.found
+            if turn == 0:
+                found += self._resting(curve, segments[~sure], dt[~sure])
             with np.errstate(divide='ignore', invalid='ignore'):
                 dt = dt + passage.root / passage.pace
             within = np.clip(dt, 0.0, curve.duration[segments])
-            inside = np.abs(within - dt) <= _END * curve.duration[segments]
+            inside = sure & (np.abs(within - dt) <= _END * curve.duration[segments])
             segments, dt = segments[inside], within[inside]
             if not dt.size:
-                return []
+                return found
         seen = self.observe(motion, segments, dt)
-        found: list[NoLimit] = []
         for k in np.argsort(curve.start[segments] + dt):
-            unknown = ~np.isfinite(seen.reaction[:, :, k]).all(axis=1)
+            forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
+            joints = tuple(j for j, force in forces if np.isnan(force).any())
             t = float(curve.start[segments[k]] + dt[k])
-            joints = tuple(j for j, x in zip(self.joints, unknown, strict=True) if x)
             one = NoLimit(t, float(seen.position[self._ideal.driven[0], k]), joints)
-            if joints and not (found and one.is_at(found[-1].t)):
+            if joints and not any(one.is_at(other.t) for other in found):
                 found.append(one)
-        return found
+        return sorted(found)
+
+    def _resting(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
+    ) -> list[NoLimit]:
+        """Since when the drive has rested, of instants in order at which no branch is known."""
+        places = curve.at(segments, dt)[:, self._ideal.driven[0]]
+        first = np.flatnonzero(np.abs(np.diff(places, prepend=np.inf)) > 1e-9)
+        begun = curve.start[segments] + dt
+        return [NoLimit(float(begun[k]), float(places[k]), self.joints, True) for k in first]
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """There are none: (0, N)."""
@@ -407,7 +448,8 @@ class NominalPhysics:
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """What books are kept of, and how far the interpolated motion leaves the loops open."""
-        seen = self.observe(motion, segments, dt)
+        limited = len(self.driven) > 1  # one drive's torque follows without
+        seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)
 

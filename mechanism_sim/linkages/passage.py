@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.branch import SAMPLES, Branch, limits, roots
-from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.inverse_dynamics import Observation, power
 from mechanism_sim.planar.kinematics import Kinematics
 
 Array = NDArray[np.float64]
@@ -25,7 +24,7 @@ class Passage:
     Attributes
     ----------
     index : (K,) of the instants
-    branch : (K,) through their positions
+    branch : (K,) through their positions, as far as it is known
     pace, bend : (K,) rate and acceleration of the branch's parameter
     """
 
@@ -43,11 +42,8 @@ class Passage:
 
     @property
     def duration(self) -> Array:
-        """Time (K,) [s] to either side in which the branch is known; infinite at rest."""
-        width = self.branch.width
-        with np.errstate(divide='ignore'):
-            root = np.sqrt(self.pace**2 + 2.0 * np.abs(self.bend) * width)
-            return np.asarray(2.0 * width / (np.abs(self.pace) + root))
+        """Time (K,) [s] to either side in which the branch is known."""
+        return self.branch.width / np.maximum(np.abs(self.pace), 1e-300)
 
     @property
     def root(self) -> Array:
@@ -70,52 +66,51 @@ class Passage:
             first = self.branch.at(np.zeros_like(times[:, :1]))[0][held[0]]
             shift, pace, bend = driven[0, 0] - first, driven[1, 0], driven[2, 0]
         q, slope, curvature = self.branch.at(shift)
-        found = q, slope * pace, curvature * pace**2 + slope * bend
-        return tuple(x.reshape(len(x), -1) for x in found)
-
-
-Sampled = Callable[[Passage, PiecewisePolynomial, NDArray[np.intp], Array, Array], Observation]
+        v, a = slope * pace, curvature * pace**2 + slope * bend
+        n = len(q)
+        return q.reshape(n, -1), v.reshape(n, -1), a.reshape(n, -1)
 
 
 def with_limits(
     seen: Observation,
-    sampled: Sampled,
-    curve: PiecewisePolynomial,
-    segments: NDArray[np.intp],
-    dt: Array,
+    sampled: Callable[[Passage, NDArray[np.intp], float], Observation] | None,
+    required: Array,
     passage: Passage,
 ) -> Observation:
     """An observation with the limits of forces, along their branches, near singular positions.
 
-    Forces without a limit are NaN.
+    Forces without a limit are NaN, and so are those where no branch is known.
 
     Parameters
     ----------
-    sampled : the machine at times beside the instants of a passage
-    segments, dt : (K,) of these instants
+    sampled : the machine at `SAMPLES` beside some (M,) of the instants, in a share of the width;
+        without it only the torque of a single drive is exact
+    required : (n, K) generalised forces that closures and drives supply together
     """
-    found = np.full((len(_stacked(seen)), len(dt)), np.inf)
-    left, share = np.flatnonzero(np.isfinite(passage.duration)), 1.0
+    count = len(passage.index)
+    found = np.full((len(_stacked(seen)), count), np.inf)
+    left, share = np.flatnonzero(passage.branch.found), 1.0
     for _ in range(_SHORTER):
-        if not left.size:
+        if sampled is None or not left.size:
             break
-        part = passage[left]
-        beside = (share * part.duration)[:, None] * SAMPLES
-        around = sampled(part, curve, segments[left], dt[left], beside)
-        independence = part.kinematics.independence(around.position).reshape(beside.shape)
-        determinant = part.kinematics.determinant(around.position).reshape(beside.shape)
-        values = _stacked(around).reshape(-1, *beside.shape)
-        found[:, left] = limits(values, determinant, independence)
+        around = sampled(passage[left], left, share)
+        shape = len(left), len(SAMPLES)
+        independence = passage.kinematics.independence(around.position).reshape(shape)
+        determinant = passage.kinematics.determinant(around.position).reshape(shape)
+        found[:, left] = limits(_stacked(around).reshape(-1, *shape), determinant, independence)
         left = left[np.isinf(found[:, left]).any(axis=0)]
         share *= 0.5
     found[np.isinf(found)] = np.nan
-    joints = len(seen.reaction)
+    joints, held = len(seen.reaction), passage.kinematics.held
     force, moment, torque = np.split(found, [2 * joints, 3 * joints])
+    if len(held) == 1:  # closures do no work along the branch
+        _, slope, _ = passage.branch.at(np.zeros((count, 1)))
+        torque = (slope[:, :, 0] * required).sum(axis=0)[None]
+        torque[:, ~passage.branch.found] = np.nan
     seen.reaction[:, :, passage.index] = force.reshape(joints, 2, -1)
     seen.reaction_moment[:, passage.index] = moment
     seen.drive_torque[:, passage.index] = torque
-    power = (seen.drive_torque * seen.velocity[passage.kinematics.held]).sum(axis=0)
-    return seen._replace(drive_power=power)
+    return seen._replace(drive_power=power(seen.drive_torque, seen.velocity[held]))
 
 
 def _stacked(seen: Observation) -> Array:

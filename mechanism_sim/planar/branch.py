@@ -35,9 +35,9 @@ OPEN = 4.0
 _PAIRS = 12
 _DEGREE = 13
 _WIDTH = 0.3  # [rad, or lengths of the mechanism] to either side
+_BEHIND = 1.3  # times as far as it must be known: also behind a singular position at the end
 _HALVINGS = 8
 _TRUSTED = 1.0 / 15.0  # of the width: samples of less independence do not count
-_MISFIT = 1e-12
 _LOOSE = 1e-4  # of the largest singular value: less leaves a motion free
 _TRIES = 48
 _STEP = 0.02  # [rad, or lengths of the mechanism] from a singular position where branches begin
@@ -46,6 +46,7 @@ _SAME = 1e-6
 _FAR = 0.1  # part of the greatest independence: nearer samples of forces do not count
 _DIFFERENCE = 1e-9  # of a function's size: less is rounding
 _BESIDE = 1e-3  # of the largest of its kind: what is smaller is measured by that
+_ITERATIONS = 20  # of Newton's method for the singular position
 _AT = 1e-9  # of the width: not farther from a singular position is at it
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
 
@@ -116,7 +117,7 @@ def follow(
     # [rad/u], so that widths are angles or lengths of the mechanism
     pace = (np.abs(drive[1]) / scale[kinematics.held, None]).max(axis=0)
     pace = np.maximum(pace, 1e-300)
-    least = np.zeros(count) if reach is None else reach * pace
+    least = np.zeros(count) if reach is None else _BEHIND * reach * pace
     width = np.maximum(_WIDTH, least) / pace
     found = Branch(np.zeros(count, bool), width, np.zeros((count, len(q), _DEGREE + 1)))
     left = np.flatnonzero(np.isfinite(slope).all(axis=0) & (pace > 1e-200))
@@ -169,13 +170,15 @@ def _fitted(
         weight = np.where(sure, independence, 0.0)
         trust[:, _PAIRS - 1 - k], trust[:, _PAIRS + k] = weight[:count], weight[count:]
     good = (trust > 0.0).sum(axis=1) > _DEGREE + 2
-    trust /= np.maximum(trust.max(axis=1, keepdims=True), 1e-300)
-    weighted = trust[:, :, None] * _BASIS
+    best = np.maximum(trust.max(axis=1), 1e-300)
+    trust /= best[:, None]
+    # too few samples make no polynomial
+    weighted = np.where(good[:, None], trust, 1.0)[:, :, None] * _BASIS
     values = samples.transpose(1, 2, 0) - q.T[:, None]
-    solved = np.linalg.pinv(weighted, rcond=1e-12) @ (trust[:, :, None] * values)
+    solved = _inverse(weighted) @ (trust[:, :, None] * values)
     misfit = trust * np.abs((_BASIS @ solved - values)[:, :, sought] / scale[sought]).max(axis=2)
-    rounding = _ROUNDING * np.abs(q / scale[:, None]).max(axis=0)
-    good &= misfit.max(axis=1) <= _MISFIT + rounding
+    rounding = _ROUNDING * (1.0 + np.abs(q / scale[:, None]).max(axis=0))
+    good &= misfit.max(axis=1) <= rounding / best
     bend = 0.25 * drive[2] * width**2
     held = [drive[0] + bend - q[kinematics.held], drive[1] * width, bend]
     solved[:, :, kinematics.held] = 0.0
@@ -211,17 +214,19 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
     """
     trust = independence / independence.max(axis=1, keepdims=True)
     trust = np.where(trust > _FAR, trust, 0.0) ** 2
+    enough = (trust > 0.0).sum(axis=1) > _DEGREE + 2
+    trust[~enough] = 1.0
     weighted = trust[:, :, None] * _BASIS
-    inverse = np.linalg.pinv(weighted, rcond=1e-12)
+    inverse = _inverse(weighted)
 
-    def fit(x: Array) -> tuple[Array, Array]:
+    def fit(x: Array) -> tuple[Array, Mask]:
         """Coefficients (M, N, d + 1), and whether (M, N) they reproduce the samples."""
         y = np.where(trust > 0.0, trust * x, 0.0)
         c = np.einsum('ndk,mnk->mnd', inverse, y)
         size = np.abs(y).max(axis=2)
         size = np.maximum(size, _BESIDE * size.max(axis=0))
         off = np.abs(np.einsum('nkd,mnd->mnk', weighted, c) - y).max(axis=2)
-        return c, off <= _DIFFERENCE * size
+        return c, np.asarray(off <= _DIFFERENCE * size)
 
     middle = chebyshev.chebvander(0.0, _DEGREE)[0]
     plain, smooth = fit(values)
@@ -232,7 +237,8 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
     with np.errstate(divide='ignore', invalid='ignore'):
         ratio = np.where(np.abs(root) > _AT, (above @ middle) / (below @ middle), np.nan)
     ratio = np.where(quotient & even, ratio, np.inf)
-    return np.asarray(np.where(smooth, plain @ middle, ratio))
+    found = np.where(smooth, plain @ middle, ratio)
+    return np.asarray(np.where(enough, found, np.inf))
 
 
 def roots(values: Array) -> Array:
@@ -241,12 +247,20 @@ def roots(values: Array) -> Array:
     Infinite (N,) if they do not.
     """
     fits = np.linalg.pinv(_BASIS) @ values.T
-    found = np.full(len(values), np.inf)
-    for k, c in enumerate((fits / np.abs(values).max(axis=1)).T):
-        every = chebyshev.chebroots(chebyshev.chebtrim(c, 1e-14))
-        real = every.real[(np.abs(every.imag) < 1e-6) & (np.abs(every.real) <= 1.0)]
-        found[k] = real[np.abs(real).argmin()] if real.size else np.inf
-    return found
+    slopes = _SLOPE @ fits
+    x = np.zeros(len(values))
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
+        for _ in range(_ITERATIONS):
+            basis = chebyshev.chebvander(x, _DEGREE).T
+            step = (fits * basis).sum(axis=0) / (slopes * basis).sum(axis=0)
+            x = np.clip(x - step, -1.5, 1.5)
+    return np.asarray(np.where((np.abs(step) < _AT) & (np.abs(x) <= 1.0), x, np.inf))
+
+
+def _inverse(basis: Array) -> Array:
+    """What takes samples (N, K) to the coefficients (N, d + 1) nearest to them: (N, d + 1, K)."""
+    q, r = np.linalg.qr(basis)
+    return np.linalg.solve(r, q.transpose(0, 2, 1))
 
 
 def beginnings(kinematics: Kinematics, q: Array, drive: Array) -> Branch:

@@ -41,11 +41,12 @@ class Observation(NamedTuple):
 
 
 class NoLimit(NamedTuple):
-    """An instant at which forces grow beyond all bounds, from either side."""
+    """An instant at which forces grow beyond all bounds, or from which on they are not known."""
 
     t: float  #: [s]
     drive: float  #: position of the first drive [rad, m]
     joints: tuple[str, ...]  #: whose forces do
+    rests: bool = False  #: the drive rests in a singular position, and forces are not determined
 
     def is_at(self, t: float) -> bool:
         """Whether it is at a time but for rounding."""
@@ -185,10 +186,15 @@ class InverseDynamics:
             forces.reshape(joints, 2, count),
             moments,
             torque,
-            (torque * v[self._driven]).sum(axis=0),
+            power(torque, v[self._driven]),
             books[0],
             books[1],
         )
+
+    def required(self, q: Array, v: Array, a: Array, outside: Array) -> Array:
+        """Generalised forces (n, N) that closures and drives together must supply."""
+        supplied: Array = self._functions[0](np.concatenate([q, v, a, outside]))[0]
+        return supplied
 
     def _matrix(self, rows: Array, count: int) -> Array:
         """``J^T`` beside the columns of the drives, (N, n, n)."""
@@ -199,3 +205,8 @@ class InverseDynamics:
         for k, i in enumerate(self._driven):
             matrix[:, i, closures + k] = 1.0
         return matrix
+
+
+def power(torque: Array, speed: Array) -> Array:
+    """Power (N,) of drives (p, N) [W]: none at rest, even if the torque is not determined."""
+    return np.asarray(np.where(speed == 0.0, 0.0, torque * speed).sum(axis=0))

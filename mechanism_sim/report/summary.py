@@ -88,9 +88,12 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
     for x in found[:_SENTENCES]:
         slides = machine.main in machine.mechanism.displacements
         place = f'{1e3 * x.drive:.6g} mm' if slides else f'{math.degrees(x.drive):.6g} deg'
+        why = 'have no limit: they grow beyond all bounds'
+        if x.rests:
+            why = 'are not determined while the drive rests'
         yield (
             f'at {machine.main} = {place}, t = {x.t:.9g} s, a singular position, the forces in '
-            f'{", ".join(x.joints)} have no limit: they grow beyond all bounds and are left out'
+            f'{", ".join(x.joints)} {why}; they are left out'
         )
     if len(found) > _SENTENCES:
         yield f'and at {len(found) - _SENTENCES} more such instants'

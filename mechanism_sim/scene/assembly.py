@@ -93,7 +93,7 @@ def assemble(machine: Machine) -> Assembly:
 
 
 def _ranks(kinematics: Kinematics, q: Array, elastic: Sequence[str]) -> Array:
-    """Ranks (3,) of the closures: in the sought coordinates, in all, and without elastic joints."""
+    """Ranks (3,) of the closures: by sought coordinates, by all, and without elastic joints."""
     _, J = kinematics.closure(q[:, None])
     # free of units: rows in the longest link, displacements too
     scaled = J[0] * kinematics.scale / kinematics.mechanism.size

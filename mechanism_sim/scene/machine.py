@@ -224,14 +224,25 @@ class Machine:
             raise InputError(f"{self.name}: there is no 'drive' to start at an angle")
         return replace(self, scene=changed)
 
+    @property
+    def closed_form(self) -> FourBar | None:
+        """The four-bar, if its motion has a closed form."""
+        linkage = self.plan.four_bar
+        return None if linkage is None or change_points(linkage) else linkage
+
+    @property
+    def starts_singular(self) -> bool:
+        """Whether a driven mechanism starts in a singular position."""
+        return self.closed_form is None and self.assembly.slope is not None
+
     @cached_property
     def ideal(self) -> IdealMotion:
         """The motion of the mechanism without clearance.
 
         Closed forms know two branches of a four-bar; through a change point neither goes on.
         """
-        if self.plan.four_bar and not change_points(self.plan.four_bar):
-            return FourBarMotion(self.plan.four_bar)
+        if self.closed_form:
+            return FourBarMotion(self.closed_form)
         return LinkageMotion(self.kinematics(self.plan.prescribed))
 
     def kinematics(self, held: Sequence[str]) -> Kinematics:

@@ -102,7 +102,8 @@ def _idle(mechanism: Mechanism, found: Branch) -> Array:
         if isinstance(j, Revolute)
     ]
     moves += [rate[c] / mechanism.size for c in mechanism.displacements]
-    return (np.abs(np.array(moves)).max(axis=2) < _ALIKE).sum(axis=0).astype(float)
+    still = np.abs(np.array(moves)).max(axis=2) < _ALIKE
+    return np.asarray(still.sum(axis=0), dtype=float)
 
 
 def _bend(found: Branch, scale: Array) -> Array:
