@@ -115,7 +115,7 @@ def test_bad_input_is_refused_with_the_key_the_value_and_what_is_allowed(key, va
 
 
 def test_a_pressed_start_at_a_change_point_is_refused():
-    """There the forces that would press pins on bushings are not determined; beside it they are."""
+    """There the forces that press pins on bushings are not determined; beside it they are."""
     lengths = {'ground': 0.3, 'crank': 0.1, 'coupler': 0.3, 'rocker': 0.1}
     parallelogram = {f'links.{k}.length': v for k, v in lengths.items()}
     machine = ms.load_scene(LOOSE, parallelogram | {'drive.start_angle': 0.0})
