@@ -111,18 +111,21 @@ class Cycle:
         has one, which comes from instants beside.
         """
         columns = self._columns(t)
-        for k in np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0)))):
+        lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
+        if lost.size:
             step = 0.003 * (self.machine.period if self.repeats else self.duration)
-            first, last = self.solution.motion.curve.start[0], self.solution.motion.curve.end
-            beside = t[k] + step * _BESIDE
-            weights = _BETWEEN
-            if beside[0] < first or beside[-1] > last:
-                side = 1.0 if beside[0] < first else -1.0
-                beside, weights = t[k] + side * step * np.arange(1.0, 9.0), _BEYOND
-            near = self._columns(beside)
+            curve, at = self.solution.motion.curve, t[lost, None]
+            beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))
+            for sign, outside in (
+                (1.0, beside[:, 0] < curve.start[0]),
+                (-1.0, beside[:, -1] > curve.end),
+            ):
+                beside[outside] = at[outside] + sign * step * np.arange(1.0, 9.0)
+                weights[outside] = _BEYOND
+            near = self._columns(beside.ravel())
             for name in columns:
                 if name.startswith('shaking_'):
-                    columns[name][k] = near[name] @ weights
+                    columns[name][lost] = (near[name].reshape(-1, 8) * weights).sum(axis=1)
         return columns
 
     def _columns(self, t: Array) -> dict[str, Array]:
