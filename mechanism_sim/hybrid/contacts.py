@@ -287,19 +287,19 @@ class Contacts:
         out = self._at_present(self._system.contact_function)
         return self._system.contact_terms(out.tolist())
 
-    def singular_joints(self) -> list[str]:
-        """The joints whose closures depend on those before them, to a thousandth."""
-        distances = iter(self._at_present(self._system.singularity).tolist())
+    def singular_joints(self, distance: float = 1e-6) -> list[str]:
+        """The joints whose closures depend on those before them, to the root of a distance."""
+        distances = iter(self._at_present(self._system.projection)[2 * self._f :].tolist())
         found = []
         for relation in self._system.relations:
             rows = relation.values(self._system.equations.frames)
-            if not all([next(distances) > 1e-6 for _ in rows]):  # noqa: C419 - all are taken
+            if not all([next(distances) > distance for _ in rows]):  # noqa: C419 - all are taken
                 found.append(relation.name)
         return found
 
     def project(self) -> None:
         """Bring loops and closed contacts to zero in value and rate."""
-        self._state[:] = floats(self._at_present(self._system.projection))
+        self._state[:] = floats(self._at_present(self._system.projection))[: 2 * self._f]
 
     # --- impacts ------------------------------------------------------------------------------
 

@@ -121,8 +121,27 @@ class EventLoop:
         self._since = 0  # steps since the directions were computed
         self._last_event = float('-inf')
         self._simultaneous = 0
-        self._contacts.start(state.closed)
+        self._begin(state)
+
+    def _begin(self, state: State) -> None:
+        """Resolve the contacts at the start, or leave a singular position."""
+        if not self._leave_singular():
+            self._contacts.start(state.closed)
+            self._go_on()
+
+    def _leave_singular(self) -> bool:
+        """Take the first step from a singular position; False if there is none here."""
+        if not self._singular.is_here:
+            return False
+        if self._system.gaps:
+            raise self._singular.undecided()
+        if self._system.switches:
+            self._contacts.set_switches()
         self._go_on()
+        h, step = self._singular.begin()
+        self._tape.next.reshape(-1)[:] = step.terms
+        self._pending = _Pending(self._ta.time - h, h, None, (0.0, self._max_step), step.origin)
+        return True
 
     @property
     def steps(self) -> int:
@@ -444,8 +463,7 @@ class EventLoop:
         self._start_base()
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
         self._contacts.impacts, self._contacts.horizon = [], math.inf
-        self._contacts.start(state.closed)
-        self._go_on()
+        self._begin(state)
 
     def snapshot(self) -> Snapshot:
         """What it takes to go on as if there had been no pause.
@@ -497,6 +515,7 @@ class EventLoop:
         self._next_base = s.next_base
         self._last_event, self._simultaneous = s.last_event, s.simultaneous
         self.events = s.events
+        self._leave_singular()
         self._go_on()
         self._directions[:] = array('d', s.directions)
         self._since = s.since

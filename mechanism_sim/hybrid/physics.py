@@ -168,8 +168,8 @@ class DynamicPhysics:
         seen = self.observe(motion, segments, dt)
         found = []
         for k, (segment, since) in enumerate(zip(segments, dt, strict=True)):
-            unknown = ~np.isfinite(seen.reaction[:, :, k]).all(axis=1)
-            joints = tuple(j for j, x in zip(self.joints, unknown, strict=True) if x)
+            forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
+            joints = tuple(j for j, force in forces if not np.isfinite(force).all())
             if joints and since <= motion.curve.duration[segment]:
                 drive = float(seen.position[self.system.driven_index[0], k])
                 found.append(NoLimit(float(motion.curve.start[segment] + since), drive, joints))

@@ -7,6 +7,7 @@ that part of its Taylor polynomial which rounding has not spoilt.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
 from mechanism_sim.hybrid.tape import floats
+from mechanism_sim.numerics.polynomials import shift_powers
 
 AHEAD = 3.0
 """Steps ahead in which the tangent of the distance's root may foresee a singular position."""
@@ -40,6 +42,14 @@ _DECIDED = 1e-6
 
 _NARROW = 1e-9
 """Least distance relative to the largest so far at which branches can still be told apart."""
+
+_HERE = 1e-10
+"""Distance below which a motion that starts there starts at a singular position."""
+
+_FIRST = 0.05
+"""[rad, or lengths of the mechanism] before a singular start where its first step begins."""
+
+_ROUNDS = 30
 
 _BLIND = 0.1
 """Of a step across a singular position: nearer to the position forces are not computed."""
@@ -154,6 +164,71 @@ class SingularPositions:
         origin = self._ta.tc[: 2 * len(self._system.free), 0].copy()
         h, guard, terms = self._cross(tau, touch, alpha)
         return h, guard, Crossing(terms, origin), True
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the present position is as good as singular."""
+        return bool(self._system.relations) and bool(self._contacts.singular_joints(_HERE))
+
+    def begin(self) -> tuple[float, Crossing]:
+        """Take the first step from a singular position.
+
+        It is the end of a step across the position, which begins a little before it with the
+        coordinates and rates from which its polynomial leads through those of the start.
+
+        Returns
+        -------
+        Its length [s], and the step.
+
+        Raises
+        ------
+        RunError
+            If the rates do not decide how the motion goes on.
+        """
+        ta, f = self._ta, len(self._system.free)
+        state, now = ta.state[: 2 * f], ta.time
+        start = state.copy()
+        wanted = start.reshape(2, f)
+        speed = float((np.abs(wanted[1]) / self._scale).max())
+        before = _FIRST / speed if speed else math.inf
+        while speed and before > _FIRST * 0.01 / speed:
+            try:
+                from_there = self._origin(wanted, before, now)
+                h, _, terms = self._cross(now - before, before, 0.0)
+            except (RunError, np.linalg.LinAlgError):
+                before *= 0.5
+                continue
+            series = np.asarray(terms).reshape(2 * f, -1)
+            series = shift_powers(series, np.full(2 * f, before))
+            reached = series[:, 0].reshape(2, f) - wanted
+            if from_there and np.abs(reached / self._scale).max() <= 1e-9 * max(speed, 1.0):
+                return h - before, Crossing(floats(series), start)
+            before *= 0.5
+        state[:], ta.time = start, now
+        raise self.undecided()
+
+    def _origin(self, wanted: Array, before: float, now: float) -> bool:
+        """Set the state a little earlier from which a motion passes one (2, f) of now."""
+        ta, f = self._ta, len(self._system.free)
+        guess = np.array([wanted[0] - before * wanted[1], wanted[1]])
+        for _ in range(_ROUNDS):
+            ta.state[: 2 * f] = guess.ravel()
+            ta.time = now - before
+            for _ in range(2):
+                self._contacts.project()
+            guess = ta.state[: 2 * f].reshape(2, f).copy()
+            ta.step(before, True)
+            series = ta.tc[: 2 * f].copy()
+            self._return_to(now - before)
+            if not np.isfinite(series).all():
+                return False
+            truncate(series[f:], BEYOND * before, self._scale)
+            series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
+            off = polynomial.polyval(before, series.T).reshape(2, f) - wanted
+            if (np.abs(off) / self._scale).max() <= 1e-14 * (1.0 + np.abs(wanted[1]).max()):
+                break
+            guess -= np.array([off[0] - before * off[1], off[1]])
+        return True
 
     def _return_to(self, tau: float) -> None:
         self._ta.state[:] = self._ta.tc[:, 0]

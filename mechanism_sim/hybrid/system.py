@@ -366,8 +366,8 @@ class System:
     def projection(self) -> hy.cfunc_dbl:
         """The state with loops and closed gaps brought to zero, in value and rate.
 
-        Along M^-1 J^T; what sticks loses its tangential velocity too. Of the same vector as
-        `watch`.
+        Along M^-1 J^T; what sticks loses its tangential velocity too. Behind it come the distances
+        of the closures from depending on each other. Of the same vector as `watch`.
         """
         d, frames = self.dynamics, self.equations.frames
         outputs: list[Term] = []
@@ -396,12 +396,7 @@ class System:
                 add(symbol[c], shift[i], *(mul(W[i], x) for W, x in zip(d.response, impulses)))  # noqa: B905 - of positions only the normal rows
                 for i, c in enumerate(self.free)
             ]
-        return self._on_now(outputs)
-
-    @cached_property
-    def singularity(self) -> hy.cfunc_dbl:
-        """Distances of the closures from depending on each other; of the same vector."""
-        return self._on_now(self.dynamics.distances)
+        return self._on_now([*outputs, *(d.distances if d.relation else [])])
 
     @cached_property
     def _terms(self) -> dict[str, list[Term]]:

@@ -81,14 +81,22 @@ def assemble(machine: Machine) -> Assembly:
     freedom, overdriven = len(moving.sought) - int(ranks[0]), int(ranks[1] - ranks[0])
     rates = {c: w for c, (_, w) in held.items()} | plan.given[1]
     v, slope = nearest_rates(kinematics, q, ideal.coordinates, rates, {}), None
-    if plan.prescribed and not freedom and moving.independence(q[:, None])[0] < SINGULAR:
-        drive = np.array([[*held[c], 0.0] for c in plan.prescribed]).T
+    driven = [*plan.prescribed, *(c for c in plan.powered if c in plan.begins)]
+    along = machine.kinematics(driven)
+    decided = driven and freedom == len(driven) - len(plan.prescribed)
+    if decided and along.independence(q[:, None])[0] < SINGULAR:
+        drive = np.array([[*held[c], 0.0] for c in driven]).T
         pace = 1.0
-        if len(plan.prescribed) == 1:  # then it is the parameter itself
+        if len(driven) == 1:  # then it is the parameter itself
             pace, drive[1] = drive[1, 0], 1.0
-        if drive[1].any():
-            q, slope = begin(machine, moving, q, guess, drive)
+        if pace and drive[1].any():
+            q, slope = begin(machine, along, q, guess, drive, pace)
             v = pace * slope
+        elif freedom and not machine.clearances:
+            raise InputError(
+                f'{machine.name}: {", ".join(driven)} starts at rest in a singular position, where '
+                'nothing decides which way the links go on: start beside it, or with a speed'
+            )
     return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)
 
 

@@ -37,8 +37,9 @@ def four_bar(machine: Machine) -> tuple[dict[str, float], dict[str, float]]:
     if machine.starts_singular:
         # at a change point: on the branch that a drive follows
         q, v = machine.assembly.q[:, None], machine.assembly.v[:, None]
-        driven = np.array([[speed]]), np.array([[acceleration]])
-        q, v, a, _ = machine.ideal.motion(q, *driven, (v, np.zeros_like(v)))
+        if not machine.torque_driven:
+            driven = np.array([[speed]]), np.array([[acceleration]])
+            q, v, a, _ = machine.ideal.motion(q, *driven, (v, np.zeros_like(v)))
     if np.isnan(q).any():
         raise InputError(
             f'{machine.name}: the mechanism cannot be assembled at drive.start_angle = {angle:g} '

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +39,12 @@ def neighbours(kinematics: Kinematics, q: Array) -> Array:
 
 
 def begin(
-    machine: Machine, kinematics: Kinematics, q: Array, guess: Array, drive: Array
+    machine: Machine,
+    kinematics: Kinematics,
+    q: Array,
+    guess: Array,
+    drive: Array,
+    pace: float,
 ) -> tuple[Array, Array]:
     """Which way a driven mechanism leaves a singular position: the position, and dq/du there.
 
@@ -49,6 +55,7 @@ def begin(
     ----------
     q, guess : (n,)
     drive : (3, p) driven coordinates, rates, accelerations; of p = 1 by themselves, else by time
+    pace : rate of that parameter
 
     Raises
     ------
@@ -64,7 +71,7 @@ def begin(
             f'{machine.name}: the start is a singular position from which {driven} cannot go on; '
             "start beside it, or give another 'guess'"
         )
-    offs = (_ahead(machine, found) - guess[None, :, None]) / kinematics.scale[:, None]
+    offs = (_ahead(found, pace) - guess[None, :, None]) / kinematics.scale[:, None]
     distance = np.linalg.norm(offs[:, kinematics.sought], axis=1).min(axis=1)
     idle, bend = _idle(machine.plan.ideal, found), _bend(found, kinematics.scale)
     left = np.arange(count)
@@ -83,12 +90,9 @@ def begin(
     return place, slope
 
 
-def _ahead(machine: Machine, found: Branch) -> Array:
+def _ahead(found: Branch, pace: float) -> Array:
     """Places (B, n, K) that the branches come to, the way the drive goes."""
-    law = machine.plan.laws[machine.plan.prescribed[0]][0]
-    moving = [c for c in law.coefficients[1:] if c]
-    forward = len(machine.plan.prescribed) > 1 or not moving or moving[0] > 0.0
-    shift = np.linspace(0.0, 1.0 if forward else -1.0, 64) * found.width[:, None]
+    shift = np.linspace(0.0, math.copysign(1.0, pace), 64) * found.width[:, None]
     return found.at(shift)[0].transpose(1, 0, 2)
 
 
