@@ -83,6 +83,8 @@ class Contacts:
         self._bare = 1e3 * float(np.spacing(speed))  # [m/s] rounding of a rate after an impact
         # [m/s] what slides or parts slower is at rest: so much a step's error may be
         self._still = max(1e-12, 0.01 * rtol) * speed
+        if system.margin_index is not None:
+            self._pars[system.margin_index] = self._bare
         self._floor = [
             0.0 if not guard.friction else -max(SLIP_SCALE * self._still,
                                                 FORCE_SCALE * _ROUNDING_FORCE)
@@ -124,7 +126,9 @@ class Contacts:
         smooth = not (s.frictional or s.compliant)
         self._flies_free = smooth and all(m == Mode.FREE_FLIGHT for m in modes)
         for index, values in zip(
-            (s.flag_index, s.stick_index, s.slip_index), s.flags(modes), strict=True
+            (s.flag_index, s.stick_index, s.slip_index, s.presses_index),
+            s.flags(modes),
+            strict=True,
         ):
             self._set(index, values)
 
@@ -177,6 +181,8 @@ class Contacts:
                 if shut and self._laws[i].friction:
                     modes[i] = int(_SLIDING[self._slip(terms, i)])
         self.set_modes(tuple(modes))
+        if any(closed) and self._system.compliant:
+            self._seat()
         if any(closed) or self._system.relations:
             self._project()
         self.settle()
@@ -266,13 +272,39 @@ class Contacts:
                 return i
         return None
 
+    def _seat(self) -> None:
+        """Let compliant contacts that the start presses be damped as their load asks for."""
+        terms, speeds = self._terms(), list(self.approach)
+        for i, (gap, value) in enumerate(zip(self._system.gaps, terms.value, strict=True)):
+            if self.closed(i) and gap.law is not None:
+                depth = max(0.0, -float(gap.distance(np.array(value))))
+                speed = gap.law.loading_speed(depth, 1.0 / terms.compliance[i][i])
+                speeds[i] = max(speed, self._slowest)
+        self.set_modes(self.modes, tuple(speeds))
+
     def _touch(self, gap: int) -> None:
-        """A compliant contact begins, or ends: a hair beyond zero, at the speed it has."""
-        terms = self._terms()
-        rate, opens = terms.rate[gap], self.closed(gap)
-        speeds = list(self.approach)
-        if not opens:
-            speeds[gap] = max(-rate, self._slowest)
+        """A compliant contact begins, or ends: a hair beyond zero, at the speed it has.
+
+        Or it stops to press, or begins to do so again, while the links overlap.
+        """
+        terms, law = self._terms(), self._system.gaps[gap].law
+        if law is None:
+            raise ValueError('a compliant contact has a law')
+        speeds, opens = list(self.approach), self.closed(gap)
+        if opens:
+            depth, rate = -terms.value[gap], -terms.rate[gap]
+            # the guard is a product: the factor whose zero is nearer in time has fallen
+            relief = abs(law.relief(rate, speeds[gap]))
+            change = law.damping * abs(terms.acceleration[gap])
+            if depth > INSIDE and relief * abs(rate) < depth * change:
+                presses = self.modes[gap] == Mode.FOLLOWING
+                self._change(gap, Mode.RECOVERING if presses else Mode.FOLLOWING)
+                return
+        else:
+            mass = 1.0 / terms.compliance[gap][gap]
+            depth = law.resting_depth(max(0.0, -terms.acceleration[gap] * mass))
+            own = law.loading_speed(depth, mass)
+            speeds[gap] = max(-terms.rate[gap], own, self._slowest)
         mode = int(Mode.FREE_FLIGHT if opens else Mode.FOLLOWING)
         self.set_modes((*self.modes[:gap], mode, *self.modes[gap + 1 :]), tuple(speeds))
         target = self._rounding if opens else -INSIDE

@@ -25,6 +25,7 @@ from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
+from mechanism_sim.hybrid.touches import Touch, Touches
 from mechanism_sim.planar.drive import DriveLaw, Law
 
 _MAX_SIMULTANEOUS = 100
@@ -110,6 +111,7 @@ class EventLoop:
             fastest * system.mechanism.size,
         )
         self._start_base()
+        self._touches = Touches(system) if system.compliant else None
         self._pending: _Pending | None = None
         self._since = 0  # steps since the directions were computed
         self._last_event = float('-inf')
@@ -432,6 +434,8 @@ class EventLoop:
         self._start_base()
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
         self._contacts.impacts, self._contacts.horizon = [], math.inf
+        if self._touches:
+            self._touches.restart()
         self._contacts.start(state.closed)
         self._go_on()
 
@@ -445,6 +449,7 @@ class EventLoop:
         if self._pending:
             tau, (alpha, horizon) = self._pending.tau, self._pending.taken
             state = self._ta.tc[:, 0]
+        touches = self._touches.follow(self._tape.motion())[0] if self._touches else ()
         return Snapshot(
             '',
             self._base.time,
@@ -456,6 +461,7 @@ class EventLoop:
             contacts.modes,
             contacts.approach,
             contacts.switches,
+            touches,
             alpha,
             horizon,
             self._next_base,
@@ -478,6 +484,8 @@ class EventLoop:
         self._pars[self._stabilisation] = s.stabilisation
         self._contacts.set_modes(s.modes, s.approach)
         self._contacts.set_switches(s.switches)
+        if self._touches:
+            self._touches.present = tuple(Touch(*touch) for touch in s.touches)
         self._contacts.horizon = s.horizon
         self._contacts.impacts, self._contacts.mode_changes = [], []
         self._pending = None
@@ -495,4 +503,7 @@ class EventLoop:
         contacts = self._contacts
         impacts, contacts.impacts = contacts.impacts, []
         changes, contacts.mode_changes = contacts.mode_changes, []
-        return self._tape.drain(), impacts, changes
+        motion = self._tape.drain()
+        if self._touches:
+            impacts += self._touches.add(motion)
+        return motion, impacts, changes

@@ -239,7 +239,7 @@ class NominalRun:
         """What it takes to go on."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
         return Snapshot(
-            '', Fraction(0), self.time, turns, tuple(self._last.tolist()), (), 0, (), (), (),
+            '', Fraction(0), self.time, turns, tuple(self._last.tolist()), (), 0, (), (), (), (),
             self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0, 0,
         )  # fmt: skip
 
