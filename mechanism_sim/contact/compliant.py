@@ -29,7 +29,7 @@ class CompliantLaw(ABC):
 
     Flaws of the form itself: the contact ends without a dent, at depth zero; and the damping
     remembers the speed v0 of the first touch as long as the contact lasts. A contact that begins
-    at no speed at all has no damping defined: bound v0 from below by `loading_speed`.
+    at no speed at all has no damping defined: its v0 is its `loading_speed`.
 
     Attributes
     ----------
@@ -75,9 +75,9 @@ class CompliantLaw(ABC):
 
         ``v^2 = 2 n/(n + 1) K delta^(n+1)/m`` where the load is passed, delta [m] being the depth
         that carries it at rest and m [kg] the mass the contact feels. The laws reckon their loss
-        along the motion without damping, whose largest speed v0 is. So a contact that begins
-        slower than this, or at rest, is damped as if it had begun at this speed: about its resting
-        depth the damping ratio is ``a sqrt((n + 1)/8)/n``, whatever the load, K and m.
+        along the motion without damping, whose largest speed v0 is. So a contact without impact,
+        loaded from rest, has this speed for v0: about its resting depth the damping ratio is
+        ``a sqrt((n + 1)/8)/n``, whatever the load, K and m.
         """
         n = self.exponent
         energy = self.stiffness * depth ** (n + 1.0)

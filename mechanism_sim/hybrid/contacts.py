@@ -33,6 +33,7 @@ _GRIPS = {
     Grip.BACKWARD: Mode.SLIDING_BACKWARD,
 }
 INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has no series at zero
+_SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 
@@ -287,24 +288,24 @@ class Contacts:
 
         Or it stops to press, or begins to do so again, while the links overlap.
         """
-        terms, law = self._terms(), self._system.gaps[gap].law
+        terms, joint = self._terms(), self._system.gaps[gap]
+        law = joint.law
         if law is None:
             raise ValueError('a compliant contact has a law')
         speeds, opens = list(self.approach), self.closed(gap)
         if opens:
-            depth, rate = -terms.value[gap], -terms.rate[gap]
             # the guard is a product: the factor whose zero is nearer in time has fallen
-            relief = abs(law.relief(rate, speeds[gap]))
+            depth = -float(joint.distance(np.array(terms.value[gap])))
             change = law.damping * abs(terms.acceleration[gap])
-            if depth > INSIDE and relief * abs(rate) < depth * change:
+            if depth > INSIDE and abs(terms.relief[gap] * terms.rate[gap]) < depth * change:
                 presses = self.modes[gap] == Mode.FOLLOWING
                 self._change(gap, Mode.RECOVERING if presses else Mode.FOLLOWING)
                 return
         else:
             mass = 1.0 / terms.compliance[gap][gap]
-            depth = law.resting_depth(max(0.0, -terms.acceleration[gap] * mass))
-            own = law.loading_speed(depth, mass)
-            speeds[gap] = max(-terms.rate[gap], own, self._slowest)
+            load = max(0.0, -terms.acceleration[gap] * mass)
+            own, rate = law.loading_speed(law.resting_depth(load), mass), -terms.rate[gap]
+            speeds[gap] = max(rate if rate > _SET_DOWN * own else own, self._slowest)
         mode = int(Mode.FREE_FLIGHT if opens else Mode.FOLLOWING)
         self.set_modes((*self.modes[:gap], mode, *self.modes[gap + 1 :]), tuple(speeds))
         target = self._rounding if opens else -INSIDE

@@ -18,6 +18,7 @@ from mechanism_sim.numerics.symbolic import (
     Term,
     Vector,
     add,
+    dense,
     dot,
     mul,
     neg,
@@ -296,17 +297,20 @@ class Dynamics:
         depth = self._gaps[i].depth(value) + (1.0 - s)
         return depth, neg(mul(s, jet.rate)) / stretch, stretch
 
+    def relief(self, i: int) -> hy.expression:
+        """Of a closed compliant contact, what has the sign of its force [m/s]."""
+        law = self.laws[i]
+        if law is None:
+            raise ValueError('a compliant contact has a law')
+        return dense(law.relief(self.compressed(i)[1], self.approach[i]))
+
     def held(self, i: int) -> hy.expression:
         """Positive while a closed compliant contact presses on, or recovers on.
 
         It falls through zero with the depth, and where the force changes between there and not.
         """
-        law = self.laws[i]
-        if law is None:
-            raise ValueError('a compliant contact has a law')
-        depth, rate, _ = self.compressed(i)
-        approach, sign = self.approach[i], 2.0 * self.presses[i] - 1.0
-        return depth * ((self.margin + sign * law.relief(rate, approach)) / approach)
+        sign = 2.0 * self.presses[i] - 1.0
+        return self.compressed(i)[0] * ((self.margin + sign * self.relief(i)) / self.approach[i])
 
     def _pushed(self) -> tuple[Vector, Vector]:
         """Forces of compliant contacts along their rows."""

@@ -50,6 +50,7 @@ class ContactTerms(NamedTuple):
     compliance: list[list[float]]  #: (r, r) rates of the rows per unit impulse [1/kg]
     drive_response: list[list[float]]  #: (r, p) impulse of the drives per unit impulse
     normal_angle: list[float]  #: (m,) [rad]
+    relief: list[float]  #: (m,) [m/s] of compliant contacts, else ()
 
 
 class TouchTerms(NamedTuple):
@@ -184,7 +185,7 @@ class System:
         return bool(self.dynamics.frictional)
 
     def flags(self, modes: Sequence[int]) -> tuple[list[float], ...]:
-        """What the flags closed, sticks, slips and presses are when the gaps are in these modes."""
+        """The flags closed, sticks, slips and presses when the gaps are in these modes."""
         sign = {Mode.SLIDING_FORWARD: 1.0, Mode.SLIDING_BACKWARD: -1.0}
         return (
             [float(m > Mode.FREE_FLIGHT) for m in modes],
@@ -341,6 +342,7 @@ class System:
                 *(x for row in d.compliance for x in row),
                 *(x for row in d.drive_response for x in row),
                 *self._normal_angles,
+                *(d.relief(i) for i in range(len(self.gaps) if d.compliant else 0)),
             ]
         )
 
@@ -364,7 +366,8 @@ class System:
             [out[h + n * f : h + (n + 1) * f] for n in range(r)],
             [out[i + n * r : i + (n + 1) * r] for n in range(r)],
             [out[j + n * p : j + (n + 1) * p] for n in range(r)],
-            out[k:],
+            out[k : k + m],
+            out[k + m :],
         )
 
     @cached_property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +71,7 @@ class Touches:
         shares = self._shares(gap, motion, inside) if len(inside) else np.zeros((4, 0))
         found, k = [], 0
         edges = [0, *(np.flatnonzero(np.diff(closed)) + 1).tolist(), len(closed)]
-        for first, end in zip(edges, edges[1:], strict=False):
+        for first, end in pairwise(edges):
             if first == end:
                 continue
             if not closed[first]:

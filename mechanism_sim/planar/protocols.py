@@ -88,7 +88,7 @@ class ForceLaw(Protocol):
         """Depth [m] under a load [N] that rests."""
 
     def loading_speed(self, depth: float, mass: float) -> float:
-        """Closing speed [m/s] that a load makes by itself which rests at a depth [m], of a mass."""
+        """Largest closing speed [m/s] of a mass [kg] under a load that rests at a depth [m]."""
 
     def elastic_energy(self, depth: Any) -> Any:
         """Energy stored at a depth [J]."""
