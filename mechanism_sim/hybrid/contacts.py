@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import heyoka as hy
@@ -14,7 +15,7 @@ from mechanism_sim.contact.impact import (
     Blow,
     Hypothesis,
     ImpactLaw,
-    jam,
+    shock,
     strike,
     strike_together,
 )
@@ -246,7 +247,13 @@ class Contacts:
             self._change(gap, _SLIDING[-guard.friction])
         else:
             closed = [i for i in range(len(before)) if self.closed(i)]
-            self._rest(closed, closed)
+            if guard.friction < 0:
+                with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
+                    self._shock(self._terms(), closed, gap)
+                rate = self._terms().rate
+                self._rest([i for i in closed if rate[i] <= self._still], closed)
+            else:
+                self._rest(closed, closed)
             return
         self._record_modes(before)
 
@@ -497,14 +504,19 @@ class Contacts:
         try:
             found = self._press(terms, resting)
         except ArithmeticError as error:
-            gap = next((i for i in resting if self._slip(terms, i)), None)
-            if gap is None or not jams:
+            near = [i for i, x in enumerate(terms.value) if abs(x) <= self._touching]
+            near = sorted({*touching, *near})
+            try:
+                if not jams:
+                    raise error
+                self._shock(terms, near)
+            except ArithmeticError:
                 raise RunError(
                     f'no forces hold the contacts at t = {self.time:.12g} s: friction jams '
                     f'{", ".join(self._names[i] for i in resting)}; use less friction'
                 ) from error
-            self._jam(terms, gap)
-            self._rest(resting, touching, jams - 1)
+            rate = self._terms().rate
+            self._rest([i for i in near if rate[i] <= self._still], near, jams - 1)
             return
         self.set_modes(
             tuple(
@@ -584,15 +596,29 @@ class Contacts:
                 found[i] = _GRIPS[grip] if mu else Mode.FOLLOWING
         return found
 
-    def _jam(self, terms: ContactTerms, gap: int) -> None:
-        """Stop the sliding of a contact by an impact without collision."""
-        n, t = gap, len(self.modes) + gap
-        A, vt = terms.compliance, terms.rate[t]
-        blow = jam(A[n][n], A[n][t], A[t][t], vt, self._system.dynamics.friction[gap])
-        self._push(terms, gap, blow)
-        rates = (terms.rate[n], terms.rate[n] + A[n][n] * blow.normal + A[n][t] * blow.tangential)
-        after = vt + A[n][t] * blow.normal + A[t][t] * blow.tangential
-        self._record_impact(terms, gap, blow, rates, (vt, after), stop=True)
+    def _shock(self, terms: ContactTerms, gaps: Sequence[int], jammed: int | None = None) -> None:
+        """An impact without collision: friction stops or turns the sliding of contacts that jam.
+
+        Raises
+        ------
+        ArithmeticError
+            If nothing slides, or no finite impulses keep the contacts.
+        """
+        rows = self._rows(gaps)
+        A = [[terms.compliance[r][c] for c in rows] for r in rows]
+        before = [0.0 if abs(terms.rate[r]) <= self._still else terms.rate[r] for r in rows]
+        friction = [self._system.dynamics.friction[i] for i in gaps]
+        friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
+        blows = shock(A, before, [terms.free_acceleration[r] for r in rows], friction)
+        impulses = [*(b.normal for b in blows), *(b.tangential for b in blows)]
+        rates = [terms.rate[r] for r in rows]
+        after = _after(A, rates, impulses)
+        m = len(gaps)
+        for k, (i, blow) in enumerate(zip(gaps, blows, strict=True)):
+            if blow.normal or blow.tangential:
+                self._push(terms, i, blow)
+                normal, tangential = (rates[k], after[k]), (rates[m + k], after[m + k])
+                self._record_impact(terms, i, blow, normal, tangential, stop=True)
 
     def _separate(self, gaps: Sequence[int]) -> None:
         """Start the flight of gaps a few roundings inside, at rest in the normal direction.
@@ -660,11 +686,15 @@ def _strike(
     impulses = [b.normal for b in blows]
     if len(rate) > m:
         impulses += [b.tangential for b in blows]
-    after = [
+    return blows, _after(A, rate, impulses)
+
+
+def _after(A: list[list[float]], rate: list[float], impulses: list[float]) -> list[float]:
+    """Rates of all rows after impulses."""
+    return [
         r + sum([a * p for a, p in zip(row, impulses, strict=True)])
         for r, row in zip(rate, A, strict=True)
     ]
-    return blows, after
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

@@ -31,6 +31,7 @@ from mechanism_sim.planar.drive import DriveLaw, Law
 _MAX_SIMULTANEOUS = 100
 _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
+_DRAWN = 1e-8  # [s] within less what is off by a rounding would be drawn back by large forces
 _ROW = 64  # steps after which the directions of the drives are computed anew
 _NEAR = 0.05  # of a step: roots nearer to its start may get lost
 
@@ -221,7 +222,7 @@ class EventLoop:
                     raise self._breakdown(tau)
                 slots[count][:] = coefficients
                 if guard is None and (h < reach or reach is longest):
-                    alpha = pars[stabilisation] = 1.0 / h
+                    alpha = pars[stabilisation] = 1.0 / max(h, _DRAWN)
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
             else:

@@ -39,6 +39,13 @@ SLIP_SCALE = 1e-3
 """[s] The same for tangential velocities."""
 
 
+JAM_SCALE = 1e-6
+"""[s^4/m^2] The same for squares of accelerations."""
+
+JAMMED = 1e-4
+"""Accelerations without contact forces over those by a contact's own, where it counts as jammed."""
+
+
 class ContactTerms(NamedTuple):
     """The m gaps at one state: r rows, all normals, then all tangents if there is friction."""
 
@@ -74,7 +81,7 @@ class Guard(NamedTuple):
 
     gap: int
     #: 0: touching or letting go; +1: sliding that ends, or sticking that gives way backwards;
-    #: -1: sticking that gives way forwards
+    #: -1: sliding that jams, or sticking that gives way forwards
     friction: int
     switch: int | None = None
 
@@ -255,12 +262,31 @@ class System:
             # off the cone of friction while sticking; while sliding until it ends
             z, mu = d.sticks[gap], d.mu[gap]
             inside = z * (FORCE_SCALE * (mu * solved.N[gap] - friction * solved.T[gap]))
-            idle = 1.0 - z
+            sign = d.slips[gap]
+            idle = 1.0 - z - sign * sign
             if friction > 0:
-                sign = d.slips[gap]
-                idle = idle - sign * sign + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
+                idle = idle + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
+            else:
+                idle = idle + sign * sign * (JAM_SCALE * self._margin_to_jam(gap))
             result.append(inside + idle + TINY)
         return result
+
+    def _margin_to_jam(self, gap: int) -> hy.expression:
+        """Falls through zero where sliding friction makes the force of a contact grow without end.
+
+        What the contact does by itself, its forces times the compliance, is then far more than all
+        the accelerations of closed contacts that they are there to prevent.
+        """
+        d, m = self.dynamics, len(self.gaps)
+        across, along = d.compliance[gap][gap], d.compliance[m + gap][m + gap]
+        both = add(mul(across, across), mul(d.mu[gap] * d.mu[gap], mul(along, along)))
+        N = dense(d.stabilised.N[gap])
+        free = [
+            mul(d.closed[i % m], mul(b, b))
+            for i, b in enumerate(d.free_acceleration)
+            if b is not None
+        ]
+        return dense(add(*free)) - JAMMED * JAMMED * (N * N * dense(both))
 
     @cached_property
     def turning(self) -> tuple[str, ...]:
