@@ -248,10 +248,10 @@ class Contacts:
         else:
             closed = [i for i in range(len(before)) if self.closed(i)]
             if guard.friction < 0:
+                rest = closed
                 with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
-                    self._shock(self._terms(), closed, gap)
-                rate = self._terms().rate
-                self._rest([i for i in closed if rate[i] <= self._still], closed)
+                    rest = self._shock(self._terms(), closed, closed, gap)
+                self._rest(rest, closed)
             else:
                 self._rest(closed, closed)
             return
@@ -493,7 +493,7 @@ class Contacts:
 
     # --- contacts that stay -------------------------------------------------------------------
 
-    def _rest(self, resting: list[int], touching: list[int], jams: int = 3) -> None:
+    def _rest(self, resting: list[int], touching: list[int], jams: int = 6) -> None:
         """Of the contacts without normal speed, those that are pressed together stay closed.
 
         Where no force can keep a contact that slides, friction jams it: an impact without
@@ -509,14 +509,13 @@ class Contacts:
             try:
                 if not jams:
                     raise error
-                self._shock(terms, near)
+                rest = self._shock(terms, near, resting)
             except ArithmeticError:
                 raise RunError(
                     f'no forces hold the contacts at t = {self.time:.12g} s: friction jams '
                     f'{", ".join(self._names[i] for i in resting)}; use less friction'
                 ) from error
-            rate = self._terms().rate
-            self._rest([i for i in near if rate[i] <= self._still], near, jams - 1)
+            self._rest(rest, near, jams - 1)
             return
         self.set_modes(
             tuple(
@@ -596,8 +595,16 @@ class Contacts:
                 found[i] = _GRIPS[grip] if mu else Mode.FOLLOWING
         return found
 
-    def _shock(self, terms: ContactTerms, gaps: Sequence[int], jammed: int | None = None) -> None:
+    def _shock(
+        self,
+        terms: ContactTerms,
+        gaps: Sequence[int],
+        resting: Sequence[int],
+        jammed: int | None = None,
+    ) -> list[int]:
         """An impact without collision: friction stops or turns the sliding of contacts that jam.
+
+        Returns those which rest after it.
 
         Raises
         ------
@@ -606,7 +613,10 @@ class Contacts:
         """
         rows = self._rows(gaps)
         A = [[terms.compliance[r][c] for c in rows] for r in rows]
-        before = [0.0 if abs(terms.rate[r]) <= self._still else terms.rate[r] for r in rows]
+        before = [
+            0.0 if r in resting or abs(terms.rate[r]) <= self._still else terms.rate[r]
+            for r in rows
+        ]
         friction = [self._system.dynamics.friction[i] for i in gaps]
         friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
         blows = shock(A, before, [terms.free_acceleration[r] for r in rows], friction)
@@ -619,6 +629,11 @@ class Contacts:
                 self._push(terms, i, blow)
                 normal, tangential = (rates[k], after[k]), (rates[m + k], after[m + k])
                 self._record_impact(terms, i, blow, normal, tangential, stop=True)
+        return [
+            i
+            for k, i in enumerate(gaps)
+            if after[k] <= max(self._still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
+        ]
 
     def _separate(self, gaps: Sequence[int]) -> None:
         """Start the flight of gaps a few roundings inside, at rest in the normal direction.
