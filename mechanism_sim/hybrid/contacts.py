@@ -21,7 +21,7 @@ from mechanism_sim.contact.impact import (
 )
 from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.clock import Base
+from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, Array, ContactTerms, Guard, System
 from mechanism_sim.hybrid.tape import Status, floats
@@ -167,6 +167,16 @@ class Contacts:
         count, seen = len(self._floor), self._at_present(self._system.watch).tolist()
         rates = zip(self.modes, seen[count:], strict=False)
         return any(abs(x) > self._still for mode, x in rates if mode > Mode.FREE_FLIGHT)
+
+    @property
+    def _where(self) -> str:
+        """The angle of the first drive, for messages."""
+        system = self._system
+        for c, law in zip(system.prescribed, self.base.laws, strict=False):
+            if c not in system.mechanism.displacements:
+                angle = math.degrees(horner(law, self._ta.time)) % 360.0
+                return f', {c} at {angle:.6g} deg'
+        return ''
 
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
@@ -512,8 +522,9 @@ class Contacts:
                 rest = self._shock(terms, near, resting)
             except ArithmeticError:
                 raise RunError(
-                    f'no forces hold the contacts at t = {self.time:.12g} s: friction jams '
-                    f'{", ".join(self._names[i] for i in resting)}; use less friction'
+                    f'friction jams {", ".join(self._names[i] for i in resting)} at t = '
+                    f'{self.time:.12g} s{self._where}: neither forces nor finite impulses within '
+                    'the cones of friction keep the contacts; use less friction'
                 ) from error
             self._rest(rest, near, jams - 1)
             return

@@ -43,7 +43,7 @@ JAM_SCALE = 1e-6
 """[s^4/m^2] The same for squares of accelerations."""
 
 JAMMED = 1e-4
-"""Accelerations without contact forces over those by a contact's own, where it counts as jammed."""
+"""Accelerations without contacts over those by a contact's own, where it counts as jammed."""
 
 
 class ContactTerms(NamedTuple):
