@@ -221,7 +221,8 @@ def shock(
             continue
         sign = {Grip.FORWARD: 1.0, Grip.BACKWARD: -1.0}.get(grip, 0.0)
         column = np.zeros(2 * m)
-        column[[i, m + i]] = 1.0, -friction[i] * sign if sign else 0.0
+        slides = (0.0, -sign) if friction[i] == math.inf else (1.0, -friction[i] * sign)
+        column[[i, m + i]] = slides if sign else (1.0, 0.0)
         columns.append(column)
         rows.append(i)
         if grip is Grip.STICK and friction[i]:
@@ -232,7 +233,7 @@ def shock(
     off = -(before + matrix @ (basis @ start))[rows]
     impulses = basis @ (start + np.linalg.lstsq((matrix @ basis)[rows], off, rcond=1e-13)[0])
     impulses[:m] = np.maximum(impulses[:m], 0.0)
-    if not np.abs(impulses).max() > 0.0:
+    if not np.abs(matrix @ impulses).max() > 1e-9 * slip:
         raise ArithmeticError('contacts that do not jam cannot be freed by an impact')
     after = _rates(matrix, before, impulses)
     return [
