@@ -91,6 +91,179 @@ def test_a_body_rebounds_from_a_compliant_floor_as_the_closed_form_says(law):
     assert ball.audit.energy.dissipated == pytest.approx(loss, abs=1e-9)
 
 
+def thesis_contact(machine, K, a, end):
+    """Events of the textbook equations with ``max(0, K d^1.5 (1 + a d'/v0))``, by DOP853.
+
+    v0 is the speed of the touch. The instants at which the pin touches, stops to press, presses
+    again and is free of the bushing, and the rotations then.
+    """
+    SPEED, g = 36.6519, 9.8145
+    IA3, IO4 = 2.950e-3 + 0.2439 * 0.185**2, 3.176e-3 + 0.2334 * 0.134**2
+
+    def contact(t, y):
+        u2, u3, u4 = (np.exp(1j * x) for x in (SPEED * t, y[0], y[1]))
+        Q = 0.064 * u2 + 0.309 * u3 - 0.387 - 0.312 * u4
+        V = 1j * (0.064 * SPEED * u2 + 0.309 * y[2] * u3 - 0.312 * y[3] * u4)
+        return Q / abs(Q), abs(Q) - C, (Q.conjugate() * V).real / abs(Q)
+
+    def rate(t, y, v0, presses):
+        n, depth, closing = contact(t, y)
+        F = -n * K * max(depth, 0.0) ** 1.5 * (1.0 + a * closing / v0) if presses else 0j
+        v3, v4 = 1j * np.exp(1j * y[0]), 1j * np.exp(1j * y[1])
+        a3 = 0.2439 * 0.185 * (0.064 * SPEED**2 * np.sin(SPEED * t - y[0]) - g * np.cos(y[0]))
+        a3 = (a3 + 0.309 * (v3.real * F.real + v3.imag * F.imag)) / IA3
+        a4 = -0.2334 * 0.134 * g * np.cos(y[1])
+        a4 = (a4 - 0.312 * (v4.real * F.real + v4.imag * F.imag)) / IO4
+        return [y[2], y[3], a3, a4]
+
+    def crossing(function, direction):
+        function.terminal, function.direction = True, direction
+        return function
+
+    t, v0, mode, events = 0.0, 1.0, Mode.FREE_FLIGHT, []
+    y = np.array([*machine.initial_state().q, *machine.initial_state().v])
+    how = {'method': 'DOP853', 'rtol': 1e-12, 'atol': 1e-15, 'max_step': 1e-4}
+    while True:
+        outside = crossing(
+            lambda t, y, *_: contact(t, y)[1], 1.0 if mode == Mode.FREE_FLIGHT else -1.0
+        )
+        relief = crossing(
+            lambda t, y, v0, _: 1.0 + a * contact(t, y)[2] / v0,
+            -1.0 if mode == Mode.FOLLOWING else 1.0,
+        )
+        watched = [outside] if mode == Mode.FREE_FLIGHT else [outside, relief]
+        args = (v0, mode == Mode.FOLLOWING)
+        path = solve_ivp(rate, (t, end), y, events=watched, args=args, **how)
+        if path.status != 1:
+            return events
+        t, y = path.t[-1], path.y[:, -1]
+        if mode == Mode.FREE_FLIGHT:
+            v0, mode = contact(t, y)[2], Mode.FOLLOWING
+        elif len(path.t_events[0]):
+            mode = Mode.FREE_FLIGHT
+        else:
+            mode = Mode.RECOVERING if mode == Mode.FOLLOWING else Mode.FOLLOWING
+        events.append((t, mode))
+        # beyond the event, lest it is found again
+        args = (v0, mode == Mode.FOLLOWING)
+        path = solve_ivp(rate, (t, t + 1e-9), y, args=args, **how)
+        t, y = path.t[-1], path.y[:, -1]
+
+
+def test_contact_ends_where_the_force_falls_through_zero_as_integrated_by_scipy():
+    """A Flores contact of e = 0.5: damped so much that the bodies part faster than it recovers."""
+    machine = compliant('flores', 1e9, start='centred', **{f'{CLEARANCE}.restitution': 0.5})
+    solution = ms.simulate(machine, revolutions=1.1)
+    found = [(m.t, m.mode) for m in solution.modes[1:]]
+    expected = thesis_contact(machine, 1e9, 1.6, 1.1 * TURN)
+    assert [mode for _, mode in found] == [mode for _, mode in expected]
+    assert sum(mode == Mode.RECOVERING for _, mode in expected) == 1
+    np.testing.assert_allclose([t for t, _ in found], [t for t, _ in expected], atol=1e-9)
+    assert abs(solution.energy.residual) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ('law', 'stiffness', 'e', 'start'),
+    [
+        ('hunt_crossley', 1e8, 0.5, 'seated'),
+        ('hunt_crossley', 1e8, 0.5, 'centred'),
+        ('flores', 1e9, 0.2, 'seated'),
+        ('lankarani_nikravesh', 1e8, 0.3, 'centred'),
+    ],
+)
+def test_no_long_contact_pulls(law, stiffness, e, start):
+    machine = compliant(law, stiffness, start=start, **{f'{CLEARANCE}.restitution': e})
+    solution = ms.simulate(machine, revolutions=6.0)
+    force = solution.sample(np.linspace(0.0, solution.duration, 20000))
+    assert force['normal_force.coupler_rocker'].min() > -1e-9
+    assert abs(solution.energy.residual) < 1e-9
+    assert solution.max_penetration < 1e-12
+
+
+def test_a_contact_loaded_from_rest_is_damped_like_an_impact_of_the_speed_its_load_makes():
+    """About the resting depth the damping ratio is ``a sqrt((n + 1)/8)/n``."""
+    law = HuntCrossley(1e8, 0.8)
+    depth = law.resting_depth(9.81)
+    ball = Thrown(
+        [Floor('body', 0.8, law=law)], (0.0, 0.0, -1.001 * depth), (0.0, 0.0, 0.0), closed=True
+    )
+    ball.until(0.05)
+    omega = np.sqrt(1.5 * 9.81 / depth)
+    ratio = law.damping * np.sqrt(2.5 / 8.0) / 1.5
+    period = 2.0 * np.pi / (omega * np.sqrt(1.0 - ratio**2))
+    away = [ball.at(k * period)[2] + depth for k in (0, 1)]
+    assert away[1] / away[0] == pytest.approx(np.exp(-ratio * omega * period), rel=2e-3)
+    assert not ball.impacts  # what the start presses is no touch
+
+
+@pytest.mark.parametrize('made', [Hertz(1e9), HuntCrossley(1e9, 0.6), Flores(1e9, 0.3)])
+def test_a_touch_is_recorded_as_the_free_impact_that_it_is(made):
+    def thrown():
+        return Thrown(
+            [Floor('body', 0.6, law=made)], (0.0, 0.0, 0.01), (0.0, 0.0, -1.0), gravity=(0.0, 0.0)
+        )
+
+    (touch,) = thrown().until(0.02).impacts
+    assert touch.approach_speed == pytest.approx(1.0, abs=1e-12)
+    assert touch.rebound_speed == pytest.approx(true_restitution(made), abs=1e-9)
+    assert touch.normal_impulse == pytest.approx(1.0 + true_restitution(made), abs=1e-9)
+    assert touch.energy_loss == pytest.approx(0.5 * (1.0 - true_restitution(made) ** 2), abs=1e-9)
+    assert touch.t - touch.duration == pytest.approx(0.01, abs=1e-12)
+    assert touch.drive_impulse == touch.drive_work == touch.sudden_loss == 0.0
+
+    def rate(_, y):
+        return [y[1], made.normal_force(max(y[0], 0.0), y[1], 1.0) * -1.0]
+
+    def over(_, y):
+        return y[0]
+
+    def hardest(_, y):
+        force = made.stiffness * max(y[0], 0.0) ** 1.5
+        slope = 1.5 * y[1] * (1.0 + made.damping * y[1])
+        return slope + made.damping * -force * (1.0 + made.damping * y[1]) * y[0]
+
+    over.terminal, over.direction, hardest.direction = True, -1.0, -1.0
+    path = solve_ivp(
+        rate, (0.0, 1.0), [1e-14, 1.0], 'DOP853', events=[over, hardest], rtol=1e-12, atol=1e-16
+    )  # fmt: skip
+    assert touch.duration == pytest.approx(path.t[-1], rel=1e-9)
+    peak = made.normal_force(*path.y_events[1][0], 1.0)
+    assert touch.peak_force == pytest.approx(peak, rel=1e-9)
+    # however the run is cut, on the way and with a snapshot amid the touch
+    cut = thrown()
+    for t in np.linspace(0.0101, 0.011, 7):
+        cut.until(float(t))
+    (again,) = cut.until(0.02).impacts
+    numbers = [[x for x in i if not isinstance(x, str)] for i in (again, touch)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=1e-8)
+
+
+def test_touches_of_a_machine_add_up_to_what_was_lost_and_survive_a_snapshot():
+    machine = compliant('hunt_crossley', 1e9, start='centred', **{f'{CLEARANCE}.friction': 0.1})
+    solution = ms.simulate(machine, revolutions=1.0)
+    last = solution.modes[-1]
+    assert last.mode != Mode.FREE_FLIGHT or len(solution.impacts) > 3
+    touched = [m.t for m in solution.modes if m.previous == Mode.FREE_FLIGHT]
+    np.testing.assert_allclose(
+        [i.t - i.duration for i in solution.impacts], touched[: len(solution.impacts)], atol=1e-15
+    )
+    lost = solution.sample([i.t for i in solution.impacts])['energy.dissipated']
+    sums = np.cumsum([i.energy_loss for i in solution.impacts])
+    np.testing.assert_allclose(sums, lost, atol=1e-12)
+    force = solution.sample(np.linspace(0.0, solution.impacts[0].t, 200001))
+    sampled = force['normal_force.coupler_rocker'].max()
+    assert 0.0 <= solution.impacts[0].peak_force - sampled < 1e-5 * sampled
+    whole, first = machine.start(), machine.start()
+    middle = solution.impacts[1].t - 0.5 * solution.impacts[1].duration
+    whole.advance(0.1)
+    first.advance(middle)
+    before = first.drain()[1]
+    first.advance(0.5 * (middle + solution.impacts[1].t))
+    second = machine.resume(machine.snapshot(first))
+    second.advance(0.1)
+    assert before + second.drain()[1] == whole.drain()[1]
+
+
 @pytest.mark.parametrize('law', ['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores'])
 def test_books_and_snapshots_of_a_rattling_soft_bearing(law):
     machine = compliant(law, start='centred', **{f'{CLEARANCE}.friction': 0.1})
@@ -148,7 +321,7 @@ FILM = {'law': 'film', 'viscosity': 0.03, 'width': 0.02, 'radius': 0.01}
 def test_a_film_carries_the_forces_of_the_ideal_mechanism():
     overrides = {f'{CLEARANCE}.contact': FILM, f'{CLEARANCE}.radial': 1e-4}
     solution = ms.simulate(ms.load_scene('four_bar_clearance', overrides), revolutions=0.6)
-    assert abs(solution.energy.residual) < 1e-11
+    assert abs(solution.energy.residual) < 1e-10
     assert solution.energy.dissipated > 1e-4
     ideal = ms.simulate(ms.load_scene('four_bar_nominal'), revolutions=0.6)
     t = np.linspace(0.2, 0.599, 60) * TURN

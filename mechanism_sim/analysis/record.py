@@ -378,7 +378,7 @@ def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[
         i = machine.physics.coordinates.index(names[0])
         speeds = motion.curve(np.array([impact.t for impact in impacts]), 1)[:, i]
     return [
-        impact._replace(drive_work=impact.drive_impulse * speed)
+        impact._replace(drive_work=impact.drive_impulse * speed if impact.drive_impulse else 0.0)
         for impact, speed in zip(impacts, speeds.tolist(), strict=True)
     ]
 

@@ -3,10 +3,10 @@
 Every law is arithmetic on what it is given: numbers, arrays (elementwise) and heyoka expressions
 all serve, for the parameters too, so that a parameter of a compiled scene may take their place.
 
-The contact is closed and ``depth > 0``; whoever holds the law opens it, where force or depth falls
-through zero, whichever comes first. The force is not clipped, since it would have no Taylor series
-where the clip sets in: an impact that nothing else disturbs never pulls, but bodies torn apart
-faster than ``approach/damping`` would be held back. Nor has ``depth^(3/2)`` a series at zero: a
+The contact is closed and ``depth > 0``. An impact that nothing else disturbs never pulls, but
+bodies torn apart faster than ``approach/damping`` would be held back: there the contact carries no
+force (`CompliantLaw.relief`). The force is not clipped, since it would have no Taylor series where
+the clip sets in: an event separates the two cases. Nor has ``depth^(3/2)`` a series at zero: a
 Taylor integration begins a little inside, 1e-15 m for one of order 20, lest coefficients overflow.
 """
 
@@ -29,7 +29,7 @@ class CompliantLaw(ABC):
 
     Flaws of the form itself: the contact ends without a dent, at depth zero; and the damping
     remembers the speed v0 of the first touch as long as the contact lasts. A contact that begins
-    at no speed at all has no damping defined: bound v0 from below.
+    at no speed at all has no damping defined: its v0 is its `loading_speed`.
 
     Attributes
     ----------
@@ -54,7 +54,34 @@ class CompliantLaw(ABC):
         rate : delta' [m/s], positive when closing
         approach : v0 > 0 [m/s], the rate at the beginning of this contact
         """
-        return self.stiffness * depth**self.exponent * (1.0 + self.damping * (rate / approach))
+        return self.stiffness * depth**self.exponent * (self.relief(rate, approach) / approach)
+
+    def relief(self, rate: Quantity, approach: Quantity) -> Quantity:
+        """``v0 + a delta'`` [m/s]: where it is negative, the force would be.
+
+        The bodies then part faster than the material recovers, and no longer press. It comes back
+        to depth zero in the meantime, and what it had stored is lost; pressed again before, it
+        carries force as soon as ``v0 + a delta'`` is positive. That makes the force continuous,
+        and the power lost, ``-K delta^n delta'`` without force, is positive.
+        """
+        return approach + self.damping * rate
+
+    def resting_depth(self, load: float) -> float:
+        """``(F/K)^(1/n)`` [m], under a load [N] that rests."""
+        return float((load / self.stiffness) ** (1.0 / self.exponent))
+
+    def loading_speed(self, depth: float, mass: float) -> float:
+        """Largest closing speed [m/s] under a load put on at rest, without damping.
+
+        ``v^2 = 2 n/(n + 1) K delta^(n+1)/m`` where the load is passed, delta [m] being the depth
+        that carries it at rest and m [kg] the mass the contact feels. The laws reckon their loss
+        along the motion without damping, whose largest speed v0 is. So a contact without impact,
+        loaded from rest, has this speed for v0: about its resting depth the damping ratio is
+        ``a sqrt((n + 1)/8)/n``, whatever the load, K and m.
+        """
+        n = self.exponent
+        energy = self.stiffness * depth ** (n + 1.0)
+        return float(sqrt(2.0 * n / (n + 1.0) * energy / mass))
 
     def elastic_energy(self, depth: Quantity) -> Quantity:
         """``K delta^(n+1)/(n+1)`` [J]; its derivative by depth is the force at rate zero.
@@ -84,6 +111,10 @@ class Hertz(CompliantLaw):
     def normal_force(self, depth: Quantity, rate: Quantity, approach: Quantity) -> Quantity:
         """``K delta^n`` [N]; rate and approach do not matter."""
         return self.stiffness * depth**self.exponent
+
+    def relief(self, rate: Quantity, approach: Quantity) -> Quantity:
+        """``v0`` [m/s]: it never pulls."""
+        return approach
 
 
 @dataclass(frozen=True)

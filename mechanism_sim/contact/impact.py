@@ -17,7 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.contact.restitution import newton_impulses
-from mechanism_sim.numerics.complementarity import solve_frictional_lcp
+from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp
+
+_FIRMER = 1.0 + 1e-4  # times the friction of what is about to jam jams
+_SHORT = 1e-6  # of the time in which the accelerations would make the slip: a step of no length
 
 
 class Hypothesis(Enum):
@@ -168,6 +171,75 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
         slide.tangential * slide.length + last.tangential * more,
         last.slip,
     )
+
+
+def shock(
+    A: Sequence[Sequence[float]],
+    rate: Sequence[float],
+    acceleration: Sequence[float],
+    friction: Sequence[float],
+) -> list[Blow]:
+    """Impact without collision of m contacts that no forces can keep while they slide on.
+
+    For one contact that is `jam`. Several follow the limit of small steps: over a time h the
+    impulses obey Coulomb's law with the slip at its end, and every normal rate ends at zero or
+    above, ``w = A x + rate + h acceleration`` (J. J. Moreau, 1988; D. E. Stewart, Convergence of
+    a time-stepping scheme for rigid-body dynamics and resolution of Painleve's problem, Arch.
+    Ration. Mech. Anal. 145, 1998). If forces kept the slip, impulses would vanish with h; as none
+    do, they tend to finite ones that stop or turn some slip. That is the compression phase of
+    `strike_together` at no approach speed: there is no restitution and energy never rises.
+
+    Parameters
+    ----------
+    A : (2m, 2m) rates per unit impulse [1/kg], all normals first
+    rate : (2m,) before [m/s]; normal ones are not negative
+    acceleration : (2m,) without contact forces [m/s^2]
+    friction : (m,) Coulomb's coefficients; infinite where it is known that the contact jams
+
+    Raises
+    ------
+    ArithmeticError
+        If no slip is left to be stopped, or A is singular and no finite impulses exist.
+    """
+    m = len(friction)
+    if m == 1:
+        blow = jam(A[0][0], A[0][1], A[1][1], rate[1], _FIRMER * friction[0])
+        if not blow.normal:
+            raise ArithmeticError('a contact that does not jam cannot be freed by an impact')
+        return [blow]
+    matrix, before, pull = np.array(A), np.array(rate), np.array(acceleration)
+    slip = np.abs(before[m:]).max()
+    if not slip > 0.0:
+        raise ArithmeticError('contacts that do not slide cannot be freed by an impact')
+    h = _SHORT * slip / np.abs(pull).max()
+    firmer = [_FIRMER * mu for mu in friction]
+    rough, grips = solve_frictional_lcp(matrix, before + h * pull, firmer)
+    # what each contact does is known now: the same without what happens within h
+    columns, rows = [], []
+    for i, grip in enumerate(grips):
+        if grip is Grip.OPEN:
+            continue
+        sign = {Grip.FORWARD: 1.0, Grip.BACKWARD: -1.0}.get(grip, 0.0)
+        column = np.zeros(2 * m)
+        slides = (0.0, -sign) if friction[i] == math.inf else (1.0, -friction[i] * sign)
+        column[[i, m + i]] = slides if sign else (1.0, 0.0)
+        columns.append(column)
+        rows.append(i)
+        if grip is Grip.STICK and friction[i]:
+            columns.append(np.eye(2 * m)[m + i])
+            rows.append(m + i)
+    basis = np.array(columns).reshape(-1, 2 * m).T
+    start = np.linalg.lstsq(basis, rough, rcond=None)[0]
+    off = -(before + matrix @ (basis @ start))[rows]
+    impulses = basis @ (start + np.linalg.lstsq((matrix @ basis)[rows], off, rcond=1e-13)[0])
+    impulses[:m] = np.maximum(impulses[:m], 0.0)
+    if not np.abs(matrix @ impulses).max() > 1e-9 * slip:
+        raise ArithmeticError('contacts that do not jam cannot be freed by an impact')
+    after = _rates(matrix, before, impulses)
+    return [
+        Blow(float(p), float(q), _sign(float(vt)))
+        for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
+    ]
 
 
 def _slide(Ann: float, Ant: float, Att: float, vt: float, mu: float) -> _Leg:

@@ -97,7 +97,7 @@ class Audit:
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
         self.drive_work += float(work.drive.sum()) + sum(i.drive_work for i in impacts)
-        self.dissipated += float(work.friction.sum()) + sum(i.energy_loss for i in impacts)
+        self.dissipated += float(work.friction.sum()) + sum(i.sudden_loss for i in impacts)
         return work
 
     def judge(self, tolerance: float) -> None:
@@ -147,11 +147,11 @@ class Audit:
         if self._initial is None:
             # an impact at the very start comes before the first segment
             first = [i for i in impacts if i.t <= motion.curve.start[0]]
-            made = sum(i.energy_loss - i.drive_work for i in first)
+            made = sum(i.sudden_loss - i.drive_work for i in first)
             self._initial = self._total(motion, 0, 0.0) + made
         # and one at the very end after the last
         last = [i for i in impacts if i.t > motion.curve.start[-1]]
-        self._end = motion, sum(i.drive_work - i.energy_loss for i in last)
+        self._end = motion, sum(i.drive_work - i.sudden_loss for i in last)
 
     def _total(self, motion: Motion, segment: int, dt: float) -> float:
         """Kinetic and potential energy [J]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import heyoka as hy
@@ -14,13 +15,13 @@ from mechanism_sim.contact.impact import (
     Blow,
     Hypothesis,
     ImpactLaw,
-    jam,
+    shock,
     strike,
     strike_together,
 )
 from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.clock import Base
+from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, Array, ContactTerms, Guard, System
 from mechanism_sim.hybrid.tape import Status, floats
@@ -33,6 +34,7 @@ _GRIPS = {
     Grip.BACKWARD: Mode.SLIDING_BACKWARD,
 }
 INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has no series at zero
+_SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 
@@ -83,6 +85,8 @@ class Contacts:
         self._bare = 1e3 * float(np.spacing(speed))  # [m/s] rounding of a rate after an impact
         # [m/s] what slides or parts slower is at rest: so much a step's error may be
         self._still = max(1e-12, 0.01 * rtol) * speed
+        if system.margin_index is not None:
+            self._pars[system.margin_index] = self._bare
         self._floor = [
             0.0 if not guard.friction else -max(SLIP_SCALE * self._still,
                                                 FORCE_SCALE * _ROUNDING_FORCE)
@@ -124,7 +128,9 @@ class Contacts:
         smooth = not (s.frictional or s.compliant)
         self._flies_free = smooth and all(m == Mode.FREE_FLIGHT for m in modes)
         for index, values in zip(
-            (s.flag_index, s.stick_index, s.slip_index), s.flags(modes), strict=True
+            (s.flag_index, s.stick_index, s.slip_index, s.presses_index),
+            s.flags(modes),
+            strict=True,
         ):
             self._set(index, values)
 
@@ -162,6 +168,16 @@ class Contacts:
         rates = zip(self.modes, seen[count:], strict=False)
         return any(abs(x) > self._still for mode, x in rates if mode > Mode.FREE_FLIGHT)
 
+    @property
+    def _where(self) -> str:
+        """The angle of the first drive, for messages."""
+        system = self._system
+        for c, law in zip(system.prescribed, self.base.laws, strict=False):
+            if c not in system.mechanism.displacements:
+                angle = math.degrees(horner(law, self._ta.time)) % 360.0
+                return f', {c} at {angle:.6g} deg'
+        return ''
+
     def closed(self, gap: int) -> bool:
         """Whether a gap carries force."""
         return self.modes[gap] > Mode.FREE_FLIGHT
@@ -177,6 +193,8 @@ class Contacts:
                 if shut and self._laws[i].friction:
                     modes[i] = int(_SLIDING[self._slip(terms, i)])
         self.set_modes(tuple(modes))
+        if any(closed) and self._system.compliant:
+            self._seat()
         if any(closed) or self._system.relations:
             self.project()
         self.settle()
@@ -239,7 +257,13 @@ class Contacts:
             self._change(gap, _SLIDING[-guard.friction])
         else:
             closed = [i for i in range(len(before)) if self.closed(i)]
-            self._rest(closed, closed)
+            if guard.friction < 0:
+                rest = closed
+                with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
+                    rest = self._shock(self._terms(), closed, closed, gap)
+                self._rest(rest, closed)
+            else:
+                self._rest(closed, closed)
             return
         self._record_modes(before)
 
@@ -266,13 +290,39 @@ class Contacts:
                 return i
         return None
 
+    def _seat(self) -> None:
+        """Let compliant contacts that the start presses be damped as their load asks for."""
+        terms, speeds = self._terms(), list(self.approach)
+        for i, (gap, value) in enumerate(zip(self._system.gaps, terms.value, strict=True)):
+            if self.closed(i) and gap.law is not None:
+                depth = max(0.0, -float(gap.distance(np.array(value))))
+                speed = gap.law.loading_speed(depth, 1.0 / terms.compliance[i][i])
+                speeds[i] = max(speed, self._slowest)
+        self.set_modes(self.modes, tuple(speeds))
+
     def _touch(self, gap: int) -> None:
-        """A compliant contact begins, or ends: a hair beyond zero, at the speed it has."""
-        terms = self._terms()
-        rate, opens = terms.rate[gap], self.closed(gap)
-        speeds = list(self.approach)
-        if not opens:
-            speeds[gap] = max(-rate, self._slowest)
+        """A compliant contact begins, or ends: a hair beyond zero, at the speed it has.
+
+        Or it stops to press, or begins to do so again, while the links overlap.
+        """
+        terms, joint = self._terms(), self._system.gaps[gap]
+        law = joint.law
+        if law is None:
+            raise ValueError('a compliant contact has a law')
+        speeds, opens = list(self.approach), self.closed(gap)
+        if opens:
+            # the guard is a product: the factor whose zero is nearer in time has fallen
+            depth = -float(joint.distance(np.array(terms.value[gap])))
+            change = law.damping * abs(terms.acceleration[gap])
+            if depth > INSIDE and abs(terms.relief[gap] * terms.rate[gap]) < depth * change:
+                presses = self.modes[gap] == Mode.FOLLOWING
+                self._change(gap, Mode.RECOVERING if presses else Mode.FOLLOWING)
+                return
+        else:
+            mass = 1.0 / terms.compliance[gap][gap]
+            load = max(0.0, -terms.acceleration[gap] * mass)
+            own, rate = law.loading_speed(law.resting_depth(load), mass), -terms.rate[gap]
+            speeds[gap] = max(rate if rate > _SET_DOWN * own else own, self._slowest)
         mode = int(Mode.FREE_FLIGHT if opens else Mode.FOLLOWING)
         self.set_modes((*self.modes[:gap], mode, *self.modes[gap + 1 :]), tuple(speeds))
         target = self._rounding if opens else -INSIDE
@@ -464,7 +514,7 @@ class Contacts:
 
     # --- contacts that stay -------------------------------------------------------------------
 
-    def _rest(self, resting: list[int], touching: list[int], jams: int = 3) -> None:
+    def _rest(self, resting: list[int], touching: list[int], jams: int = 6) -> None:
         """Of the contacts without normal speed, those that are pressed together stay closed.
 
         Where no force can keep a contact that slides, friction jams it: an impact without
@@ -475,14 +525,19 @@ class Contacts:
         try:
             found = self._press(terms, resting)
         except ArithmeticError as error:
-            gap = next((i for i in resting if self._slip(terms, i)), None)
-            if gap is None or not jams:
+            near = [i for i, x in enumerate(terms.value) if abs(x) <= self._touching]
+            near = sorted({*touching, *near})
+            try:
+                if not jams:
+                    raise error
+                rest = self._shock(terms, near, resting)
+            except ArithmeticError:
                 raise RunError(
-                    f'no forces hold the contacts at t = {self.time:.12g} s: friction jams '
-                    f'{", ".join(self._names[i] for i in resting)}; use less friction'
+                    f'friction jams {", ".join(self._names[i] for i in resting)} at t = '
+                    f'{self.time:.12g} s{self._where}: neither forces nor finite impulses within '
+                    'the cones of friction keep the contacts; use less friction'
                 ) from error
-            self._jam(terms, gap)
-            self._rest(resting, touching, jams - 1)
+            self._rest(rest, near, jams - 1)
             return
         self.set_modes(
             tuple(
@@ -562,15 +617,45 @@ class Contacts:
                 found[i] = _GRIPS[grip] if mu else Mode.FOLLOWING
         return found
 
-    def _jam(self, terms: ContactTerms, gap: int) -> None:
-        """Stop the sliding of a contact by an impact without collision."""
-        n, t = gap, len(self.modes) + gap
-        A, vt = terms.compliance, terms.rate[t]
-        blow = jam(A[n][n], A[n][t], A[t][t], vt, self._system.dynamics.friction[gap])
-        self._push(terms, gap, blow)
-        rates = (terms.rate[n], terms.rate[n] + A[n][n] * blow.normal + A[n][t] * blow.tangential)
-        after = vt + A[n][t] * blow.normal + A[t][t] * blow.tangential
-        self._record_impact(terms, gap, blow, rates, (vt, after), stop=True)
+    def _shock(
+        self,
+        terms: ContactTerms,
+        gaps: Sequence[int],
+        resting: Sequence[int],
+        jammed: int | None = None,
+    ) -> list[int]:
+        """An impact without collision: friction stops or turns the sliding of contacts that jam.
+
+        Returns those which rest after it.
+
+        Raises
+        ------
+        ArithmeticError
+            If nothing slides, or no finite impulses keep the contacts.
+        """
+        rows = self._rows(gaps)
+        A = [[terms.compliance[r][c] for c in rows] for r in rows]
+        before = [
+            0.0 if r in resting or abs(terms.rate[r]) <= self._still else terms.rate[r]
+            for r in rows
+        ]
+        friction = [self._system.dynamics.friction[i] for i in gaps]
+        friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
+        blows = shock(A, before, [terms.free_acceleration[r] for r in rows], friction)
+        impulses = [*(b.normal for b in blows), *(b.tangential for b in blows)]
+        rates = [terms.rate[r] for r in rows]
+        after = _after(A, rates, impulses)
+        m = len(gaps)
+        for k, (i, blow) in enumerate(zip(gaps, blows, strict=True)):
+            if blow.normal or blow.tangential:
+                self._push(terms, i, blow)
+                normal, tangential = (rates[k], after[k]), (rates[m + k], after[m + k])
+                self._record_impact(terms, i, blow, normal, tangential, stop=True)
+        return [
+            i
+            for k, i in enumerate(gaps)
+            if after[k] <= max(self._still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
+        ]
 
     def _separate(self, gaps: Sequence[int]) -> None:
         """Start the flight of gaps a few roundings inside, at rest in the normal direction.
@@ -638,11 +723,15 @@ def _strike(
     impulses = [b.normal for b in blows]
     if len(rate) > m:
         impulses += [b.tangential for b in blows]
-    after = [
+    return blows, _after(A, rate, impulses)
+
+
+def _after(A: list[list[float]], rate: list[float], impulses: list[float]) -> list[float]:
+    """Rates of all rows after impulses."""
+    return [
         r + sum([a * p for a, p in zip(row, impulses, strict=True)])
         for r, row in zip(rate, A, strict=True)
     ]
-    return blows, after
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

@@ -63,6 +63,9 @@ class Dynamics:
     free_acceleration : second derivatives of the rows without contact forces
     drive_response : impulse of the drives per unit impulse, by row
     closed, sticks, slips : flags of the gaps; the latter by index of those that have them
+    approach, presses : of compliant contacts, the speed of their touch and whether it is they that
+        carry force while closed
+    margin : [m/s] by which compliant contacts are late to let go, and to press again
     friction, mu : coefficients of all gaps; as parameters, by index of those that have friction
     active : flag of every row: closed for a normal, sticking for a tangent
     exact, stabilised : the solution without and with Baumgarte's terms
@@ -99,6 +102,8 @@ class Dynamics:
         if self.compliant and None in self.laws:
             raise ValueError('either all contacts of a system are compliant or none is')
         self.approach = [p.reserve(f'{g.name}.approach', 1.0) for g in gaps if g.law]
+        self.presses = [p.reserve(f'{g.name}.presses') for g in gaps if g.law]
+        self.margin = p.reserve('release.margin') if self.compliant else hy.expression(0.0)
         self.tangent = {i: gaps[i].slip(eq.frames) for i in self.frictional}
         self.relations = tuple(relations)
         self.relation = eq.relation_jets
@@ -319,6 +324,21 @@ class Dynamics:
         depth = self._gaps[i].depth(value) + (1.0 - s)
         return depth, neg(mul(s, jet.rate)) / stretch, stretch
 
+    def relief(self, i: int) -> hy.expression:
+        """Of a closed compliant contact, what has the sign of its force [m/s]."""
+        law = self.laws[i]
+        if law is None:
+            raise ValueError('a compliant contact has a law')
+        return dense(law.relief(self.compressed(i)[1], self.approach[i]))
+
+    def held(self, i: int) -> hy.expression:
+        """Positive while a closed compliant contact presses on, or recovers on.
+
+        It falls through zero with the depth, and where the force changes between there and not.
+        """
+        sign = 2.0 * self.presses[i] - 1.0
+        return self.compressed(i)[0] * ((self.margin + sign * self.relief(i)) / self.approach[i])
+
     def _pushed(self) -> tuple[Vector, Vector]:
         """Forces of compliant contacts along their rows."""
         N: Vector = []
@@ -327,7 +347,8 @@ class Dynamics:
             if push is None:
                 raise ValueError('a compliant contact has a law')
             depth, rate, stretch = self.compressed(i)
-            force = self.closed[i] * push.normal_force(depth, rate, self.approach[i])
+            force = push.normal_force(depth, rate, self.approach[i])
+            force = self.closed[i] * (self.presses[i] * force)
             N.append(force / stretch)
             if i in self.tangent:
                 law = SmoothedCoulomb(self.friction[i], self._gaps[i].creep_speed)

@@ -26,11 +26,13 @@ from mechanism_sim.hybrid.singular import AHEAD, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
+from mechanism_sim.hybrid.touches import Touch, Touches
 from mechanism_sim.planar.drive import DriveLaw, Law
 
 _MAX_SIMULTANEOUS = 100
 _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
+_DRAWN = 1e-8  # [s] within less what is off by a rounding would be drawn back by large forces
 _ROW = 64  # steps after which the directions of the drives are computed anew
 _NEAR = 0.05  # of a step: roots nearer to its start may get lost
 
@@ -117,6 +119,7 @@ class EventLoop:
         )
         self._singular = SingularPositions(system, self._ta, self._contacts, near)
         self._start_base()
+        self._touches = Touches(system) if system.compliant else None
         self._pending: _Pending | None = None
         self._since = 0  # steps since the directions were computed
         self._last_event = float('-inf')
@@ -251,7 +254,7 @@ class EventLoop:
                     raise self._breakdown(tau)
                 slots[count][:] = crossing.terms if crossing else coefficients
                 if guard is None and not ahead and (h < reach or reach is longest):
-                    alpha = pars[stabilisation] = 1.0 / h
+                    alpha = pars[stabilisation] = 1.0 / max(h, _DRAWN)
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
             else:
@@ -463,6 +466,8 @@ class EventLoop:
         self._start_base()
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
         self._contacts.impacts, self._contacts.horizon = [], math.inf
+        if self._touches:
+            self._touches.restart()
         self._begin(state)
 
     def snapshot(self) -> Snapshot:
@@ -476,6 +481,7 @@ class EventLoop:
             tau, (alpha, horizon) = self._pending.tau, self._pending.taken
             began = self._pending.origin
             state = self._ta.tc[:, 0] if began is None else began
+        touches = self._touches.follow(self._tape.motion())[0] if self._touches else ()
         return Snapshot(
             '',
             self._base.time,
@@ -487,6 +493,7 @@ class EventLoop:
             contacts.modes,
             contacts.approach,
             contacts.switches,
+            touches,
             alpha,
             horizon,
             self._next_base,
@@ -509,6 +516,8 @@ class EventLoop:
         self._pars[self._stabilisation] = s.stabilisation
         self._contacts.set_modes(s.modes, s.approach)
         self._contacts.set_switches(s.switches)
+        if self._touches:
+            self._touches.present = tuple(Touch(*touch) for touch in s.touches)
         self._contacts.horizon = s.horizon
         self._contacts.impacts, self._contacts.mode_changes = [], []
         self._pending = None
@@ -527,4 +536,7 @@ class EventLoop:
         contacts = self._contacts
         impacts, contacts.impacts = contacts.impacts, []
         changes, contacts.mode_changes = contacts.mode_changes, []
-        return self._tape.drain(), impacts, changes
+        motion = self._tape.drain()
+        if self._touches:
+            impacts += self._touches.add(motion)
+        return motion, impacts, changes

@@ -17,6 +17,7 @@ class Mode(IntEnum):
     STICKING = 3  # closed, held by friction: the pin rolls
     SLIDING_FORWARD = 4  # closed, with friction; the tangential velocity is positive
     SLIDING_BACKWARD = 5
+    RECOVERING = 6  # compliant: the links overlap still, but part faster than they press
 
 
 class StopReason(Enum):
@@ -30,9 +31,13 @@ class StopReason(Enum):
 
 
 class Impact(NamedTuple):
-    """One impact in one joint."""
+    """One impact in one joint, or one touch of a compliant contact, which takes its time.
 
-    t: float  #: [s]
+    A touch lasts as long as the links overlap. Its loss is part of the motion's, and the drive
+    works on it by its torque, not by an impulse. What touches from the start on is no impact.
+    """
+
+    t: float  #: [s] of a touch, its end
     joint: str
     normal_angle: float  #: [rad] of the direction from bushing centre to pin centre
     approach_speed: float  #: [m/s]
@@ -44,6 +49,13 @@ class Impact(NamedTuple):
     drive_work: float  #: [J] of these impulses
     ends_chatter: bool  #: the rest of a chatter sequence is contained in this impact
     chatter_time: float = 0.0  #: [s] how long that rest would have lasted
+    duration: float = 0.0  #: [s] of a touch
+    peak_force: float = 0.0  #: [N] largest normal force of a touch
+
+    @property
+    def sudden_loss(self) -> float:
+        """Energy [J] that is lost at `t`, beside what the motion loses: none of a touch."""
+        return 0.0 if self.duration else self.energy_loss
 
 
 class ModeChange(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.crossings import Crossings
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import Array, System, TouchTerms
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
@@ -119,6 +119,10 @@ class DynamicPhysics:
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """What books are kept of."""
         return self.system.account(*self._state(motion, segments, dt))
+
+    def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
+        """Compliant contacts then."""
+        return self.system.touch(*self._state(motion, segments, dt))
 
     def _state(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes

@@ -54,7 +54,7 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
         at = [impact.t for impact in books.impacts]
         passed = np.searchsorted(at, t, side='right')
         work += np.cumsum([0.0, *(i.drive_work for i in books.impacts)])[passed]
-        lost += np.cumsum([0.0, *(i.energy_loss for i in books.impacts)])[passed]
+        lost += np.cumsum([0.0, *(i.sudden_loss for i in books.impacts)])[passed]
     return Samples(t, motion.modes[k].T, observed, work, lost)
 
 

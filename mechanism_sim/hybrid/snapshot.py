@@ -41,6 +41,7 @@ class Snapshot:
     modes: tuple[int, ...]
     approach: tuple[float, ...]  #: [m/s] of the first touch of compliant contacts
     switches: tuple[int, ...]  #: rows of what changes from part to part of the cycle
+    touches: tuple[tuple[float, ...], ...]  #: of compliant contacts, as a `Touch` each
     stabilisation: float  #: [1/s]
     horizon: float  #: [s] longest next step
     next_base: float  #: [s]
@@ -66,6 +67,7 @@ class Snapshot:
             data[key] = float(data[key]).hex()
         for key in ('state', 'directions', 'approach'):
             data[key] = [float(x).hex() for x in data[key]]
+        data['touches'] = [[float(x).hex() for x in touch] for touch in self.touches]
         Path(path).write_text(json.dumps(data, indent=1), encoding='utf-8')
 
     @classmethod
@@ -85,6 +87,7 @@ class Snapshot:
             for key in ('state', 'directions', 'approach'):
                 data[key] = tuple(float.fromhex(x) for x in data[key])
             data['modes'] = tuple(data['modes'])
+            data['touches'] = tuple(tuple(map(float.fromhex, x)) for x in data['touches'])
             data['switches'] = tuple(data['switches'])
             data['laws'] = tuple(_law_from_json(law) for law in data['laws'])
             data['coming'] = tuple(_law_from_json(law) for law in data['coming'])

@@ -42,6 +42,12 @@ SLIP_SCALE = 1e-3
 WATCH_SCALE = 1e-30
 """Keeps what is integrated only to be watched out of the choice of steps."""
 
+JAM_SCALE = 1e-6
+"""[s^4/m^2] The same for squares of accelerations."""
+
+JAMMED = 1e-4
+"""Accelerations without contacts over those by a contact's own, where it counts as jammed."""
+
 
 class ContactTerms(NamedTuple):
     """The m gaps at one state: r rows, all normals, then all tangents if there is friction."""
@@ -54,7 +60,20 @@ class ContactTerms(NamedTuple):
     compliance: list[list[float]]  #: (r, r) rates of the rows per unit impulse [1/kg]
     drive_response: list[list[float]]  #: (r, p) impulse of the drives per unit impulse
     normal_angle: list[float]  #: (m,) [rad]
+    relief: list[float]  #: (m,) [m/s] of compliant contacts, else ()
 
+
+class TouchTerms(NamedTuple):
+    """The m compliant contacts at N instants."""
+
+    normal_force: Array  #: (m, N) [N]
+    friction_force: Array  #: (m, N) [N]
+    loss: Array  #: (m, N) [W] by damping and friction
+    rate: Array  #: (m, N) [m/s] of the gap
+    normal_angle: Array  #: (m, N) [rad]
+
+
+_OF_TOUCHES = 'contact_loss', 'gap_rate', 'normal_angle'
 
 SWITCH_MARGIN = 1e-12
 """How far past zero a switch turns over: as far the other way is the next time."""
@@ -65,7 +84,7 @@ class Guard(NamedTuple):
 
     gap: int
     #: 0: touching or letting go; +1: sliding that ends, or sticking that gives way backwards;
-    #: -1: sticking that gives way forwards
+    #: -1: sliding that jams, or sticking that gives way forwards
     friction: int
     switch: int | None = None
 
@@ -153,6 +172,8 @@ class System:
         self.outside_index = [p.names[f'{name}.now'] for name in self.outside]
         self.stabilisation_index = p.names['stabilisation']
         self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
+        self.presses_index = [p.names[f'{g.name}.presses'] for g in self.gaps if g.law]
+        self.margin_index = p.names.get('release.margin')
         self.law_index = [
             [p.names[f'{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
@@ -179,13 +200,14 @@ class System:
         """Whether any gap has friction."""
         return bool(self.dynamics.frictional)
 
-    def flags(self, modes: Sequence[int]) -> tuple[list[float], list[float], list[float]]:
-        """What the flags closed, sticks and slips are when the gaps are in these modes."""
+    def flags(self, modes: Sequence[int]) -> tuple[list[float], ...]:
+        """The flags closed, sticks, slips and presses when the gaps are in these modes."""
         sign = {Mode.SLIDING_FORWARD: 1.0, Mode.SLIDING_BACKWARD: -1.0}
         return (
             [float(m > Mode.FREE_FLIGHT) for m in modes],
             [float(modes[i] == Mode.STICKING) for i in self.dynamics.frictional],
             [sign.get(Mode(modes[i]), 0.0) for i in self.dynamics.frictional],
+            [float(m == Mode.FOLLOWING) for m in modes if self.compliant],
         )
 
     def integrator(
@@ -247,18 +269,37 @@ class System:
             if not friction:
                 value, force = dense(d.normal[gap].value), FORCE_SCALE * dense(solved.N[gap])
                 if d.compliant:
-                    force = d.compressed(gap)[0]
+                    force = d.held(gap)
                 result.append(value + s * (force - value) + TINY)
                 continue
             # off the cone of friction while sticking; while sliding until it ends
             z, mu = d.sticks[gap], d.mu[gap]
             inside = z * (FORCE_SCALE * (mu * solved.N[gap] - friction * solved.T[gap]))
-            idle = 1.0 - z
+            sign = d.slips[gap]
+            idle = 1.0 - z - sign * sign
             if friction > 0:
-                sign = d.slips[gap]
-                idle = idle - sign * sign + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
+                idle = idle + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
+            else:
+                idle = idle + sign * sign * (JAM_SCALE * self._margin_to_jam(gap))
             result.append(inside + idle + TINY)
         return result
+
+    def _margin_to_jam(self, gap: int) -> hy.expression:
+        """Falls through zero where sliding friction makes the force of a contact grow without end.
+
+        What the contact does by itself, its forces times the compliance, is then far more than all
+        the accelerations of closed contacts that they are there to prevent.
+        """
+        d, m = self.dynamics, len(self.gaps)
+        across, along = d.compliance[gap][gap], d.compliance[m + gap][m + gap]
+        both = add(mul(across, across), mul(d.mu[gap] * d.mu[gap], mul(along, along)))
+        N = dense(d.stabilised.N[gap])
+        free = [
+            mul(d.closed[i % m], mul(b, b))
+            for i, b in enumerate(d.free_acceleration)
+            if b is not None
+        ]
+        return dense(add(*free)) - JAMMED * JAMMED * (N * N * dense(both))
 
     @cached_property
     def turning(self) -> tuple[str, ...]:
@@ -339,9 +380,14 @@ class System:
                 *(x for W in d.response for x in W),
                 *(x for row in d.compliance for x in row),
                 *(x for row in d.drive_response for x in row),
-                *(hy.atan2(dense(y.value), dense(x.value)) for x, y in self._normals),
+                *self._normal_angles,
+                *(d.relief(i) for i in range(len(self.gaps) if d.compliant else 0)),
             ]
         )
+
+    @property
+    def _normal_angles(self) -> list[Term]:
+        return [hy.atan2(dense(y.value), dense(x.value)) for x, y in self._normals]
 
     def contact_terms(self, out: list[float]) -> ContactTerms:
         """The output of `contact_function` by name."""
@@ -359,7 +405,8 @@ class System:
             [out[h + n * f : h + (n + 1) * f] for n in range(r)],
             [out[i + n * r : i + (n + 1) * r] for n in range(r)],
             [out[j + n * p : j + (n + 1) * p] for n in range(r)],
-            out[k:],
+            out[k : k + m],
+            out[k + m :],
         )
 
     @cached_property
@@ -433,6 +480,7 @@ class System:
         kinetic, potential = energies(eq)
         potential = add(potential, *(element.energy(eq.frames) for element in self.elements))
         forces_N = list(solved.N)
+        losses: list[Term] = []
         for i, law in enumerate(d.laws):
             if law is not None:
                 depth, rate, stretch = d.compressed(i)
@@ -441,6 +489,8 @@ class System:
                 friction.append(lost * rate)
                 potential = add(potential, d.closed[i] * law.elastic_energy(depth))
                 forces_N[i] = push
+                slides = mul(solved.T[i], d.tangent[i].rate) if i in d.tangent else None
+                losses.append(add(lost * rate, neg(slides)))
         return {
             'acceleration': [a[c] for c in self.coordinates],
             'gap': [jet.value for jet in d.normal],
@@ -452,13 +502,19 @@ class System:
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],
+            'contact_loss': losses,
+            'gap_rate': [
+                dense(jet.rate) / gap.stretch(jet.value)
+                for gap, jet in zip(self.gaps, d.normal, strict=True)
+            ],
+            'normal_angle': self._normal_angles,
         }
 
     def _compiled(self, names: Sequence[str]) -> Known:
         """These terms as a function of what `_inputs` makes."""
         eq, d = self.equations, self.dynamics
         replace: dict[str | hy.expression, hy.expression] = {}
-        flags = (*d.closed, *d.sticks.values(), *d.slips.values(), *d.approach)
+        flags = (*d.closed, *d.sticks.values(), *d.slips.values(), *d.approach, *d.presses)
         for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
@@ -478,7 +534,7 @@ class System:
 
     @cached_property
     def _observe(self) -> Known:
-        return self._compiled(list(self._terms))
+        return self._compiled(list(self._terms)[: -len(_OF_TOUCHES)])
 
     @cached_property
     def _account(self) -> Known:
@@ -547,6 +603,25 @@ class System:
         power = (drive_torque * v[self.driven_index]).sum(axis=0)
         return Account(N, friction[0], power, float(left))
 
+    @cached_property
+    def _touch(self) -> Known:
+        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES])
+
+    def touch(
+        self,
+        q: Array,
+        v: Array,
+        a_p: Array,
+        modes: NDArray[np.uint8],
+        torque: Array | None = None,
+        approach: Array | None = None,
+        outside: Array | None = None,
+    ) -> TouchTerms:
+        """Compliant contacts at the instants that `observe` would be given."""
+        return TouchTerms(
+            *self._touch(self._inputs(q, v, a_p, modes, torque, approach, outside)[0])
+        )
+
     def _inputs(
         self,
         q: Array,
@@ -568,6 +643,7 @@ class System:
             flags += [frictional == Mode.STICKING, forward * 1.0 - backward]
         if self.compliant:
             flags.append(np.ones_like(modes, float) if approach is None else approach)
+            flags.append(modes == Mode.FOLLOWING)
         given = np.zeros((len(self.outside), count)) if outside is None else outside
         rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, given)
         return np.concatenate(rows), torque

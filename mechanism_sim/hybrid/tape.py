@@ -170,7 +170,7 @@ class Tape:
         A rate's Taylor polynomial, integrated, gives its angle one order higher than the
         integrator's own.
         """
-        motion, count = self._motion(), len(self.lengths)
+        motion, count = self.motion(), len(self.lengths)
         # The next step may be in its slot already: it becomes the first.
         self.slots[0][:] = self.slots[count]
         self._drained += count
@@ -187,12 +187,13 @@ class Tape:
         """
         self.taus.append(tau)
         self.lengths.append(h)
-        motion = self._motion()
+        motion = self.motion()
         self.taus.clear()
         self.lengths.clear()
         return motion
 
-    def _motion(self) -> Motion:
+    def motion(self) -> Motion:
+        """The steps since the last `drain` as motion."""
         system, count = self._system, len(self.lengths)
         begins, status, marked = zip(*self._marks, strict=True)
         each = np.diff([*begins, count])

@@ -109,6 +109,8 @@ def impact(event: ImpactEvent, index: int) -> Any:
         drive_impulse=event.drive_impulse,
         ends_chatter=event.ends_chatter,
         chatter_time=event.chatter_time,
+        duration=event.duration,
+        peak_force=event.peak_force,
     )
     message.header.stamp = stamp(event.t)
     return message

@@ -81,6 +81,15 @@ class ForceLaw(Protocol):
     def normal_force(self, depth: Any, rate: Any, approach: Any) -> Any:
         """Force [N] at a depth [m], its rate [m/s], and the rate of the first touch."""
 
+    def relief(self, rate: Any, approach: Any) -> Any:
+        """What has the sign of the force [m/s]: where it is negative, the contact carries none."""
+
+    def resting_depth(self, load: float) -> float:
+        """Depth [m] under a load [N] that rests."""
+
+    def loading_speed(self, depth: float, mass: float) -> float:
+        """Largest closing speed [m/s] of a mass [kg] under a load that rests at a depth [m]."""
+
     def elastic_energy(self, depth: Any) -> Any:
         """Energy stored at a depth [J]."""
 

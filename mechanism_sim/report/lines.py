@@ -29,6 +29,7 @@ _WIDTH, _PANEL, _ROW, _REST = 8.0, 1.9, 0.28, 0.9  # [in]
 _SHADES = {
     Mode.FREE_FLIGHT: '0.15', Mode.FOLLOWING: '0.80', Mode.STICKING: '0.60',
     Mode.SLIDING_FORWARD: '0.72', Mode.SLIDING_BACKWARD: '0.88', Mode.UNKNOWN: '1.0',
+    Mode.RECOVERING: '0.35',
 }  # fmt: skip
 
 

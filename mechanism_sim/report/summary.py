@@ -25,6 +25,8 @@ _IMPACT_KEYS = (
     'energy_loss',
     'drive_impulse',
     'ends_chatter',
+    'duration',
+    'peak_force',
 )
 
 

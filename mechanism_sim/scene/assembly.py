@@ -94,7 +94,7 @@ def assemble(machine: Machine) -> Assembly:
             v = pace * slope
         elif freedom and not machine.clearances:
             raise InputError(
-                f'{machine.name}: {", ".join(driven)} starts at rest in a singular position, where '
+                f'{machine.name}: {", ".join(driven)} starts at rest in a singular position: '
                 'nothing decides which way the links go on: start beside it, or with a speed'
             )
     return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)

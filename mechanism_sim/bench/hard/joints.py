@@ -84,7 +84,7 @@ def friction_in_four_joints() -> list[Figure]:
     books = solution.energy
     modes = {m.mode for m in solution.modes}
     made = max(0.0, *gains(solution.impacts))
-    missing = set(Mode) - {*modes, Mode.UNKNOWN, Mode.FOLLOWING}
+    missing = set(Mode) - {*modes, Mode.UNKNOWN, Mode.FOLLOWING, Mode.RECOVERING}
     return [
         Figure('energy residual', books.residual if books else math.nan, 1e-9, 'J'),
         Figure('deepest gap', _gap(solution), 1e-12, 'm'),

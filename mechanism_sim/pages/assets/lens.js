@@ -11,7 +11,7 @@ const PIXELS = 96 / 0.0254; // in a metre
 
 /** What modes of contact are called, by their number in ModeChange. */
 export const MODES = ['', 'free flight', 'following', 'sticking', 'sliding forward',
-  'sliding backward'];
+  'sliding backward', 'recovering'];
 
 /** The clearance of a bearing, magnified: its bushing, and the pin at its true place in it. */
 export class Lens {

@@ -27,6 +27,7 @@ MODES: dict[int, tuple[str, str]] = {
     Mode.STICKING: ('sticking', '#a8500f'),
     Mode.SLIDING_FORWARD: ('sliding forward', '#f0c896'),
     Mode.SLIDING_BACKWARD: ('sliding backward', '#cf7d33'),
+    Mode.RECOVERING: ('recovering', '#c3bfe0'),
 }
 """Words and colours of the modes of contact."""
 
