@@ -266,7 +266,8 @@ class NominalRun:
         slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
             '', Fraction(0), self.time, turns, (*self._last.tolist(), *slope), (), 0, (), (), (),
-            (), self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0, 0,
+            (), self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0,
+            0,
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
