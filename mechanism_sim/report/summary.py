@@ -89,7 +89,8 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
     """A sentence for each instant at which forces have no limit, of many for the first ones."""
     for x in found[:_SENTENCES]:
         slides = machine.main in machine.mechanism.displacements
-        place = f'{1e3 * x.drive:.6g} mm' if slides else f'{math.degrees(x.drive):.6g} deg'
+        angle = round(math.degrees(x.drive), 6) % 360.0
+        place = f'{1e3 * x.drive:.6g} mm' if slides else f'{angle:.6g} deg'
         why = 'have no limit: they grow beyond all bounds'
         if x.rests:
             why = 'are not determined while the drive rests'
