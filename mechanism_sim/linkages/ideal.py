@@ -10,6 +10,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.four_bar import Array, FourBar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.known import Edges
 
 
 class IdealMotion(Protocol):
@@ -27,6 +28,10 @@ class IdealMotion(Protocol):
     def sliding(self) -> list[int]:
         """Which of them are displacements."""
 
+    @property
+    def edges(self) -> Edges | None:
+        """Where its closures change; None if they do not."""
+
     def follow(self, last: Array, driven: Array) -> Array:
         """Coordinates (n, N) a little after `last` (n,), for driven ones (p, N).
 
@@ -36,8 +41,12 @@ class IdealMotion(Protocol):
             If the loops cannot be closed there.
         """
 
-    def motion(self, near: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    def motion(
+        self, near: Array, v: Array, a: Array, rows: Array | None = None
+    ) -> tuple[Array, Array, Array]:
         """The same with rates and accelerations, for those of the driven coordinates (p, N).
+
+        `rows` are the values of the switches, if not those at these places.
 
         Raises
         ------
@@ -55,6 +64,7 @@ class FourBarMotion:
     coordinates = ('crank', 'coupler', 'rocker')
     driven = [0]  # noqa: RUF012 - a list, because it is an index
     sliding: list[int] = []  # noqa: RUF012
+    edges = None
 
     def __init__(self, linkage: FourBar) -> None:
         self.linkage = linkage
@@ -65,7 +75,9 @@ class FourBarMotion:
         joined = np.unwrap(np.column_stack([last[1:], q[1:]]), axis=1)
         return np.vstack([driven, joined[:, 1:]])
 
-    def motion(self, near: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    def motion(
+        self, near: Array, v: Array, a: Array, rows: Array | None = None
+    ) -> tuple[Array, Array, Array]:
         """The same with rates and accelerations."""
         q, rates, accelerations = self.linkage.motion(near[0], v[0], a[0])
         q[1:] += TWO_PI * np.round((near[1:] - q[1:]) / TWO_PI)
@@ -89,6 +101,11 @@ class LinkageMotion:
         self.driven = kinematics.held
         names = kinematics.mechanism.displacements
         self.sliding = [i for i, c in enumerate(self.coordinates) if c in names]
+
+    @property
+    def edges(self) -> Edges | None:
+        """Where its closures change."""
+        return self.kinematics.edges
 
     def follow(self, last: Array, driven: Array) -> Array:
         """Coordinates (n, N) a little later, from where the last ones point."""
@@ -118,11 +135,13 @@ class LinkageMotion:
             )
         return q
 
-    def motion(self, near: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    def motion(
+        self, near: Array, v: Array, a: Array, rows: Array | None = None
+    ) -> tuple[Array, Array, Array]:
         """The same with rates and accelerations."""
         q = self._closed(near)
-        rates = self.kinematics.rates(q, v)
-        return q, rates, self.kinematics.accelerations(q, rates, a)
+        rates = self.kinematics.rates(q, v, rows)
+        return q, rates, self.kinematics.accelerations(q, rates, a, rows)
 
     def left_open(self, q: Array) -> float:
         """Largest distance from zero of a closure [m]."""

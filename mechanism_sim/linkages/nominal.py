@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Impact, ModeChange
-from mechanism_sim.hybrid.physics import outside
+from mechanism_sim.hybrid.physics import outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array
@@ -289,14 +289,15 @@ class NominalPhysics:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         curve, driven = motion.curve, self._ideal.driven
         fitted = curve.at(segments, dt).T
-        rates = [curve.at(segments, dt, d).T[driven] for d in (1, 2)]
-        q, v, a = self._ideal.motion(fitted, *rates)
+        v, a = (curve.at(segments, dt, d).T[driven] for d in (1, 2))
+        closed_by = rows(self._ideal.edges, curve, segments, dt)
+        q, v, a = self._ideal.motion(fitted, v, a, closed_by)
         if self._forces is not None:
-            known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
-            for row, name in zip(known, self._forces.outside, strict=True):
+            given = outside(self._forces.outside, self.coordinates, curve, segments, dt)
+            for row, name in zip(given, self._forces.outside, strict=True):
                 if name != 'time':
                     row[:] = 0.0  # the angles have all their turns
-            return self._forces(q, v, a, known)
+            return self._forces(q, v, a, given, rows(self._forces.edges, curve, segments, dt))
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         return Observation(

@@ -101,15 +101,16 @@ class Live:
         return {
             'type': 'frames',
             'epoch': self.epoch,
-            'frames': self._frames(t),
+            'frames': self.frames(t),
             'impacts': struck,
         }
 
-    def _frames(self, t: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
+    def frames(self, t: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
+        """What is shown at times `t` (N,) [s], which are known here, packed."""
         physics, parts = self.machine.physics, []
         speed, torque = [], []
-        ends = [motion.curve.end for motion in self._pieces]
-        of = np.minimum(np.searchsorted(ends, t), len(ends) - 1)
+        starts = [motion.curve.start[0] for motion in self._pieces]
+        of = np.maximum(np.searchsorted(starts, t, side='right') - 1, 0)
         main = physics.coordinates.index(self.machine.main)
         for number in np.unique(of).tolist():
             motion, now = self._pieces[number], t[of == number]

@@ -119,13 +119,21 @@ class InverseDynamics:
         second = Known(frames, [forces, moments, books], [*motion, *closing])
         return first, second
 
-    def __call__(self, q: Array, v: Array, a: Array, outside: Array | None = None) -> Observation:
+    def __call__(
+        self,
+        q: Array,
+        v: Array,
+        a: Array,
+        outside: Array | None = None,
+        rows: Array | None = None,
+    ) -> Observation:
         """Forces and energies at N instants.
 
         Parameters
         ----------
         q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
         outside : (k, N) what is named by `outside`
+        rows : values of the switches, if not those at these places
 
         Raises
         ------
@@ -136,14 +144,17 @@ class InverseDynamics:
         given = np.zeros((len(self.outside), count)) if outside is None else outside
         if count > COLUMNS:
             blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
-            parts = [self(q[:, b], v[:, b], a[:, b], given[:, b]) for b in blocks]
+            parts = [
+                self(q[:, b], v[:, b], a[:, b], given[:, b], None if rows is None else rows[:, b])
+                for b in blocks
+            ]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
         first, second = self._functions
         closures = n - len(self._driven)
         motion = np.concatenate([q, v, a, given])
-        supplied, rows = first(motion)
+        supplied, closing = first(motion, rows)
         matrix = np.zeros((count, n, n))
-        matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
+        matrix[:, :, :closures] = closing.reshape(closures, n, count).transpose(2, 1, 0)
         for k, i in enumerate(self._driven):
             matrix[:, i, closures + k] = 1.0
         try:
@@ -153,7 +164,7 @@ class InverseDynamics:
                 'the forces are not determined: the mechanism is at a singular position, such as '
                 'a dead point'
             ) from error
-        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]))
+        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]), rows)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
