@@ -197,11 +197,11 @@ class BagWriter:
         self.close()
 
     def _add_metadata(self, more: Mapping[str, str] = MappingProxyType({})) -> None:
-        own = {'version': str(VERSION), 'package': installed_version()}
-        self._mcap.add_metadata(RECORDING, own | dict(more))
         topics = (replace(t, count=self._counts[t.name]) for t in self._topics.values())
         text = bag_metadata(self.path.name, self._start, self._end, topics)
         self._mcap.add_metadata(METADATA_NAME, {'serialized_metadata': text})
+        own = {'version': str(VERSION), 'package': installed_version()}
+        self._mcap.add_metadata(RECORDING, own | dict(more))
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
