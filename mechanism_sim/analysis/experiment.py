@@ -116,7 +116,10 @@ def trial(bag: Path, skip: int | None = None) -> Trial:
     condition = _condition(bag, machine)
     first, last = record.turns
     left_out = (last - first) // 2 if skip is None else skip
-    begin, end = record.whole_turns(left_out)
+    try:
+        begin, end = record.whole_turns(left_out)
+    except InputError as error:
+        raise InputError(f'{bag}: {error}') from error
     without = ideal_machine(machine)
     ideal = Record(without, simulate(without, duration=record.end), {})
     every = impact_cycles(record, impact_rose(record, JOINT))

@@ -46,7 +46,12 @@ def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
         If the scene is not recorded, or cannot be read by this version.
     """
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    return described(scene_text(bag, namespace) or '', str(bag.path))
+    text = scene_text(bag, namespace)
+    if text is None and not any(topic.count for topic in bag.topics.values()):
+        raise InputError(
+            f'{bag.path} holds no message: nothing was recorded, or it was cut short.'
+        )
+    return described(text or '', str(bag.path))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,13 @@ from mechanism_sim.cli.options import (
     quantity,
     scene_options,
 )
-from mechanism_sim.cli.source import is_bag, namespace_option, recorded, simulated
+from mechanism_sim.cli.source import (
+    is_bag,
+    namespace_option,
+    recorded,
+    simulated,
+    tell_if_cut,
+)
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import echo
 
@@ -237,7 +243,9 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
 
     def record_of(bag: str) -> Record:
         with progress.share('reading', options.json) as read:
-            return read_record(read_bag(bag, read), options.namespace)
+            record = read_record(read_bag(bag, read), options.namespace)
+        tell_if_cut(record, bag)
+        return record
 
     if options.against and not wanted.deviations:
         raise InputError('--against goes with --deviation: it compares two deviations')

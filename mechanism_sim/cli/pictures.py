@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mechanism_sim.cli.options import Command, print_json
-from mechanism_sim.cli.source import is_bag, refuse_overrides, run_of, source_options
+from mechanism_sim.cli.source import (
+    is_bag,
+    refuse_overrides,
+    run_of,
+    source_options,
+    tell_if_cut,
+)
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -116,6 +122,8 @@ def _plot(options: argparse.Namespace) -> int:
         refuse_overrides(options)
     with progress.share('plot', options.json) as read:
         bag = read_bag(options.scene, read) if in_bag else None
+        if bag and record is None:
+            tell_if_cut(bag, options.scene)
         asked = Asked(bag, record, options.namespace)
         series = asked.series(options.what, start, end) if options.what else []
     if not options.what:

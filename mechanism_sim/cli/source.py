@@ -12,6 +12,7 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
+    from mechanism_sim.recording import Bag
 
 
 def source_options(sub: argparse.ArgumentParser) -> None:
@@ -56,12 +57,14 @@ def recorded(options: argparse.Namespace) -> Record:
     refuse_overrides(options)
     with progress.share('reading', options.json) as read:
         record = read_record(read_bag(options.scene, read), options.namespace)
-    if not record.complete:
-        print(
-            f'mechanism-sim: {options.scene} was cut short; what could be read is shown',
-            file=sys.stderr,
-        )
+    tell_if_cut(record, options.scene)
     return record
+
+
+def tell_if_cut(bag: Bag | Record, path: str) -> None:
+    """Say on standard error that a bag was cut short."""
+    if not bag.complete:
+        print(f'mechanism-sim: {path} was cut short; what could be read is shown', file=sys.stderr)
 
 
 def simulated(options: argparse.Namespace, start: float = 0.0, to: float | None = None) -> Record:

@@ -26,6 +26,7 @@ from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, Array, ContactTerms, Guard, System
 from mechanism_sim.hybrid.tape import Status, floats
 from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp, solve_lcp
+from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 _GRIPS = {
@@ -138,10 +139,12 @@ class Contacts:
         for i, value in zip(index, values, strict=True):
             self._pars[i] = value
 
-    def _at_present(self, function: hy.cfunc_dbl) -> Array:
-        """A function of the system, now."""
+    def _at_present(self, function: hy.cfunc_dbl, ahead: float = 0.0) -> Array:
+        """A function of the system, now, or where it is a very short time `ahead` [s]."""
         self._now_state[:], self._now_pars[:] = self._state, self._pars
-        self._now[-1] = self._ta.time
+        self._now[-1] = self._ta.time + ahead
+        if ahead:
+            self._now[: self._f] += ahead * self._now[self._f : 2 * self._f]
         values: Array = function(self._now)
         return values
 
@@ -149,15 +152,31 @@ class Contacts:
         """Set the rows of the switches as told, or as the present state has them."""
         switches = self._system.switches
         if rows is None:
-            rows = tuple(s.row_at(x) for s, x in zip(switches, self._places, strict=True))
+            rows = tuple(s.row_at(x) for s, x in zip(switches, self._places(), strict=True))
         self.switches = rows
         for s, index, row in zip(switches, self._system.switch_index, rows, strict=True):
             self._set(index, s.values(row))
 
-    @property
-    def _places(self) -> list[float]:
+    def pass_edges(self) -> None:
+        """Let switches turn over that are at their edge now, where their guards fall too late.
+
+        So what begins with the run, or with a law, holds from its first instant on.
+        """
+        tau, before = float(self._ta.time), self.switches
+        rates = [*self._state[self._f :], *(rate_of(law, tau) for law in self.base.laws)]
+        fastest = max(map(abs, rates), default=0.0)
+        if not (before and fastest):
+            return
+        places = self._places(0.5 * SWITCH_MARGIN / fastest)
+        rows = [s.row_at(x) for s, x in zip(self._system.switches, places, strict=True)]
+        self.set_switches(tuple(rows))
+        guards = self._at_present(self._system.watch)[: len(self._floor)][-len(rows) :]
+        known = zip(before, rows, guards.tolist(), strict=True)
+        self.set_switches(tuple(new if guard > 0.0 else old for old, new, guard in known))
+
+    def _places(self, ahead: float = 0.0) -> list[float]:
         """Where the switches are."""
-        seen = self._at_present(self._system.watch)
+        seen = self._at_present(self._system.watch, ahead)
         places: list[float] = seen[len(seen) - len(self.switches) :].tolist()
         return places
 
@@ -186,6 +205,7 @@ class Contacts:
         """Begin a run: some gaps are closed by decree, those that touch are resolved."""
         if self.switches:
             self.set_switches()
+            self.pass_edges()
         modes = [int(Mode.FOLLOWING if shut else Mode.FREE_FLIGHT) for shut in closed]
         if any(closed) and self._system.frictional and not self._system.compliant:
             terms = self._terms()
@@ -234,7 +254,7 @@ class Contacts:
         if guard.switch is not None:
             k, rows = guard.switch, self.switches
             try:
-                after = self._system.switches[k].row_after(rows[k], self._places[k])
+                after = self._system.switches[k].row_after(rows[k], self._places()[k])
             except RunError as error:
                 raise RunError(f'{error} (t = {self.time:.9g} s)') from error
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))

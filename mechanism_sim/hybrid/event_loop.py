@@ -407,6 +407,7 @@ class EventLoop:
             )
         self._laws[index] = law
         self._rebase()
+        self._contacts.pass_edges()
         self._contacts.settle()
         self._go_on()
 

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.crossings import Crossings
 from mechanism_sim.hybrid.system import Array, System, TouchTerms
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.tape import Motion, instants
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
+from mechanism_sim.planar.known import Edges
 
 
 class Physics(Protocol):
@@ -92,7 +93,7 @@ class DynamicPhysics:
         crossings = self._crossings(motion, segments)
         if not crossings or not crossings.segments.size:
             return seen
-        each, since = instants(motion.curve, segments, dt)
+        each, since = each_instant(motion.curve, segments, dt)
         near = np.flatnonzero(crossings.near(each, since))
         if near.size:
             found = crossings.limits(each[near], since[near], lambda k, t: _stacked(
@@ -126,7 +127,7 @@ class DynamicPhysics:
 
     def _state(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array, Array | None]:
         """What `System.observe` asks for, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         if isinstance(dt, Nodes):
@@ -150,6 +151,7 @@ class DynamicPhysics:
             torque,
             motion.approach_at(segments, dt),
             outside(self.system.outside, self.coordinates, curve, segments, dt),
+            rows(self.system.edges, curve, segments, dt),
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
@@ -159,7 +161,7 @@ class DynamicPhysics:
             q, _ = curve.at_nodes(segments, dt)
         else:
             q = curve.local(segments, dt).T
-        values = self.system.gap_values(q)
+        values = self.system.gap_values(q, rows(self.system.edges, curve, segments, dt))
         gaps = self.system.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
@@ -193,13 +195,33 @@ def _stacked(seen: Observation) -> Array:
     return np.concatenate([x.reshape(-1, x.shape[-1]) for x in _limited(seen)])
 
 
-def instants(
+def each_instant(
     curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
 ) -> tuple[NDArray[np.intp], Array]:
     """The segment of every instant, and the time since its start [s], in the order of samples."""
     if isinstance(dt, Nodes):
         dt = np.outer(curve.duration[segments], dt.fractions)
     return np.repeat(segments, dt.size // max(len(segments), 1)), dt.ravel()
+
+
+def rows(
+    edges: Edges | None,
+    curve: PiecewisePolynomial,
+    segments: NDArray[np.intp],
+    dt: Array | Nodes,
+) -> Array | None:
+    """Values (k, N) of the switches: of the whole segment that an instant is said to belong to.
+
+    Where an instant lies on an edge, its place could not tell; the instants are those of
+    ``curve.at(segments, dt)``. None without switches.
+    """
+    if edges is None:
+        return None
+    found = edges.within(
+        curve.local(segments, np.zeros(len(segments))).T,
+        curve.local(segments, 0.5 * curve.duration[segments]).T,
+    )
+    return np.repeat(found, instants(dt), axis=1)
 
 
 def outside(

@@ -36,7 +36,11 @@ class Samples(NamedTuple):
 
 
 def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
-    """The machine at times `t` (N,) [s]; at an event, what holds after it.
+    """The machine at times `t` (N,) [s].
+
+    All that is said of an instant belongs to one segment of the motion: where something changes,
+    to that which begins there, and at the end of the motion to the last. Impacts count from the
+    segment on that begins with them.
 
     Raises
     ------
@@ -51,8 +55,7 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
         since = _work_since_start(physics, motion, k, dt)
         work += np.concatenate([[0.0], np.cumsum(books.work.drive)])[k] + since.drive
         lost += np.concatenate([[0.0], np.cumsum(books.work.friction)])[k] + since.friction
-        at = [impact.t for impact in books.impacts]
-        passed = np.searchsorted(at, t, side='right')
+        passed = np.searchsorted(curve.begun_by([i.t for i in books.impacts]), k, side='right')
         work += np.cumsum([0.0, *(i.drive_work for i in books.impacts)])[passed]
         lost += np.cumsum([0.0, *(i.sudden_loss for i in books.impacts)])[passed]
     return Samples(t, motion.modes[k].T, observed, work, lost)

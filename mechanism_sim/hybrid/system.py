@@ -21,11 +21,12 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
-from mechanism_sim.planar.known import Known
+from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
+from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 Array = NDArray[np.float64]
 
@@ -74,9 +75,6 @@ class TouchTerms(NamedTuple):
 
 
 _OF_TOUCHES = 'contact_loss', 'gap_rate', 'normal_angle'
-
-SWITCH_MARGIN = 1e-12
-"""How far past zero a switch turns over: as far the other way is the next time."""
 
 
 class Guard(NamedTuple):
@@ -300,6 +298,11 @@ class System:
             if b is not None
         ]
         return dense(add(*free)) - JAMMED * JAMMED * (N * N * dense(both))
+
+    @cached_property
+    def edges(self) -> Edges | None:
+        """Where along a motion the rows of switches change; None if there are none."""
+        return Edges(self.equations.frames) if self.switches else None
 
     @cached_property
     def turning(self) -> tuple[str, ...]:
@@ -549,6 +552,7 @@ class System:
         torque: Array | None = None,
         approach: Array | None = None,
         outside: Array | None = None,
+        rows: Array | None = None,
     ) -> Observation:
         """Accelerations, forces and energies at N instants.
 
@@ -560,11 +564,12 @@ class System:
         torque : (k, N) [N m] on the powered coordinates
         approach : (m, N) [m/s] of the first touch of compliant contacts
         outside : (k, N) what is named by the attribute `outside`
+        rows : values of the switches, if not those at these places
         """
         inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
         (
             a, gap, _, N, T, friction, prescribed, reaction, moment, energy,
-        ) = self._observe(inputs)  # fmt: skip
+        ) = self._observe(inputs, rows)  # fmt: skip
         drive_torque = np.concatenate([prescribed, torque])
         return Observation(
             q,
@@ -591,10 +596,11 @@ class System:
         torque: Array | None = None,
         approach: Array | None = None,
         outside: Array | None = None,
+        rows: Array | None = None,
     ) -> Account:
         """What books are kept of, at the instants that `observe` would be given; far cheaper."""
         inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
-        gap, closure, N, friction, prescribed = self._account(inputs)
+        gap, closure, N, friction, prescribed = self._account(inputs, rows)
         drive_torque = np.concatenate([prescribed, torque])
         closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
         ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
@@ -616,11 +622,11 @@ class System:
         torque: Array | None = None,
         approach: Array | None = None,
         outside: Array | None = None,
+        rows: Array | None = None,
     ) -> TouchTerms:
         """Compliant contacts at the instants that `observe` would be given."""
-        return TouchTerms(
-            *self._touch(self._inputs(q, v, a_p, modes, torque, approach, outside)[0])
-        )
+        inputs, _ = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        return TouchTerms(*self._touch(inputs, rows))
 
     def _inputs(
         self,
@@ -672,6 +678,6 @@ class System:
         found: Array = self._distance(q)[0][0]
         return found
 
-    def gap_values(self, q: Array) -> Array:
-        """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""
-        return self._gap_values(q)[0] if self.gaps else np.zeros((0, q.shape[1]))
+    def gap_values(self, q: Array, rows: Array | None = None) -> Array:
+        """The gaps (m, N) [m] in their own measure at coordinates q (n, N); `rows` as above."""
+        return self._gap_values(q, rows)[0] if self.gaps else np.zeros((0, q.shape[1]))

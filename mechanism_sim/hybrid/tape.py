@@ -35,7 +35,7 @@ class Motion:
 
     def modes_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.uint8]:
         """Modes (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
-        return np.repeat(self.modes[segments], _each(dt), axis=0).T
+        return np.repeat(self.modes[segments], instants(dt), axis=0).T
 
     def closed_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.bool_]:
         """Flags (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
@@ -43,11 +43,11 @@ class Motion:
 
     def approach_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Speeds of the first touch (gaps, N) [m/s]."""
-        return np.repeat(self.approach[segments], _each(dt), axis=0).T
+        return np.repeat(self.approach[segments], instants(dt), axis=0).T
 
     def torques_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Coefficients of the torque laws (k, 3, N)."""
-        return np.repeat(self.torques[segments], _each(dt), axis=0).transpose(1, 2, 0)
+        return np.repeat(self.torques[segments], instants(dt), axis=0).transpose(1, 2, 0)
 
     def between(self, start: float, end: float) -> Motion:
         """The motion from one time [s] to a later one, both within it."""
@@ -81,7 +81,8 @@ class Motion:
         )
 
 
-def _each(dt: Array | Nodes) -> int:
+def instants(dt: Array | Nodes) -> int:
+    """How many instants in each segment are asked for."""
     return len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
 
 

@@ -12,6 +12,7 @@ from mechanism_sim.linkages.passage import Passage
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar import branch
 from mechanism_sim.planar.kinematics import Kinematics
+from mechanism_sim.planar.known import Edges
 
 
 class IdealMotion(Protocol):
@@ -28,6 +29,10 @@ class IdealMotion(Protocol):
     @property
     def sliding(self) -> list[int]:
         """Which of them are displacements."""
+
+    @property
+    def edges(self) -> Edges | None:
+        """Where its closures change; None if they do not."""
 
     def follow(
         self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
@@ -53,7 +58,12 @@ class IdealMotion(Protocol):
         """
 
     def motion(
-        self, near: Array, v: Array, a: Array, along: tuple[Array, Array] | None = None
+        self,
+        near: Array,
+        v: Array,
+        a: Array,
+        along: tuple[Array, Array] | None = None,
+        rows: Array | None = None,
     ) -> tuple[Array, Array, Array, Passage | None]:
         """Coordinates, rates and accelerations (n, N) near others.
 
@@ -63,6 +73,9 @@ class IdealMotion(Protocol):
         v, a : (p, N) rates and accelerations of the driven coordinates
         along : rates and accelerations (n, N) of all, near enough to tell branches apart where
             the position is singular
+        rows : (k, N) values of the switches, if not those at these places
+
+        `rows` are the values of the switches, if not those at these places.
 
         Raises
         ------
@@ -80,6 +93,7 @@ class FourBarMotion:
     coordinates = ('crank', 'coupler', 'rocker')
     driven = [0]  # noqa: RUF012 - a list, because it is an index
     sliding: list[int] = []  # noqa: RUF012
+    edges = None
 
     def __init__(self, linkage: FourBar) -> None:
         self.linkage = linkage
@@ -93,7 +107,12 @@ class FourBarMotion:
         return np.vstack([driven, joined[:, 1:]]), None
 
     def motion(
-        self, near: Array, v: Array, a: Array, along: tuple[Array, Array] | None = None
+        self,
+        near: Array,
+        v: Array,
+        a: Array,
+        along: tuple[Array, Array] | None = None,
+        rows: Array | None = None,
     ) -> tuple[Array, Array, Array, Passage | None]:
         """Coordinates, rates and accelerations; change points are not for closed forms."""
         q, rates, accelerations = self.linkage.motion(near[0], v[0], a[0])
@@ -118,6 +137,11 @@ class LinkageMotion:
         self.driven = kinematics.held
         names = kinematics.mechanism.displacements
         self.sliding = [i for i, c in enumerate(self.coordinates) if c in names]
+
+    @property
+    def edges(self) -> Edges | None:
+        """Where its closures change."""
+        return self.kinematics.edges
 
     def follow(
         self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
@@ -219,7 +243,12 @@ class LinkageMotion:
         )  # fmt: skip
 
     def motion(
-        self, near: Array, v: Array, a: Array, along: tuple[Array, Array] | None = None
+        self,
+        near: Array,
+        v: Array,
+        a: Array,
+        along: tuple[Array, Array] | None = None,
+        rows: Array | None = None,
     ) -> tuple[Array, Array, Array, Passage | None]:
         """Coordinates, rates and accelerations, by Newton's method or on their branch."""
         kinematics, passage = self.kinematics, None
@@ -247,9 +276,10 @@ class LinkageMotion:
                 passage = Passage(kinematics, index, found, pace, bend)
         if rest.any():
             q[:, rest] = self._closed(near[:, rest])
-            rates[:, rest] = kinematics.rates(q[:, rest], v[:, rest])
+            held = None if rows is None else rows[:, rest]
+            rates[:, rest] = kinematics.rates(q[:, rest], v[:, rest], held)
             accelerations[:, rest] = kinematics.accelerations(
-                q[:, rest], rates[:, rest], a[:, rest]
+                q[:, rest], rates[:, rest], a[:, rest], held
             )
         return q, rates, accelerations, passage
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Impact, ModeChange
-from mechanism_sim.hybrid.physics import outside
+from mechanism_sim.hybrid.physics import each_instant, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array
@@ -329,14 +329,16 @@ class NominalPhysics:
         curve = motion.curve
         q, v, a, passage = self._motion(curve, segments, dt)
         if self._forces is not None:
-            seen = self._forces(q, v, a, self._outside(curve, segments, dt))
+            acting = rows(self._forces.edges, curve, segments, dt)
+            seen = self._forces(q, v, a, self._outside(curve, segments, dt), acting)
             if passage is None:
                 return seen
             near = passage.index
-            segment, since = _each(curve, segments, dt)
+            segment, since = each_instant(curve, segments, dt)
             segment, since = segment[near], since[near]
             known = self._outside(curve, segment, since)
-            required = self._forces.required(q[:, near], v[:, near], a[:, near], known)
+            acting = None if acting is None else acting[:, near]
+            required = self._forces.required(q[:, near], v[:, near], a[:, near], known, acting)
 
             def sampled(part: Passage, which: NDArray[np.intp], share: float) -> Observation:
                 return self._sampled(part, curve, segment[which], since[which], share)
@@ -356,7 +358,8 @@ class NominalPhysics:
         driven = self._ideal.driven
         fitted, *along = (curve.at(segments, dt, d).T for d in range(3))
         v, a = along
-        return self._ideal.motion(fitted, v[driven], a[driven], (v, a))
+        closed_by = rows(self._ideal.edges, curve, segments, dt)
+        return self._ideal.motion(fitted, v[driven], a[driven], (v, a), closed_by)
 
     def _outside(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
@@ -399,8 +402,8 @@ class NominalPhysics:
             times[still] = dt[still, None]
         driven[0] += TWO_PI * curve.turns[segments][:, indices].T[:, :, None]
         q, v, a = passage.states(beside, driven)
-        middle = np.repeat(passage.branch.middle, times.shape[1], axis=1)
-        return self._forces(q, v, a, self._outside(curve, segments, times), middle)
+        acting = rows(self._forces.edges, curve, segments, times)
+        return self._forces(q, v, a, self._outside(curve, segments, times), acting)
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Where forces grow beyond all bounds: at singular positions, if anywhere."""
@@ -453,12 +456,3 @@ class NominalPhysics:
         seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)
-
-
-def _each(
-    curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
-) -> tuple[NDArray[np.intp], Array]:
-    """The segment of every instant, and the time since its start [s], in the order of samples."""
-    if isinstance(dt, Nodes):
-        dt = np.outer(curve.duration[segments], dt.fractions)
-    return np.repeat(segments, dt.size // max(len(segments), 1)), dt.ravel()

@@ -72,9 +72,12 @@ def motion_of(message: Any) -> Motion:
     """The motion of a message as the engine has it. InputError: as for `unpack`."""
     segments = unpack(message)
     m = len(segments.start)
+    speeds = np.asarray(message.approach_speeds, np.float64)
+    laws = np.asarray(message.torque_laws, np.float64)
+    each = max(m, 1)  # a message may have no segments
     try:
-        approach = np.asarray(message.approach_speeds, np.float64).reshape(m, -1)
-        torques = np.asarray(message.torque_laws, np.float64).reshape(m, -1, 3)
+        approach = speeds.reshape(m, len(speeds) // each)
+        torques = laws.reshape(m, len(laws) // (3 * each), 3)
     except ValueError as error:
         raise InputError(f'a Motion message contradicts its own counts: {error}.') from error
     return Motion(curve_of(segments), segments.modes, approach, torques)

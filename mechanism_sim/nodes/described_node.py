@@ -43,9 +43,11 @@ class DescribedNode(Node):
     ----------
     results : names of the topics on which it publishes results
     done : whether it has nothing left to do
+    keeps : whether it keeps what others say, and should hear it even if one of them has failed
     """
 
     done = False
+    keeps = False
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         self.results: list[str] = []

@@ -106,6 +106,7 @@ class Integration:
         self._run: Run | None = None
         self._law_id = 0
         self._known = 0.0
+        self._told = 0.0  # [s] up to which followers have been told
         self._impact_count = 0
         self._audit = Audit(self._physics)
 
@@ -163,9 +164,11 @@ class Integration:
         self._audit.judge(self._machine.allowed_penetration)
         for change in changes:
             self._node.send(self._modes, events.mode_change(change))
-        names = (self._physics.coordinates, self._physics.clearances)
-        message = pack(motion, *names, self._known, self._node.run, self._run.time)
-        self._node.send(self._motion, message)
+        if len(motion) or self._known > self._told:
+            names = (self._physics.coordinates, self._physics.clearances)
+            message = pack(motion, *names, self._known, self._node.run, self._run.time)
+            self._node.send(self._motion, message)
+            self._told = self._known
         ahead = self._run.preview(self._known)
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
         if seen:

@@ -8,6 +8,7 @@ from typing import Any
 
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.recording import realtime_factor
 
 Show = Callable[[float, float, int], None]
 """Called with simulated time [s], real-time factor and number of impacts so far."""
@@ -20,16 +21,15 @@ class Monitor(SimulationNode):
     ----------
     time : [s] up to which every partner has come
     impacts : published so far
-    realtime_factor : simulated seconds per second since the first progress
+    run_time : [s] since the first progress of the run
     """
 
     def __init__(self, parameters: Sequence[Parameter] = (), show: Show | None = None) -> None:
         super().__init__('monitor', parameters)
         self.time = 0.0
         self.impacts = 0
-        self.realtime_factor = 0.0
+        self.run_time = 0.0
         self._show = show
-        self._began: float | None = None
         self._shown = 0.0
         self._heard = time.monotonic()
         self.join()
@@ -39,18 +39,16 @@ class Monitor(SimulationNode):
         if message.run > self.run:
             self.begin_run(message.run)
         self._heard = now = time.monotonic()
-        if self._began is None:
-            self._began = now
+        self.run_time = now - (self.first_heard or now)
         self.time = min(self.partners_time(), self.duration)
-        if now > self._began:
-            self.realtime_factor = self.time / (now - self._began)
         counts = dict(zip(message.topics, message.counts, strict=True))
         impacts = self.resolve_topic_name('impacts')
         self.impacts = int(counts.get(impacts, self.impacts))
         self.done = self.partners_finished() and not self.another_follows()
         if self._show and (self.done or now - self._shown > 0.1):
             self._shown = now
-            self._show(self.time, self.realtime_factor, self.impacts)
+            factor = realtime_factor(self.time, self.run_time) or 0.0
+            self._show(self.time, factor, self.impacts)
 
     def idle(self) -> bool:
         """Whether nothing more is to be expected: all reports are in, or none came for 1 s."""

@@ -6,7 +6,9 @@ import argparse
 import gc
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.errors import InputError, RunError
@@ -30,8 +32,10 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after SIGINT, as shells have it."""
 
-PATIENCE, PATIENCE_AFTER_INTERRUPT = 60.0, 1.0
-"""[s] that others get to take in what was published, at the end of a run and after SIGINT."""
+PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 1.0, 1.0
+"""[s] that others get to take in what was published: at the end of a run, after SIGINT, and those
+in this process after another has failed.
+"""
 
 
 def run_nodes(
@@ -87,6 +91,7 @@ def run_nodes(
         code = tell(error, 2)
     except (RunError, MiddlewareError) as error:
         code = tell(error, 1)
+        _keep(executor, nodes)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -95,6 +100,17 @@ def run_nodes(
         except MiddlewareError as error:
             code = code or tell(error, 1)
     return code
+
+
+def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
+    """After a failure let the nodes that keep what others say take what was said until then."""
+    until = time.monotonic() + PATIENCE_AFTER_FAILURE
+    for node in nodes:
+        if not node.keeps:
+            executor.remove_node(node)
+    with suppress(RunError, MiddlewareError):  # of partners that have failed, which was told
+        while executor.get_nodes() and time.monotonic() < until:
+            executor.spin_once(timeout_sec=0.1)
 
 
 def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None = None) -> None:

@@ -40,6 +40,8 @@ class Recorder(SimulationNode):
         If there is no file to write, or it exists already.
     """
 
+    keeps = True
+
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('recorder', parameters)
         self.declare('file', '', 'The bag to write', read_only=True)
@@ -73,6 +75,7 @@ class Recorder(SimulationNode):
         path = next(name for name in names if overwrite or not name.exists())
         self.writer = BagWriter(path, overwrite=overwrite)
         self._add_topics()
+        self.on_ready()
         self._now = 0
         for topic, data in self._ahead:
             self.writer.write(topic, data, 0)
@@ -84,6 +87,11 @@ class Recorder(SimulationNode):
         if self._loss_timer:
             self.destroy_timer(self._loss_timer)
             self._loss_timer = None
+
+    def on_ready(self) -> None:
+        """Messages that came early are written now, but the recording began with them."""
+        if self.first_heard is not None:
+            self.writer.count_from(self.first_heard)
 
     def _flush(self) -> None:
         self.writer.flush()
@@ -203,7 +211,9 @@ class Recorder(SimulationNode):
         return found
 
     def destroy_node(self) -> None:
-        """Finish the bag, whatever ended the run."""
+        """Finish the bag, whatever ended the run, with what came before all were there."""
+        for handle, message in self._early if not self.ready else ():
+            handle(message)
         self.writer.close()
         super().destroy_node()
 

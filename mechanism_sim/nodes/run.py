@@ -23,6 +23,7 @@ from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import run_nodes
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.recording import read_bag, realtime_factor
 from mechanism_sim.scene import Machine
 from mechanism_sim.terminal import tell
 
@@ -120,7 +121,8 @@ class Outcome:
     level: str
     duration: float  #: [s] simulated
     wall_time: float  #: [s] from the start of the first process to the end of the last
-    realtime_factor: float  #: while the run was going on
+    run_time: float  #: [s] from the first message to the last: what the bag says, if there is one
+    realtime_factor: float  #: by `run_time`
     impacts: int
     sent: dict[str, int]  #: messages by topic, as the nodes counted them
     bag: str | None
@@ -152,13 +154,17 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
     for message in monitor.progress_of.values() if monitor else ():
         for topic, count in zip(message.topics, message.counts, strict=True):
             sent[topic] = sent.get(topic, 0) + int(count)
+    simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)
+    if plan.record and code == 0 and monitor and monitor.run == 0:
+        took = read_bag(plan.record).wall_time or took
     return Outcome(
         code,
         plan.machine.name,
         plan.machine.level.value,
-        monitor.time if monitor else 0.0,
+        simulated,
         time.monotonic() - began,
-        monitor.realtime_factor if monitor else 0.0,
+        took,
+        realtime_factor(simulated, took) or 0.0,
         monitor.impacts if monitor else 0,
         sent,
         plan.record,

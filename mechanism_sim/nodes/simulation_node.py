@@ -42,6 +42,10 @@ class SimulationNode(DescribedNode):
     Subclasses make their endpoints in their constructor, the results first, and end it with
     `join`; they work in `on_ready` and after. A node is `done` when it has nothing left to do.
 
+    Attributes
+    ----------
+    first_heard : when the first message of the run came, by ``time.monotonic`` [s]
+
     Raises
     ------
     InputError
@@ -80,6 +84,7 @@ class SimulationNode(DescribedNode):
         self._soon: float | None = None
         self._early: list[tuple[Callable[[Any], None], Any]] = []
         self._reported = 0.0
+        self.first_heard: float | None = None
 
     def frame(self, link: str) -> str:
         """Name of the frame of a link."""
@@ -125,6 +130,8 @@ class SimulationNode(DescribedNode):
         """
 
         def take(message: Any) -> None:
+            if self.first_heard is None:
+                self.first_heard = time.monotonic()
             if self.ready:
                 handle(message)
             else:
@@ -208,6 +215,7 @@ class SimulationNode(DescribedNode):
     def begin_run(self, number: int) -> None:
         """All begins anew at time 0: the books, what is known of the partners, the machine."""
         self.run = number
+        self.first_heard = time.monotonic()
         if self.value(OVERRIDES) != self._overrides:
             self._overrides = self.value(OVERRIDES)
             for derived in ('machine', 'duration'):

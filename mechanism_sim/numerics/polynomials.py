@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -70,13 +71,25 @@ class PiecewisePolynomial:
         t = np.asarray(t, dtype=float)
         if not len(self):
             raise ValueError('there is no motion to sample: the solution is empty')
-        slack = 4 * np.spacing(max(abs(self.end), 1e-300))
+        slack = self._slack
         if t.size and (t.min() < self.start[0] - slack or t.max() > self.end + slack):
             raise ValueError(
                 f'time outside of the solution: asked [{t.min():.9g}, {t.max():.9g}] s, '
                 f'solved [{self.start[0]:.9g}, {self.end:.9g}] s'
             )
         return np.clip(np.searchsorted(self.start, t, side='right') - 1, 0, len(self) - 1)
+
+    @property
+    def _slack(self) -> float:
+        """Rounding of times [s]."""
+        return 4.0 * float(np.spacing(max(abs(self.end), 1e-300)))
+
+    def begun_by(self, t: Sequence[float]) -> NDArray[np.intp]:
+        """Index of the first segment that begins at each time [s]; of an event the one after it.
+
+        ``len(self)`` at the end, where none begins any more.
+        """
+        return np.searchsorted(self.start, np.asarray(t, dtype=float) - self._slack)
 
     def find(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         """Segments that hold times `t` (N,) [s], as `locate`, and times since their starts [s]."""

@@ -15,8 +15,11 @@ from mechanism_sim.nodes.force_markers import preview
 from mechanism_sim.pages.recorded import PER_TURN
 from mechanism_sim.pages.stage import Frames, packed, stage_of
 
-MOST = 120
-"""Instants of a batch; what is older than they reach is not shown."""
+MOST, FEWEST = 120, 12
+"""Instants of a batch: however much time it spans, and however little."""
+_KEPT = 256
+"""Messages kept until they are asked for; what is older is not shown."""
+_ROUNDING = 1e-12  # of times: messages that follow each other meet
 _SLOWEST = 0.01  # [s] between instants where nothing turns
 _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen
 
@@ -29,6 +32,7 @@ class Live:
     epoch : counts how often time began anew
     time : [s] up to which the motion is known here
     impacts : so far in the run
+    missed : [s] of motion that did not come, since this was last set to zero
     """
 
     def __init__(self, text: str) -> None:
@@ -43,9 +47,9 @@ class Live:
         self._forget()
 
     def _forget(self) -> None:
-        self.time, self.impacts = 0.0, 0
+        self.time, self.impacts, self.missed = 0.0, 0, 0.0
         self._sent: float | None = None
-        self._pieces: deque[Motion] = deque()
+        self._pieces: deque[Motion] = deque(maxlen=_KEPT)
         self._struck: list[dict[str, Any]] = []
 
     def take(self, message: Any) -> None:
@@ -61,10 +65,12 @@ class Live:
         if motion.curve.end <= self.time:  # the graph has been started anew
             self.epoch += 1
             self._forget()
+        begin = float(motion.curve.start[0])
+        if self._pieces and begin - self.time > _ROUNDING * max(begin, 1.0):
+            self.missed += begin - self.time  # what came before has no motion to go on with
+            self._pieces.clear()
         self._pieces.append(motion)
         self.time = motion.curve.end
-        while self._pieces[0].curve.end < self.time - MOST * self.step:
-            self._pieces.popleft()
 
     def strike(self, message: Any) -> None:
         """An Impact message."""
@@ -86,30 +92,29 @@ class Live:
     def batch(self) -> dict[str, Any] | None:
         """What has come since the last call; None if nothing has.
 
-        The first instant is the last of the batch before, unless too much came meanwhile.
+        The first instant is the last of the batch before, unless what followed it is missing. The
+        faster the run, the farther apart the instants are.
         """
         if not self._pieces or (self._sent is not None and self._sent >= self.time):
             return None
         first = max(
             float(self._pieces[0].curve.start[0]),
-            self.time - MOST * self.step,
-            self._sent if self._sent is not None else -math.inf,
+            self.time - MOST * self.step if self._sent is None else self._sent,
         )
-        t = np.linspace(first, self.time, math.ceil((self.time - first) / self.step - 1e-6) + 1)
-        self._sent, struck = self.time, self._struck
-        self._struck = []
-        return {
-            'type': 'frames',
-            'epoch': self.epoch,
-            'frames': self._frames(t),
-            'impacts': struck,
-        }
+        count = math.ceil((self.time - first) / self.step - 1e-6)
+        t = np.linspace(first, self.time, min(max(count, FEWEST), MOST) + 1)
+        frames, struck = self.frames(t), self._struck
+        self._sent, self._struck = self.time, []
+        while self._pieces[0].curve.end < self.time:
+            self._pieces.popleft()
+        return {'type': 'frames', 'epoch': self.epoch, 'frames': frames, 'impacts': struck}
 
-    def _frames(self, t: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
+    def frames(self, t: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
+        """What is shown at times `t` (N,) [s], which are known here, packed."""
         physics, parts = self.machine.physics, []
         speed, torque = [], []
-        ends = [motion.curve.end for motion in self._pieces]
-        of = np.minimum(np.searchsorted(ends, t), len(ends) - 1)
+        starts = [motion.curve.start[0] for motion in self._pieces]
+        of = np.maximum(np.searchsorted(starts, t, side='right') - 1, 0)
         main = physics.coordinates.index(self.machine.main)
         for number in np.unique(of).tolist():
             motion, now = self._pieces[number], t[of == number]

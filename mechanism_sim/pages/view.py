@@ -160,6 +160,12 @@ class View(DescribedNode):
         live, now = self._live, time.monotonic()
         if live is None:
             return
+        if live.missed:
+            self._say(
+                f'{live.missed:.3g} s of the motion did not come: the view goes on at '
+                f'{live.time:.6g} s'
+            )
+            live.missed = 0.0
         self._state = await self._operator.state()
         for owner in {control.owner for control in self._controls.values() if control.parameter}:
             await self._update(owner)

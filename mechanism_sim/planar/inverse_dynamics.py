@@ -142,7 +142,7 @@ class InverseDynamics:
         v: Array,
         a: Array,
         outside: Array | None = None,
-        switched_at: Array | None = None,
+        rows: Array | None = None,
     ) -> Observation:
         """Forces and energies at N instants; forces are NaN at a singular position.
 
@@ -150,28 +150,27 @@ class InverseDynamics:
         ----------
         q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
         outside : (k, N) what is named by `outside`
-        switched_at : (n, N) positions whose rows of switches hold, if not those of q
+        rows : (k, N) values of the switches, if not those at these places
         """
         n, count = q.shape
         given = np.zeros((len(self.outside), count)) if outside is None else outside
         if count > COLUMNS:
             blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
-            held = [None if switched_at is None else switched_at[:, b] for b in blocks]
             parts = [
-                self(q[:, b], v[:, b], a[:, b], given[:, b], h)
-                for b, h in zip(blocks, held, strict=True)
+                self(q[:, b], v[:, b], a[:, b], given[:, b], None if rows is None else rows[:, b])
+                for b in blocks
             ]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
         first, second = self._functions
         closures = n - len(self._driven)
         motion = np.concatenate([q, v, a, given])
-        supplied, rows = first(motion, switched_at)
-        matrix = self._matrix(rows, count)
+        supplied, closing = first(motion, rows)
+        matrix = self._matrix(closing, count)
         singular = np.linalg.det(matrix) == 0.0
         matrix[singular] = np.eye(n)
         unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
         unknown[:, singular] = np.nan
-        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]), switched_at)
+        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]), rows)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
@@ -191,9 +190,11 @@ class InverseDynamics:
             books[1],
         )
 
-    def required(self, q: Array, v: Array, a: Array, outside: Array) -> Array:
+    def required(
+        self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
+    ) -> Array:
         """Generalised forces (n, N) that closures and drives together must supply."""
-        supplied: Array = self._functions[0](np.concatenate([q, v, a, outside]))[0]
+        supplied: Array = self._functions[0](np.concatenate([q, v, a, outside]), rows)[0]
         return supplied
 
     def _matrix(self, rows: Array, count: int) -> Array:

@@ -80,13 +80,16 @@ class Kinematics:
         frames = self._equations.frames
         return Edges(frames) if frames.switches else None
 
-    def closure(self, q: Array) -> tuple[Array, Array]:
-        """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N)."""
+    def closure(self, q: Array, rows: Array | None = None) -> tuple[Array, Array]:
+        """What is left open (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N).
+
+        `rows` are the values of the switches, if not those at these places.
+        """
         n, count = q.shape
         if not self._relations:
             return np.zeros((count, 0)), np.zeros((count, 0, n))
-        values, rows = self._position(q)
-        return values.T, rows.reshape(-1, n, count).transpose(2, 0, 1)
+        values, slopes = self._position(q, rows)
+        return values.T, slopes.reshape(-1, n, count).transpose(2, 0, 1)
 
     def positions(self, guess: Array, targets: Array | None = None) -> tuple[Array, Array]:
         """Coordinates that close all loops, near a guess whose held rows count.
@@ -161,20 +164,20 @@ class Kinematics:
         directions: Array = A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 0.01)
         return directions
 
-    def rates(self, q: Array, held: Array) -> Array:
+    def rates(self, q: Array, held: Array, rows: Array | None = None) -> Array:
         """Rates (n, N) of all coordinates from those of the held ones (p, N).
 
         NaN at a singular position: there the closures do not determine them.
         """
-        _, J = self.closure(q)
+        _, J = self.closure(q, rows)
         return self._together(held, J, -np.einsum('krp,pk->kr', J[:, :, self.held], held))
 
-    def accelerations(self, q: Array, v: Array, held: Array) -> Array:
+    def accelerations(self, q: Array, v: Array, held: Array, rows: Array | None = None) -> Array:
         """Accelerations (n, N) of all coordinates from those of the held ones (p, N), likewise."""
-        _, J = self.closure(q)
+        _, J = self.closure(q, rows)
         right = -np.einsum('krp,pk->kr', J[:, :, self.held], held)
         if self._relations:
-            right = right - self._curvature(np.concatenate([q, v]))[0].T
+            right = right - self._curvature(np.concatenate([q, v]), rows)[0].T
         return self._together(held, J, right)
 
     def _together(self, held: Array, J: Array, right: Array) -> Array:

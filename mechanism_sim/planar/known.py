@@ -12,12 +12,15 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, Table
 
 Array = NDArray[np.float64]
 
 
 class Known:
     """Groups of expressions at given instants; their switches are looked up, not computed.
+
+    Where the instants belong to segments of a motion, so do their rows: see `Edges.within`.
 
     Parameters
     ----------
@@ -43,16 +46,15 @@ class Known:
         function = compiled.function(expressions, [*variables, *symbols])
         self._function = Evaluation(function, parameters, [len(group) for group in groups])
 
-    def __call__(self, inputs: Array, switched_at: Array | None = None) -> list[Array]:
+    def __call__(self, inputs: Array, rows: Array | None = None) -> list[Array]:
         """The groups of results, (size, N) each, at values (v, N) of the variables.
 
-        Rows of switches are those of these coordinates, or of others (n, N).
+        The values (k, N) of the switches are those at these places, unless they are given.
         """
         if self._switches:
-            place = inputs[: self._count] if switched_at is None else switched_at
-            (places,) = self._places(place)
-            rows = [s.values_at(x) for s, x in zip(self._switches, places, strict=True)]
-            inputs = np.concatenate([inputs, *rows])
+            if rows is None:
+                rows = _values(self._switches, self._places(inputs[: self._count])[0])
+            inputs = np.concatenate([inputs, rows])
         return self._function(inputs)
 
 
@@ -96,11 +98,31 @@ class Edges:
 
     def present(self, q: Array) -> Array:
         """The values (k, 1) of the switches at coordinates (n,)."""
-        (places,) = self._places(q[:, None])
-        rows = [s.values_at(x) for s, x in zip(self._switches, places, strict=True)]
-        return np.concatenate(rows)
+        return _values(self._switches, self._places(q[:, None])[0])
+
+    def within(self, start: Array, middle: Array) -> Array:
+        """The values (k, N) of the switches in N segments of a motion, one row in each.
+
+        They are those at the start, unless their guards have fallen in the middle: a segment
+        begins within a rounding of the edge that ended the one before, on either side of it.
+
+        Parameters
+        ----------
+        start, middle : coordinates (n, N) there
+        """
+        (at_start,), (places,) = self._places(start), self._places(middle)
+        first = _values(self._switches, at_start)
+        (guards,) = self._guards(np.concatenate([middle, first]))
+        widths = [len(s.symbols) for s in self._switches]
+        left = np.repeat(guards + SWITCH_MARGIN <= 0.0, widths, axis=0)
+        return np.where(left, _values(self._switches, places), first)
 
     def left(self, q: Array, present: Array) -> Array:
         """What is negative (g, N) at coordinates (n, N) where the present rows have ended."""
         known = np.repeat(present, q.shape[1], axis=1)
         return self._guards(np.concatenate([q, known]))[0]
+
+
+def _values(switches: Sequence[Switch | Table], places: Array) -> Array:
+    """The values (k, N) of switches at places (s, N)."""
+    return np.concatenate([s.values_at(x) for s, x in zip(switches, places, strict=True)])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.known import Known
+from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 from mechanism_sim.planar.protocols import ForceElement
@@ -37,6 +37,7 @@ class ShakingForce:
     Attributes
     ----------
     outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
+    edges : where along a motion a load begins or ceases to act; None if none does
     """
 
     def __init__(self, mechanism: Mechanism, applied: Sequence[ForceElement] = ()) -> None:
@@ -61,19 +62,23 @@ class ShakingForce:
             moment = add(moment_of((x.value, y.value), load.force), load.moment)
             parts.append([*load.force, moment])
         self.outside = tuple(frames.outside)
+        self.edges = Edges(frames) if frames.switches else None
         motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
         terms = [add(*column) for column in zip(*parts, strict=True)]
         self._function = Known(frames, [terms], [*motion, *frames.outside.values()])
 
-    def __call__(self, q: Array, v: Array, a: Array, outside: Array) -> Array:
+    def __call__(
+        self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
+    ) -> Array:
         """Force x, y [N] and moment about the origin [N m], (3, N).
 
         Parameters
         ----------
         q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
         outside : (k, N) what is named by `outside`
+        rows : values of the switches, if not those at these places
         """
-        return self._function(np.concatenate([q, v, a, outside]))[0]
+        return self._function(np.concatenate([q, v, a, outside]), rows)[0]
 
     def impulse(self, q: Array, step: Array, outside: Array) -> Array:
         """Impulse x, y [N s] and its moment about the origin [N m s], (3, N).

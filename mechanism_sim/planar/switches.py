@@ -17,6 +17,9 @@ from mechanism_sim.errors import RunError
 
 Array = NDArray[np.float64]
 
+SWITCH_MARGIN = 1e-12
+"""How far past zero a switch turns over: as far the other way is the next time."""
+
 _BEYOND = 1e-9  # of its length: what a table that is not periodic allows for rounding at its ends
 
 

@@ -18,7 +18,8 @@ class BagInfo:
 
     size: [bytes]; start, end: smallest and largest log time [s], simulated; duration: between
     them [s]; scene: name of the scene that made it, None where topic `scene` is missing;
-    wall_time: how long the recording took [s], None where that is not known.
+    version: of what it holds, '0' where it does not say; package: version of this package that
+    wrote it; wall_time: how long the recording took [s], None where that is not known.
     """
 
     path: str
@@ -33,11 +34,29 @@ class BagInfo:
     schemas: tuple[str, ...]
     compression: str
     scene: str | None
+    version: str
+    package: str
     wall_time: float | None
+
+    @property
+    def realtime_factor(self) -> float | None:
+        """Of the recording; None where that is not known."""
+        return realtime_factor(self.duration, self.wall_time)
 
     def to_json(self) -> dict[str, Any]:
         """Return the same as a plain dictionary."""
-        return asdict(self)
+        return asdict(self) | {'realtime_factor': self.realtime_factor}
+
+
+def realtime_factor(simulated: float, wall_time: float | None) -> float | None:
+    """Simulated seconds per second.
+
+    Args:
+        simulated: How long the run is [s].
+        wall_time: How long it took [s], from its first message to its last; None if not known.
+
+    """
+    return simulated / wall_time if wall_time else None
 
 
 def info(path: Path | str) -> BagInfo:
@@ -62,6 +81,8 @@ def info(path: Path | str) -> BagInfo:
         schemas=tuple(sorted({topic.type for topic in topics if topic.type})),
         compression=bag.compression,
         scene=scene_name(bag),
+        version=bag.version,
+        package=bag.package,
         wall_time=bag.wall_time,
     )
 
@@ -114,7 +135,7 @@ def render_info(bag: BagInfo) -> str:
         'recorded': _pace(bag),
         'messages': f'{bag.messages} on {len(bag.topics)} topics',
         'complete': 'yes' if bag.complete else 'NO: cut short; what could be read is listed',
-        'written by': bag.library or 'unknown',
+        'written by': _author(bag),
     }
     lines = [f'{key + ":":<12}{value}' for key, value in head.items() if value]
     rows = [('topic', 'messages', 'type', 'delivery'), *map(_row, bag.topics)]
@@ -128,9 +149,15 @@ def render_info(bag: BagInfo) -> str:
 
 def _pace(bag: BagInfo) -> str:
     """How fast the run was recorded; empty where that is not known."""
-    if not bag.wall_time:
-        return ''
-    return f'in {bag.wall_time:.3g} s, {bag.duration / bag.wall_time:.3g} x real time'
+    factor = bag.realtime_factor
+    return '' if factor is None else f'in {bag.wall_time:.3g} s, {factor:.3g} x real time'
+
+
+def _author(bag: BagInfo) -> str:
+    """What wrote it, and in which version."""
+    if bag.version == '0':
+        return bag.library or 'unknown'
+    return f'{bag.library} {bag.package}'.rstrip() + f', bag version {bag.version}'
 
 
 def _row(topic: Topic) -> tuple[str, str, str, str]:

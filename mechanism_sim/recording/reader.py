@@ -14,7 +14,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.scan import Layout, blocks, messages, survey
-from mechanism_sim.recording.writer import RECORDING
+from mechanism_sim.recording.writer import RECORDING, VERSION
+
+READABLE = frozenset(map(str, range(VERSION + 1)))
+"""Versions of bags, 0 being those that do not say theirs: read as far as their types are known."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,8 @@ class Bag:
         end: Largest log time [ns].
         compression: Of its chunks, as `zstd`.
         library: What wrote it.
+        version: Of what it holds, as it says itself; '0' where it does not.
+        package: Version of this package that wrote it; empty where it does not say.
         wall_time: How long that took [s], from the first message to the last; None of a bag that
             was cut short, or that others wrote.
 
@@ -54,7 +59,10 @@ class Bag:
         self.start, self.end = layout.start, layout.end
         self.compression = ', '.join(sorted(filter(None, layout.compression))) or 'none'
         self.library = layout.library
-        taken = layout.metadata.get(RECORDING, {}).get('wall_time')
+        recording = layout.metadata.get(RECORDING, {})
+        self.version = recording.get('version', '0')
+        self.package = recording.get('package', '')
+        taken = recording.get('wall_time') if layout.complete else None
         self.wall_time = None if taken is None else float(taken)
         self.topics = _topics(layout)
         self._layout = layout
@@ -121,14 +129,27 @@ class Bag:
         where = f'{self.path}, topic {channel.topic}'
         if channel.message_encoding != 'cdr' or schema is None:
             raise InputError(f'{where}: {channel.message_encoding!r} is not an encoding of ROS 2.')
+        if schema.name.startswith('mechanism_sim/') and self.version not in READABLE:
+            raise InputError(
+                f'{self.path} is a bag of version {self.version}; this version of mechanism_sim '
+                f'reads those up to {VERSION}; {self._writer} reads it.'
+            )
         recorded = channel.metadata.get('topic_type_hash', '')
         try:
             known = type_hash(schema.name)
         except MessageError as error:
             raise InputError(f'{where}: {error}.') from error
         if recorded.startswith('RIHS') and recorded != known:
-            raise InputError(f'{where}: {schema.name} was another type when this was recorded.')
+            raise InputError(
+                f'{where}: {schema.name} was another type when this was recorded; '
+                f'{self._writer} reads it.'
+            )
         return schema.name
+
+    @property
+    def _writer(self) -> str:
+        """Which version of the package reads the bag for sure."""
+        return f'mechanism_sim {self.package}' if self.package else 'the version that wrote it'
 
 
 def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) -> Bag:

@@ -19,7 +19,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, Header, Schema
+from mcap.records import Channel, Chunk, Header, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from zstandard import ZstdError
 
@@ -189,13 +189,16 @@ def _from_records(path: Path, stream: BinaryIO) -> Layout:
             layout.compression.add(chunk.compression)
         if opcode in {Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
             _register(layout, block)
-            found = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
-            if found:
-                layout.counts.update(channel for channel, _ in found)
-                ends = [log_time for _, log_time in found]
+            held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
+            if held:
+                layout.counts.update(channel for channel, _ in held)
+                ends = [log_time for _, log_time in held]
                 times = [min(times[:1] + ends), max(times[1:] + ends)]
         elif opcode == Opcode.HEADER:
             layout.library = Header.read(ReadDataStream(BytesIO(block[RECORD.size :]))).library
+        elif opcode == Opcode.METADATA:
+            found = Metadata.read(ReadDataStream(BytesIO(block[RECORD.size :])))
+            layout.metadata[found.name] = found.metadata
         layout.readable = offset + RECORD.size + length
         layout.complete = opcode == Opcode.FOOTER and layout.readable + len(MAGIC) <= size
     layout.start, layout.end = times or (0, 0)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from io import BufferedWriter
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Any, Self
 
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from mechanism_sim.catalogue import installed_version
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import MessageError, definition, type_hash
 from mechanism_sim.recording.rosbag2 import (
@@ -27,8 +28,15 @@ from mechanism_sim.recording.rosbag2 import (
 )
 
 CHUNK_SIZE = 1 << 20  # [bytes] before compression
+VERSION = 1
+"""Of what bags hold: topics, their types, their times. A reader refuses a later one."""
+
 RECORDING = 'mechanism_sim'
-"""Name of the metadata that say how the bag came about: ``wall_time`` [s]."""
+"""Name of the metadata that say how the bag came about.
+
+``version``: `VERSION`, missing in bags before the first; ``package``: version of the package;
+``wall_time`` [s] of a bag that was closed: from the first message to the last.
+"""
 
 FLUSH_PERIOD = 0.5  # [s] of wall time: half of the second that a kill may cost
 
@@ -69,6 +77,10 @@ class BagWriter:
             # of service of a bag that was cut would be misread.
             self._add_metadata()
             self._mcap.flush()
+
+    def count_from(self, first: float) -> None:
+        """Say when the first message came, by ``time.monotonic`` [s]: it may be written later."""
+        self._written = first, first
 
     @property
     def counts(self) -> dict[str, int]:
@@ -167,10 +179,8 @@ class BagWriter:
             if self._stream is None:
                 return
             with self._writing():
-                self._add_metadata()
-                if self._written:
-                    first, last = self._written
-                    self._mcap.add_metadata(RECORDING, {'wall_time': f'{last - first:.6f}'})
+                took = self._written[1] - self._written[0] if self._written else 0.0
+                self._add_metadata({'wall_time': f'{took:.6f}'})
                 self._mcap.finish()
                 self._stream.close()
             self._stream = None
@@ -186,10 +196,12 @@ class BagWriter:
     ) -> None:
         self.close()
 
-    def _add_metadata(self) -> None:
+    def _add_metadata(self, more: Mapping[str, str] = MappingProxyType({})) -> None:
         topics = (replace(t, count=self._counts[t.name]) for t in self._topics.values())
         text = bag_metadata(self.path.name, self._start, self._end, topics)
         self._mcap.add_metadata(METADATA_NAME, {'serialized_metadata': text})
+        own = {'version': str(VERSION), 'package': installed_version()}
+        self._mcap.add_metadata(RECORDING, own | dict(more))
 
     @contextmanager
     def _writing(self) -> Iterator[None]:

@@ -109,7 +109,8 @@ def render(outcome: Outcome) -> str:
     """The closing lines of a run."""
     lines = [
         f'{outcome.scene} ({outcome.level}): {outcome.duration:.6g} s simulated in '
-        f'{outcome.wall_time:.2f} s, {outcome.realtime_factor:.1f} x real time while running',
+        f'{outcome.run_time:.3g} s, {outcome.realtime_factor:.3g} x real time '
+        f'({outcome.wall_time:.3g} s with starting and ending)',
         f'  {outcome.impacts} impacts, {sum(outcome.sent.values())} messages',
     ]
     return '\n'.join([*lines, f'  recorded in {outcome.bag}'] if outcome.bag else lines)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.physics import outside
+from mechanism_sim.hybrid.physics import outside, rows
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.modal_filter import NODES
 from mechanism_sim.numerics.polynomials import (
@@ -55,7 +55,8 @@ class WholeMachine:
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force and moment."""
         q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
-        return self._force(q, v, a, self._outside(motion, segments, dt))
+        known = rows(self._force.edges, motion.curve, segments, dt)
+        return self._force(q, v, a, self._outside(motion, segments, dt), known)
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
         """Impulse and its moment."""

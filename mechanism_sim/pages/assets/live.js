@@ -117,9 +117,9 @@ function frames(batch) {
   if (!shown) return;
   const { stream } = shown;
   if (batch.epoch !== stream.epoch) shown.strips.forEach(({ strip }) => strip.clear());
-  const gap = stream.parts.at(-1)?.end;
+  const before = stream.parts.at(-1)?.end;
   const part = stream.add(batch, performance.now() / 1000);
-  if (part.start > gap) shown.strips.forEach(({ strip }) => strip.clear());
+  if (part.start > before) shown.strips.forEach(({ strip }) => strip.part(part.start));
   chart(part);
   for (const { t } of batch.impacts) shown.strips.forEach(({ strip }) => strip.mark(t));
 }
@@ -133,17 +133,11 @@ function draw(passed, wall) {
   if (!frame) return;
   shown.stage.show(frame);
   shown.lens?.show(frame);
-  for (const { strip } of shown.strips) strip.draw(frame.t, span());
-  by('time').textContent = `${frame.t.toFixed(2)} s`;
+  const seconds = shown.stream.span(SECONDS, state.values?.realtime_factor);
+  for (const { strip } of shown.strips) strip.draw(frame.t, seconds);
+  const digits = Math.min(9, Math.max(0, 2 - Math.round(Math.log10(seconds / SECONDS))));
+  by('time').textContent = `${frame.t.toFixed(digits)} s`;
   html.dataset.time = frame.t;
-}
-
-/** How much of the machine's time strips show [s]: some seconds of ours, in round numbers. */
-function span() {
-  const wanted = SECONDS * (state.values?.realtime_factor || shown.stream.pace || 1);
-  const ten = 10 ** Math.floor(Math.log10(wanted));
-  return [1, 2, 5, 10].reduce((a, b) => (
-    Math.abs(Math.log(b * ten / wanted)) < Math.abs(Math.log(a * ten / wanted)) ? b : a)) * ten;
 }
 
 function tell(news) {

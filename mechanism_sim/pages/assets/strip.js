@@ -37,11 +37,18 @@ export class Strip {
   /** @param {ArrayLike<number>} t [s] @param {ArrayLike<number>} y SI */
   add(t, y) {
     for (let i = 0; i < t.length; i += 1) {
-      if (!this.t.length || t[i] > this.t.at(-1)) {
+      if (!this.t.length || t[i] > this.t.at(-1) || Number.isNaN(this.y.at(-1))) {
         this.t.push(t[i]);
         this.y.push(this.scale * y[i]);
       }
     }
+  }
+
+  /** Something is missing before an instant: no line leads there. @param {number} t [s] */
+  part(t) {
+    if (!this.t.length) return;
+    this.t.push(t);
+    this.y.push(NaN);
   }
 
   /** @param {number} t [s] of an impact */
@@ -66,8 +73,9 @@ export class Strip {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     const points = this.#shown(now, span);
-    if (points.length < 2 || !width) return;
-    const [low, high] = range(points.map(([, y]) => y));
+    const values = points.map(([, y]) => y).filter((y) => !Number.isNaN(y));
+    if (values.length < 2 || !width) return;
+    const [low, high] = range(values);
     const x = (t) => width - ROOM.right
       - ((now - t) / span) * (width - ROOM.left - ROOM.right);
     const y = (value) => ROOM.top
@@ -85,16 +93,22 @@ export class Strip {
     pen.lineWidth = 1.5;
     pen.lineJoin = 'round';
     pen.beginPath();
-    points.forEach(([t, value], i) => {
-      if (i) pen.lineTo(x(t), y(value));
-      else pen.moveTo(x(t), y(value));
-    });
+    let joined = false;
+    for (const [t, value] of points) {
+      const known = !Number.isNaN(value);
+      if (known && joined) pen.lineTo(x(t), y(value));
+      else if (known) pen.moveTo(x(t), y(value));
+      joined = known;
+    }
     pen.stroke();
-    this.value.textContent = this.#written(points.at(-1)[1]);
+    const [, last] = points.findLast(([, value]) => !Number.isNaN(value));
+    this.value.textContent = this.#written(last);
   }
 
   #shown(now, span) {
-    const first = Math.max(0, this.t.findIndex((t) => t >= now - span) - 1);
+    const inside = this.t.findIndex((t) => t >= now - span);
+    if (inside < 0) return [];
+    const first = Math.max(0, inside - 1);
     const points = [];
     for (let i = first; i < this.t.length && this.t[i] <= now; i += 1) {
       points.push([Math.max(this.t[i], now - span), this.y[i]]);

@@ -17,6 +17,7 @@ from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import brief, chart, colour, places, written
 from mechanism_sim.pages.charts.thinning import Line, thinned
+from mechanism_sim.recording import realtime_factor
 
 Array = NDArray[np.float64]
 
@@ -118,10 +119,10 @@ def _rows(record: Record) -> Iterator[tuple[str, str]]:
         yield 'compilation', f'{stats.compile_time:.3g} s'
         yield 'CPU time', f'{stats.cpu_time:.3g} s'
         if stats.wall_time:
-            yield 'real-time factor', f'{span / stats.wall_time:.3g}'
-    if record.wall_time:
+            yield 'real-time factor', f'{realtime_factor(span, stats.wall_time):.3g}'
+    if factor := realtime_factor(span, record.wall_time):
         yield 'recorded in', f'{record.wall_time:.3g} s'
-        yield 'real-time factor', f'{span / record.wall_time:.3g}'
+        yield 'real-time factor', f'{factor:.3g}'
     yield 'digest', record.digest()
 
 

@@ -1,0 +1,224 @@
+"""Bags in every state: just ended, old, of a later version, empty, cut short, of one segment."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from running import run as command
+from running import run_json
+
+import mechanism_sim as ms
+from mechanism_sim.analysis.record import read_record
+from mechanism_sim.errors import InputError
+from mechanism_sim.messages import message_class, serialize
+from mechanism_sim.messages.events import describe
+from mechanism_sim.messages.segments import motion_of, pack
+from mechanism_sim.recording import BagWriter, Qos, info, read_bag
+from mechanism_sim.sweep.bags import RunBag
+
+RUN = 'run', 'four_bar_clearance', '--duration', '0.20126832204367018'
+SOFT = {'loads': {'rub': {'at': 'piston', 'force': ['-50*tanh(vx/1e-6)', 0]}},
+        'drive': {'speed': 60.0, 'torque': {}}}  # fmt: skip
+READERS = {
+    'info': [],
+    'analyze': [],
+    'report': ['-o', 'x.html'],
+    'plot': ['velocity.crank', '-o', 'x.svg'],
+    'animate': ['-o', 'x.gif', '--fps', '5'],
+    'sound': ['-o', 'x.wav'],
+    'experiment': [],
+}
+
+
+@pytest.fixture(scope='module')
+def ended(tmp_path_factory):
+    """A run whose last batch of 256 steps ends with it, and what `run` said of it."""
+    path = tmp_path_factory.mktemp('ended') / 'd.mcap'
+    return path, run_json(*RUN, '--record', str(path))
+
+
+def foreign(path, topic):
+    with path.open('rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return [m for *_, m in reader.iter_decoded_messages(topics=[topic])]
+
+
+def test_a_run_that_ends_with_a_batch_says_nothing_twice(ended):
+    """Another author's reader finds no message without segments, and the motion whole."""
+    path, _ = ended
+    messages = foreign(path, '/motion')
+    assert messages
+    assert all(m.segments for m in messages)
+    ends = [m.start[-1] + m.duration[-1] for m in messages]
+    np.testing.assert_allclose(ends[:-1], [m.start[0] for m in messages[1:]], rtol=1e-15)
+    assert ends[-1] == pytest.approx(0.20126832204367018, rel=1e-15)
+    assert messages[-1].known_until == pytest.approx(ends[-1], rel=1e-15)
+
+
+def test_run_info_and_report_say_the_same_of_time(ended, tmp_path):
+    path, outcome = ended
+    found = run_json('info', str(path))
+    assert found['wall_time'] == outcome['run_time'] > 0.0
+    assert found['duration'] == pytest.approx(outcome['duration'], abs=1e-9)
+    assert found['realtime_factor'] == pytest.approx(outcome['realtime_factor'], rel=1e-7)
+    with path.open('rb') as file:
+        (told,) = {m.metadata.get('wall_time') for m in make_reader(file).iter_metadata()
+                   if m.name == 'mechanism_sim'} - {None}  # fmt: skip
+    assert float(told) == found['wall_time'] <= outcome['wall_time']
+    assert command('report', str(path), '-o', str(tmp_path / 'r.html')).returncode == 0
+    page = (tmp_path / 'r.html').read_text(encoding='utf-8')
+    (factor,) = re.findall(r'real-time factor</th><td>([^<]*)<', page)
+    assert float(factor) == pytest.approx(found['realtime_factor'], rel=5e-3)
+    text = command('info', str(path)).stdout
+    assert f'in {found["wall_time"]:.3g} s, {found["realtime_factor"]:.3g} x real time' in text
+
+
+def written(path, machine, motions, scene=True):
+    """A bag of motion messages as they are."""
+    names = machine.physics.coordinates, machine.physics.clearances
+    with BagWriter(path) as writer:
+        for topic, kind in (('/scene', 'std_msgs/msg/String'),
+                            ('/motion', 'mechanism_sim/msg/Motion')):  # fmt: skip
+            writer.add_topic(topic, kind, Qos())
+        if scene:
+            text = message_class('std_msgs/msg/String')(data=describe(machine))
+            writer.write('/scene', serialize(text), 0)
+        for motion in motions:
+            writer.write('/motion', serialize(pack(motion, *names, 0.0)), 0)
+    return path
+
+
+@pytest.fixture(scope='module')
+def simulated():
+    machine = ms.load_scene('four_bar_clearance')
+    return machine, ms.simulate(machine, duration=0.1)
+
+
+def test_old_bags_may_hold_messages_without_segments(simulated, tmp_path):
+    """Before, between and after those with some; what was refused is read."""
+    machine, solution = simulated
+    none = machine.start().drain()[0]
+    assert not len(none)
+    halves = [solution.motion.between(a, b) for a, b in ((0.0, 0.05), (0.05, 0.1))]
+    path = written(tmp_path / 'old.mcap', machine, [none, halves[0], none, halves[1], none])
+    assert motion_of(pack(none, machine.physics.coordinates, ('coupler_rocker',), 0.0)) is not None
+    record = read_record(path)
+    t = np.linspace(0.0, 0.1, 50)
+    for name, row in record.piece.sample(t).items():
+        if name.startswith(('position', 'velocity', 'normal')):
+            expected = solution.sample(t)[name]
+            np.testing.assert_allclose(row, expected, rtol=1e-9, atol=1e-9 * abs(expected).max())
+    for kind in ('report', 'plot', 'animate'):
+        done = command(kind, str(path), *_within(tmp_path, READERS[kind]))
+        assert done.returncode == 0, done.stderr
+
+
+def _within(folder, arguments):
+    return [str(folder / x) if x.startswith('x.') else x for x in arguments]
+
+
+# --- versions -----------------------------------------------------------------------------------
+
+
+def test_a_bag_of_a_later_version_names_what_reads_it(simulated, tmp_path, monkeypatch):
+    machine, solution = simulated
+    monkeypatch.setattr('mechanism_sim.recording.writer.VERSION', 7)
+    monkeypatch.setattr('mechanism_sim.recording.writer.installed_version', lambda: '4.2.0')
+    path = written(tmp_path / 'later.mcap', machine, [solution.motion])
+    done = command('report', str(path), '-o', str(tmp_path / 'x.html'))
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert 'is a bag of version 7' in done.stderr
+    assert 'mechanism_sim 4.2.0 reads it' in done.stderr
+    said = info(path)  # what is in it is listed all the same
+    assert (said.version, said.package, said.messages) == ('7', '4.2.0', 2)
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(path.read_bytes()[:-1])
+    assert info(cut).version == '7'
+
+
+def test_a_bag_that_does_not_say_its_version_is_read(simulated, tmp_path, monkeypatch):
+    machine, solution = simulated
+    monkeypatch.setattr('mechanism_sim.recording.writer.RECORDING', 'another')
+    path = written(tmp_path / 'first.mcap', machine, [solution.motion])
+    assert read_bag(path).version == '0'
+    assert read_record(path).digest() == read_record(path).digest()
+
+
+def test_a_type_that_was_another_names_what_reads_it(simulated, tmp_path, monkeypatch):
+    machine, solution = simulated
+    monkeypatch.setattr('mechanism_sim.recording.writer.installed_version', lambda: '0.0.9')
+    monkeypatch.setattr('mechanism_sim.recording.writer.type_hash', lambda _: 'RIHS01_' + '0' * 64)
+    path = written(tmp_path / 'older.mcap', machine, [solution.motion])
+    with pytest.raises(InputError, match=r'another type when this.*mechanism_sim 0\.0\.9 reads'):
+        list(read_bag(path).messages('/motion'))
+
+
+# --- every command that reads bags --------------------------------------------------------------
+
+
+@pytest.fixture(scope='module')
+def states(ended, simulated, tmp_path_factory):
+    """Bags by state."""
+    folder, (machine, solution) = tmp_path_factory.mktemp('states'), simulated
+    whole = ended[0].read_bytes()
+    found = {name: folder / f'{name}.mcap' for name in ('empty', 'early', 'late', 'one', 'failed')}
+    BagWriter(found['empty']).close()
+    found['early'].write_bytes(whole[: len(whole) // 10])
+    found['late'].write_bytes(whole[: 9 * len(whole) // 10])
+    with RunBag(found['one'], machine, 0.1) as bag:
+        bag.add(solution.motion.between(0.0, float(solution.motion.curve.start[1])), [], [])
+    sets = [x for key, value in SOFT.items() for x in ('--set', f'{key}={value}')]
+    run = 'run', 'slider_crank', *sets, '--duration', '1', '--record', str(found['failed'])
+    done = command(*run)
+    assert (done.returncode, done.stderr.count('energy books do not close')) == (1, 1)
+    return found
+
+
+NOTHING = 'holds no message'
+EXPECTED = {
+    'empty': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
+    'early': dict.fromkeys(READERS, NOTHING) | {'info': '', 'analyze': ''},
+    'late': dict.fromkeys(READERS, '')
+    | {'experiment': 'no sensor reads accelerations across the coupler'},
+    'one': dict.fromkeys(READERS, '')
+    | {'sound': 'nothing to hear', 'experiment': 'whole turns of crank'},
+    'failed': dict.fromkeys(READERS, '')
+    | {'sound': 'nothing to hear', 'experiment': 'the experiment is that of a four_bar'},
+}
+
+
+@pytest.mark.parametrize('reader', READERS)
+@pytest.mark.parametrize('state', EXPECTED)
+def test_every_command_reads_it_or_says_why_not(states, state, reader, tmp_path):
+    path, expected = states[state], EXPECTED[state][reader]
+    if reader == 'experiment':
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    source = str(tmp_path if reader == 'experiment' else path)
+    done = command(reader, source, *_within(tmp_path, READERS[reader]))
+    assert done.returncode == (2 if expected else 0), done.stderr
+    told = done.stderr.splitlines()
+    if expected:
+        assert expected in told[-1]
+        assert path.name in told[-1] or reader == 'sound'
+    elif state == 'late' and reader not in {'info', 'analyze'}:
+        assert 'was cut short' in told[0]
+
+
+def test_what_was_said_before_a_failure_is_in_the_bag(states):
+    """The scene, and the motion up to the batch that could not be trusted."""
+    record = read_record(states['failed'])
+    assert record.machine.name == 'slider_crank'
+    assert record.end > 0.0
+    assert len(foreign(states['failed'], '/scene')) == 1
+
+
+def test_a_signal_that_is_too_short_is_named(states):
+    for state, words in (('empty', NOTHING), ('late', 'samples of rocker_accelerometer are too')):
+        done = command('identify', str(states[state]), '--rounds', '16', '--workers', '1')
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert f'{states[state]}' in done.stderr
+        assert words in done.stderr
