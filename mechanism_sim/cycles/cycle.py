@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_swings
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
@@ -29,6 +30,7 @@ from mechanism_sim.scene import Level, Machine, simulate, span
 Array = NDArray[np.float64]
 
 _OF_MOTION = ('energy.kinetic', 'energy.drive_work', 'energy.dissipated')
+_WITHOUT = ('closed.', 'mode.')
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
 
@@ -138,12 +140,17 @@ class Cycle:
         return plotting.plot(self, *names, **how)
 
     def extremes(self) -> dict[str, Extremes]:
-        """Least and greatest value of each column, and when, finer than the samples."""
+        """Least and greatest value of each column, and when: of the motion, not of its samples."""
         return self._extremes
 
     @cached_property
     def _extremes(self) -> dict[str, Extremes]:
-        return find_extremes(self.at, self.table(), f'position.{self.drive}')
+        names = [n for n in self.table() if n != 't' and not n.endswith('.direction')]
+        names = [n for n in names if not n.startswith(_WITHOUT)]
+        groups = [(n.partition('.')[0], unit_of(self.machine, n)) for n in names]
+        spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
+        size = self.machine.mechanism.size
+        return find_extremes(self.at, names, groups, spans, f'position.{self.drive}', size)
 
     def swings(self) -> dict[str, Swing]:
         """How far each coordinate goes, and how long there and back, by coordinate."""

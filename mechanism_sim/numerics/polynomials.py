@@ -78,6 +78,16 @@ class PiecewisePolynomial:
             )
         return np.clip(np.searchsorted(self.start, t, side='right') - 1, 0, len(self) - 1)
 
+    def spans(self, start: float, end: float) -> tuple[Array, Array]:
+        """First and last times (k,) [s] from `start` to `end` that are held by each segment.
+
+        Segments shorter than rounding are left out.
+        """
+        last = np.append(np.nextafter(self.start[1:], -np.inf), self.end)
+        first, last = np.maximum(self.start, start), np.minimum(last, end)
+        known = first < last
+        return first[known], last[known]
+
     def find(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         """Segments that hold times `t` (N,) [s], as `locate`, and times since their starts [s]."""
         k = self.locate(t)

@@ -1,0 +1,73 @@
+"""The largest force in each joint and the largest torque of each drive, between impacts."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.system import Array
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.extremes import ExtremeSearch
+
+
+class Peak(NamedTuple):
+    """The largest magnitude of something."""
+
+    value: float  #: [N] of a force; [N m] or [N] of a drive, with its sign
+    time: float  #: [s]
+
+
+class LoadPeaks:
+    """Collects the peaks of a motion that comes in batches; impulses of impacts are no forces.
+
+    Parameters
+    ----------
+    physics : of the machine; without forces there are no peaks
+    since : [s] what is earlier does not count
+    """
+
+    def __init__(self, physics: Physics, since: float = -math.inf) -> None:
+        self._physics, self._since = physics, since
+        self._joints = len(physics.joints) if physics.has_forces else 0
+        groups = ['force'] * self._joints + list(physics.driven) * physics.has_forces
+        positive = [i < self._joints for i in range(len(groups))]
+        self._search = ExtremeSearch(groups, positive=positive)
+
+    def add(self, motion: Motion) -> None:
+        """Enter the segments that follow."""
+        if self._joints and len(motion):
+            self._search.add(
+                lambda t: self._values(motion, t), *motion.curve.spans(self._since, math.inf)
+            )
+
+    def _values(self, motion: Motion, t: Array) -> Array:
+        """Forces of all joints and torques of all drives at times (K, n), rows within segments."""
+        curve = motion.curve
+        k = curve.locate(t[:, t.shape[1] // 2])
+        dt = (t - curve.start[k, None]) - curve.start_low[k, None]
+        seen = self._physics.observe(motion, k, dt)
+        forces = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
+        return np.concatenate([forces, seen.drive_torque])
+
+    @property
+    def forces(self) -> dict[str, Peak]:
+        """By joint; empty without motion or forces."""
+        found = self._peaks()[: self._joints]
+        return dict(zip(self._physics.joints, found, strict=False))
+
+    @property
+    def torques(self) -> dict[str, Peak]:
+        """By driven coordinate; empty without motion or forces."""
+        return dict(zip(self._physics.driven, self._peaks()[self._joints :], strict=False))
+
+    def _peaks(self) -> list[Peak]:
+        s = self._search
+        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
+        found = [
+            Peak(float(low), float(at_low)) if -low > high else Peak(float(high), float(at_high))
+            for low, at_low, high, at_high in ends
+        ]
+        return found if not any(math.isnan(peak.time) for peak in found) else []
