@@ -45,10 +45,7 @@ class LoadPeaks:
 
     def _values(self, motion: Motion, t: Array) -> Array:
         """Forces of all joints and torques of all drives at times (K, n), rows within segments."""
-        curve = motion.curve
-        k = curve.locate(t[:, t.shape[1] // 2])
-        dt = (t - curve.start[k, None]) - curve.start_low[k, None]
-        seen = self._physics.observe(motion, k, dt)
+        seen = self._physics.observe(motion, *motion.curve.within(t))
         forces = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
         return np.concatenate([forces, seen.drive_torque])
 

@@ -33,7 +33,7 @@ _BETWEEN = 1.0 / np.cos(np.pi / 16.0) - 1.0
 """What a polynomial may rise between the places of the grid, of its range (Ehlich and Zeller)."""
 _RESOLVED = 1e-8  # of the range in an interval: then its extreme is off by the square of that
 _INSET = 64  # units in the last place: so far inside of an end, where another row may hold at it
-_BLOCK = 256  # intervals at once
+_BLOCK, _GLANCE = 256, 1024  # intervals at once, to look through and to choose from
 _MOST, _ROUNDS = 16, 2000  # intervals that are halved at once, and how many times at most
 _LESS, _STALLED = 0.3, 3
 """An error of which so much is left in both halves, so many times in turn, is rounding."""
@@ -173,20 +173,24 @@ class ExtremeSearch:
         ----------
         functions : values (C, K n) at times (K, n), of which each row lies in one interval
         """
-        for i in range(0, len(start), _BLOCK):
-            a, b = start[i : i + _BLOCK], end[i : i + _BLOCK]
-            if i or not np.isnan(self._time).any():
+        done = 0
+        while done < len(start):
+            first = bool(np.isnan(self._time).all())
+            block = slice(done, done + (_BLOCK if first else _GLANCE))
+            a, b = start[block], end[block]
+            done += len(a)
+            if not first:
                 left = self._worth_a_look(functions, a, b)
                 a, b = a[left], b[left]
-            if len(a):
-                self._look_through(functions, a, b)
+            for i in range(0, len(a), _BLOCK):
+                self._look_through(functions, a[i : i + _BLOCK], b[i : i + _BLOCK])
 
     def _worth_a_look(self, functions: Functions, a: Array, b: Array) -> NDArray[np.bool_]:
         """Which intervals may exceed what was found, by a few nodes in each."""
         values = functions(a[:, None] + (b - a)[:, None] * _FEW)
         c = chebyshev_coefficients(values.reshape(-1, len(a), len(_FEW)))
         above = 4.0 * np.abs(c[:, :, -2:]).max(axis=2) + 0.25 * np.abs(c[:, :, -3])
-        bound = _bounds(c @ _GRID[: len(_FEW)], above, self._highest)
+        bound = _bounds(c @ _GRID[: len(_FEW), ::3], above, self._highest)
         return np.asarray((~(bound <= self._limit[:, None])).any(axis=0))
 
     def _look_through(self, functions: Functions, a: Array, b: Array) -> None:

@@ -93,6 +93,11 @@ class PiecewisePolynomial:
         k = self.locate(t)
         return k, (t - self.start[k]) - self.start_low[k]
 
+    def within(self, t: Array) -> tuple[NDArray[np.intp], Array]:
+        """Segments (K,) that hold rows of times (K, n) [s], and the times since their starts."""
+        k = self.locate(t[:, t.shape[1] // 2])
+        return k, (t - self.start[k, None]) - self.start_low[k, None]
+
     def at(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
         """Value of a derivative at times `dt` after the start of given segments.
 
