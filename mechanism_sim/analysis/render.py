@@ -130,9 +130,9 @@ def _energy(e: EnergySummary) -> str:
         [
             f'energy [J]: {e.initial:.6g} + drive {e.drive_work:.6g} '
             f'- dissipated {e.dissipated:.6g} = {e.final:.6g}',
-            f'  residual {e.residual_at_end:.3g} at the end; of {e.samples} published instants at '
-            f'most {e.largest_residual:.3g} ({share:.1g} of the largest term) at '
-            f'{e.largest_residual_time:.9g} s',
+            f'  residual {e.residual_at_end:.3g} at the end; among {e.samples} published instants '
+            f'at most {e.largest_residual:.3g}',
+            f'  ({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s',
         ]
     )
 

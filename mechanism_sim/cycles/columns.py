@@ -38,11 +38,14 @@ def unit_of(run: Machine | Piece, column: str) -> str:
     return _UNITS.get(kind, ('N', 'N'))[0 if turning else 1]
 
 
-def columns_of(piece: Piece, t: Array, with_work: bool) -> dict[str, Array]:
-    """The columns of `Piece.sample`; without the work so far, which costs eight times the rest."""
-    if with_work:
-        return table(piece.physics, piece.samples(t))
+def observed(piece: Piece, t: Array) -> Samples:
+    """What `Piece.samples` gives, without the work so far, which costs eight times the rest."""
     k, dt = piece.motion.curve.find(t)
     seen = piece.physics.observe(piece.motion, k, dt)
     unknown = np.full(len(t), np.nan)
-    return table(piece.physics, Samples(t, piece.motion.modes[k].T, seen, unknown, unknown))
+    return Samples(t, piece.motion.modes[k].T, seen, unknown, unknown)
+
+
+def columns_of(piece: Piece, t: Array, with_work: bool) -> dict[str, Array]:
+    """The columns of `Piece.sample`; without the work so far they are not a number."""
+    return table(piece.physics, piece.samples(t) if with_work else observed(piece, t))

@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.cycles.columns import observed, unit_of
 from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_swings
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
@@ -29,7 +29,8 @@ from mechanism_sim.scene import Level, Machine, simulate, span
 
 Array = NDArray[np.float64]
 
-_OF_MOTION = ('energy.kinetic', 'energy.drive_work', 'energy.dissipated')
+_WORK = ('energy.drive_work', 'energy.dissipated')
+_OF_MOTION = ('energy.kinetic', *_WORK)
 _WITHOUT = ('closed.', 'mode.')
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
@@ -100,9 +101,15 @@ class Cycle:
     def _forces(self) -> Forces:
         return Forces(self.machine, self.local)
 
-    def at(self, t: Array) -> dict[str, Array]:
-        """The columns at any instants (K,) of the cycle."""
-        samples = self.solution.samples(t)
+    def at(self, t: Array, with_work: bool = True) -> dict[str, Array]:
+        """The columns at any instants (K,) of the cycle.
+
+        Parameters
+        ----------
+        with_work : whether the work so far is wanted, which costs eight times the rest; it is not
+            a number where not
+        """
+        samples = observed(self.solution, t) if not with_work else self.solution.samples(t)
         if self.static:
             samples = samples._replace(observed=self._at_rest(samples.observed, samples.t))
         o = samples.observed
@@ -147,10 +154,15 @@ class Cycle:
     def _extremes(self) -> dict[str, Extremes]:
         names = [n for n in self.table() if n != 't' and not n.endswith('.direction')]
         names = [n for n in names if not n.startswith(_WITHOUT)]
-        groups = [(n.partition('.')[0], unit_of(self.machine, n)) for n in names]
         spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
-        size = self.machine.mechanism.size
-        return find_extremes(self.at, names, groups, spans, f'position.{self.drive}', size)
+        size, drive = self.machine.mechanism.size, f'position.{self.drive}'
+        found: dict[str, Extremes] = {}
+        for with_work in (False, True):
+            own = [n for n in names if (n in _WORK) == with_work]
+            groups = [(n.partition('.')[0], unit_of(self.machine, n)) for n in own]
+            at = partial(self.at, with_work=with_work)
+            found |= find_extremes(at, own, groups, spans, drive, size)
+        return {name: found[name] for name in names}
 
     def swings(self) -> dict[str, Swing]:
         """How far each coordinate goes, and how long there and back, by coordinate."""

@@ -89,6 +89,8 @@ def find_extremes(
     drive : the column that says where the drive is
     size : of the machine [m]; gaps are differences of such lengths
     """
+    if not names:
+        return {}
 
     def values(t: Array) -> Array:
         columns, none = at(t.ravel()), np.zeros(t.size)
