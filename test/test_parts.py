@@ -397,7 +397,8 @@ def test_a_geneva_node_integrates_in_a_process_of_its_own(alone):
     assert part.share['engaged'] == pytest.approx(0.26)
     speeds = [m.driven_velocity for m in states_of(bag, '/geneva_state')]
     (speed,) = (r for r in part.ranges if r.quantity == 'driven_velocity')
-    assert speed.lowest <= min(speeds) and speed.highest == max(speeds) == 0.0
+    assert speed.lowest <= min(speeds)
+    assert speed.highest == max(speeds) == 0.0
 
 
 def assert_states_follow_from_motion(bag, scene, name, rate=100.0):

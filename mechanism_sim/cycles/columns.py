@@ -24,6 +24,18 @@ _UNITS = {
 }
 """Units of columns by the first part of their name: of what turns, and of what slides."""
 
+WORK = 'energy.drive_work', 'energy.dissipated'
+"""Columns of what was done so far, which cost eight times the rest."""
+
+
+def has_extremes(column: str) -> bool:
+    """Whether it makes sense to ask when a column is least and greatest."""
+    return (
+        column != 't'
+        and not column.startswith(('closed.', 'mode.'))
+        and (not column.endswith('.direction'))
+    )
+
 
 def unit_of(run: Machine | Piece, column: str) -> str:
     """The SI unit of a column of `Piece.sample` or `Cycle`; empty for a number."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.columns import observed, unit_of
+from mechanism_sim.cycles.columns import WORK, has_extremes, observed, unit_of
 from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_swings
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
@@ -29,9 +29,7 @@ from mechanism_sim.scene import Level, Machine, simulate, span
 
 Array = NDArray[np.float64]
 
-_WORK = ('energy.drive_work', 'energy.dissipated')
-_OF_MOTION = ('energy.kinetic', *_WORK)
-_WITHOUT = ('closed.', 'mode.')
+_OF_MOTION = ('energy.kinetic', *WORK)
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
 
@@ -152,16 +150,14 @@ class Cycle:
 
     @cached_property
     def _extremes(self) -> dict[str, Extremes]:
-        names = [n for n in self.table() if n != 't' and not n.endswith('.direction')]
-        names = [n for n in names if not n.startswith(_WITHOUT)]
+        names = [n for n in self.table() if has_extremes(n)]
         spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
         size, drive = self.machine.mechanism.size, f'position.{self.drive}'
         found: dict[str, Extremes] = {}
         for with_work in (False, True):
-            own = [n for n in names if (n in _WORK) == with_work]
-            groups = [(n.partition('.')[0], unit_of(self.machine, n)) for n in own]
+            own = {n: unit_of(self.machine, n) for n in names if (n in WORK) == with_work}
             at = partial(self.at, with_work=with_work)
-            found |= find_extremes(at, own, groups, spans, drive, size)
+            found |= find_extremes(at, own, spans, drive, size) if own else {}
         return {name: found[name] for name in names}
 
     def swings(self) -> dict[str, Swing]:

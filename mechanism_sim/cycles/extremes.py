@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,49 +70,59 @@ class Swing:
         return max(self.rising, self.falling) / min(self.rising, self.falling)
 
 
-def find_extremes(
+def search(
     at: Sampler,
-    names: Sequence[str],
-    groups: Sequence[Hashable],
+    units: Mapping[str, str],
     spans: tuple[Array, Array],
-    drive: str,
-    size: float,
-) -> dict[str, Extremes]:
-    """Least and greatest values of columns, to rounding; limits at events count, from both sides.
+    size: float = 1.0,
+) -> ExtremeSearch:
+    """The search for the extremes of columns, done; limits at events count, from both sides.
 
     Parameters
     ----------
     at : the columns (K,) at any instants (K,) [s]
-    names : those of them that are wanted
-    groups : the first part of each name and its unit, to measure rounding by what is alike
+    units : of those columns that are wanted; rounding is measured by the largest of a unit among
+        those whose names begin alike
     spans : first and last times (m,) [s] of intervals between events
-    drive : the column that says where the drive is
     size : of the machine [m]; gaps are differences of such lengths
     """
-    if not names:
-        return {}
 
     def values(t: Array) -> Array:
         columns, none = at(t.ravel()), np.zeros(t.size)
-        return np.array([columns.get(name, none) for name in names])  # one that is zero may lack
+        return np.array([columns.get(name, none) for name in units])  # one that is zero may lack
 
-    sizes = [name.endswith('.size') for name in names]
-    search = ExtremeSearch(groups, {('gap', 'm'): size}, sizes)
-    search.add(values, *spans)
+    groups = [(name.partition('.')[0], unit) for name, unit in units.items()]
+    sizes = [name.endswith('.size') for name in units]
+    found = ExtremeSearch(groups, {('gap', 'm'): size}, sizes)
+    if units:
+        found.add(values, *spans)
+    return found
+
+
+def find_extremes(
+    at: Sampler, units: Mapping[str, str], spans: tuple[Array, Array], drive: str, size: float
+) -> dict[str, Extremes]:
+    """Least and greatest values of columns, and when; see `search`.
+
+    Parameters
+    ----------
+    drive : the column that says where the drive is
+    """
+    found = search(at, units, spans, size)
     least, greatest = (
         [
             Extreme(float(x), float(t), float(where))
-            for x, t, where in zip(found, times, at(times)[drive], strict=True)
+            for x, t, where in zip(values, times, at(times)[drive], strict=True)
         ]
-        for found, times in (
-            (search.least, search.least_time),
-            (search.greatest, search.greatest_time),
+        for values, times in (
+            (found.least, found.least_time),
+            (found.greatest, found.greatest_time),
         )
     )
-    rounding = (10.0 * search.rounding).tolist()
+    rounding = (10.0 * found.rounding).tolist()
     return {
         name: Extremes(*x)
-        for name, x in zip(names, zip(least, greatest, rounding, strict=True), strict=True)
+        for name, x in zip(units, zip(least, greatest, rounding, strict=True), strict=True)
     }
 
 

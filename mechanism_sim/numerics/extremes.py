@@ -286,7 +286,7 @@ def _bounds(dense: Array, above: Array, highest: Array) -> Array:
     """What heights (2 C, K) do not exceed, by interpolants (C, K, n) and their errors (C, K)."""
     high, low = dense.max(axis=2), dense.min(axis=2)
     above = above + _BETWEEN * (high - low)
-    return np.minimum(np.concatenate([high + above, above - low]), highest[:, None])
+    return np.asarray(np.minimum(np.concatenate([high + above, above - low]), highest[:, None]))
 
 
 def _error(c: Array, values: Array) -> Array:
