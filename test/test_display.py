@@ -136,10 +136,12 @@ def test_arrows_are_the_reactions_of_the_same_run(shown):
     """By their messages: length and direction, and that they start where the force acts."""
     machine, mechanism = shown.machine, shown.machine.mechanism
     solution = ms.simulate(machine, duration=shown.seen.found.duration)
-    columns = solution.sample(np.linspace(0.0, solution.duration, 181))
+    columns = solution.sample(np.linspace(0.0, solution.duration, 20_001))
     forces = [(columns[f'reaction.{j.name}.x'], columns[f'reaction.{j.name}.y'])
               for j in mechanism.joints]  # fmt: skip
-    scale = 0.5 * shown.seen.skeleton.size / np.hypot(*np.swapaxes(forces, 0, 1)).max()
+    largest = shown.seen.largest
+    assert largest == pytest.approx(np.hypot(*np.swapaxes(forces, 0, 1)).max(), rel=1e-3)
+    scale = 0.5 * shown.seen.skeleton.size / largest
     missing = 0
     for message, frames in zip(shown.topics['/joint_reactions'], shown.frames, strict=True):
         markers = shown.samples[round(seconds(message.header.stamp), 9)]

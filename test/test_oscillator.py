@@ -472,5 +472,5 @@ def test_as_a_node_the_frame_moves_as_in_the_library(tmp_path):
             assert getattr(message, name) == pytest.approx(value, rel=1e-12, abs=1e-15)
     (part,) = found.parts['oscillator_state']
     assert part.joint == 'housing'
-    assert 'oscillators: among 250 instants' in render(found)
+    assert 'oscillators, in SI units: ranges of 250 published instants' in render(found)
     assert {s.sensor for s in found.vibration} == {'bearing'}

@@ -120,6 +120,22 @@ def test_start_angles_say_how_long_a_seated_pin_follows():
     lost = next((m.t for m in other.modes if m.mode == 1), np.inf)
     assert found[3].followed == pytest.approx(lost / machine.period)
     assert found[3].impacts == len(other.impacts)
+    angle = other.sample(lost)['position.crank'][0]
+    assert found[3].lost_at == pytest.approx(angle % (2.0 * np.pi))
+
+
+def test_contact_is_lost_where_the_thesis_has_its_disturbance():
+    """[SB] 6: at 10 deg (e = 1) and 20 deg (e = 0.5) of the crank in the first turn.
+
+    From 21 of 24 starts contact is lost there in the first turn, from 0 and 345 deg it is kept; a
+    pin that flies at the loss lands some degrees later.
+    """
+    found = starts(loose(0.5, 'seated'), 24, 1.0)
+    lost = np.degrees([s.lost_at for s in found])
+    assert np.flatnonzero(np.isnan(lost)).tolist() == [0, 23]
+    there = (lost > 12.5) & (lost < 16.0)
+    assert there.sum() == 21
+    assert lost[6] == pytest.approx(77.7, abs=0.1)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from rosbags.interfaces import Nodetype
 
 from mechanism_sim.analysis.message_paths import MessagePath, parse
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Array, Series, chosen, instants, recorded
+from mechanism_sim.analysis.series import Array, Series, chosen, instants, recorded, with_extremes
 from mechanism_sim.cycles.columns import columns_of, unit_of
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.definitions import MessageError, field_descriptions
@@ -102,8 +102,8 @@ class Asked:
         """The columns of the motion, at times that draw it."""
         record = self.record
         turns = 0.0 if record.slides else record.rate * (end - start)
-        with_work = any(name.partition('.')[0] == 'energy' for name in names)
-        return columns_of(record.piece, instants(record.piece, start, end, turns), with_work)
+        t = instants(record.piece, start, end, turns)
+        return with_extremes(record.piece, partial(columns_of, record.piece), names, t)
 
     def _chosen(self, columns: Mapping[str, Array], name: str) -> list[Series]:
         """Those of a name.

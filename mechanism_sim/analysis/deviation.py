@@ -132,6 +132,18 @@ def _ideal_joint(joint: Any) -> Any:
     return joint.model_copy(update=update)
 
 
+def ideal_record(record: Record) -> Record:
+    """What the same machine with ideal joints does from the start to the end of a run.
+
+    Raises
+    ------
+    InputError, RunError
+        As `ideal_machine` does, or if that machine does not get through it.
+    """
+    ideal = ideal_machine(record.machine)
+    return Record(ideal, simulate(ideal, duration=record.end), {})
+
+
 def deviation(
     record: Record, quantity: str, samples: int | None = None, skip: int = 0
 ) -> Deviation:
@@ -151,10 +163,7 @@ def deviation(
     """
     n = samples or (None if quantity in record.sensors else _SAMPLES)
     own = over_turns(record, quantity, n, skip)
-    ideal = ideal_machine(record.machine)
-    beside = over_turns(
-        Record(ideal, simulate(ideal, duration=record.end), {}), quantity, own.values.shape[1]
-    )
+    beside = over_turns(ideal_record(record), quantity, own.values.shape[1])
     return Deviation(quantity, own, Turns(beside.values[own.first - beside.first[0]], own.first))
 
 

@@ -1,4 +1,8 @@
-"""Forces, torque and the balance of energy over a run."""
+"""Forces, torque and the balance of energy over a run.
+
+The largest force and torque are those of the recorded motion. Where that or the scene is not in a
+bag, they are those of the instants that were published.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.hybrid.peaks import LoadPeaks
+
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest magnitude of something, among the instants that were published."""
+    """The largest magnitude of something."""
 
     name: str
     value: float  #: [N] magnitude of a force; [N m] torque, with its sign
@@ -22,9 +28,9 @@ class Peak:
 
 @dataclass(frozen=True)
 class LoadSummary:
-    """The largest force in each joint and the largest torque of the drive."""
+    """The largest force in each joint and the largest torque of the drive, between impacts."""
 
-    samples: int
+    samples: int | None  #: instants that were published, if that is all there is; None: the motion
     joints: tuple[Peak, ...]
     drive_torque: Peak
 
@@ -81,6 +87,27 @@ class LoadCollector:
         )
         torque, time = self._torque
         return LoadSummary(self.samples, peaks, Peak('drive', torque, time, crank_angle(time)))
+
+
+def of_motion(
+    peaks: LoadPeaks, crank_angle: Callable[[float], float | None]
+) -> LoadSummary | None:
+    """The peaks of a motion; None if it has no forces.
+
+    Args:
+        peaks: Of all of its segments.
+        crank_angle: Angle [rad] of the crank at a time [s].
+
+    """
+    if not peaks.forces:
+        return None
+
+    def peak(name: str, value: float, time: float) -> Peak:
+        return Peak(name, value, time, crank_angle(time))
+
+    joints = tuple(peak(joint, *found) for joint, found in peaks.forces.items())
+    torque = next(iter(peaks.torques.values()), (0.0, joints[0].time))
+    return LoadSummary(None, joints, peak('drive', *torque))
 
 
 class EnergyCollector:

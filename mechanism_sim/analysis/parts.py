@@ -1,11 +1,28 @@
-"""What cams, gears, Geneva wheels and frames did: the range of what was published of them."""
+"""What cams, gears, Geneva wheels and frames did: in which state, and the range of quantities.
+
+Ranges are those of the recorded motion; of frames, and without motion or scene, those of the
+instants that were published.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.nodes.parts import Kind, kinds_of
+from mechanism_sim.numerics.extremes import ExtremeSearch
+from mechanism_sim.planar.mechanism import Joint
+from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.joint_view import JointView
+
+Array = NDArray[np.float64]
 
 
 class PartKind(NamedTuple):
@@ -59,9 +76,12 @@ PARTS = {
 }
 
 
+_DIFFERENCES = 'gap', 'transmission_error'  # of lengths as large as the machine
+
+
 @dataclass(frozen=True)
 class Range:
-    """The range of one quantity in SI units, among the instants that were published."""
+    """The range of one quantity in SI units."""
 
     quantity: str
     lowest: float
@@ -75,9 +95,10 @@ class PartSummary:
     """One part over a run; `share` of the instants by the name of its state sums to 1."""
 
     joint: str  #: or the name of an oscillator
-    samples: int
+    samples: int  #: instants that were published
     share: dict[str, float]
     ranges: tuple[Range, ...]  #: without those of which nothing is known
+    of_motion: bool  #: whether the ranges are those of the motion, not of the instants
 
 
 class PartCollector:
@@ -103,8 +124,13 @@ class PartCollector:
             high = (value, time) if value > old.highest else (old.highest, old.highest_time)
             self._ranges[joint, field] = Range(field, *low, *high)
 
-    def summary(self) -> tuple[PartSummary, ...]:
-        """The parts, in the order in which they were met."""
+    def summary(self, of_motion: Mapping[str, tuple[Range, ...]]) -> tuple[PartSummary, ...]:
+        """The parts, in the order in which they were met.
+
+        Parameters
+        ----------
+        of_motion : ranges by joint, where the motion is known
+        """
         return tuple(
             PartSummary(
                 joint,
@@ -112,7 +138,57 @@ class PartCollector:
                 {name: count / states.total() for name, count in states.items()}
                 if self._kind.state
                 else {},
-                tuple(r for (of, _), r in self._ranges.items() if of == joint),
+                of_motion.get(joint)
+                or tuple(r for (of, _), r in self._ranges.items() if of == joint),
+                joint in of_motion,
             )
             for joint, states in self._states.items()
         )
+
+
+class PartRanges:
+    """Collects the ranges of a motion that comes in batches: of cams, gears and Geneva wheels."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._parts: list[tuple[Kind, Joint]] = [
+            (kind, joint) for kind in kinds_of(machine).values() for joint in kind.joints(machine)
+        ]
+        self._columns = [
+            (kind.topic, joint.name, field)
+            for kind, joint in self._parts
+            for field in PARTS[kind.topic].fields
+        ]
+        size = machine.mechanism.size
+        self._search = ExtremeSearch(
+            self._columns, {c: size for c in self._columns if c[2] in _DIFFERENCES}
+        )
+
+    def add(self, motion: Motion) -> None:
+        """Enter the segments that follow."""
+        if self._columns and len(motion):
+            spans = motion.curve.spans(-math.inf, math.inf)
+            self._search.add(lambda t: self._values(motion, t), *spans)
+
+    def _values(self, motion: Motion, t: Array) -> Array:
+        """The columns at times (K, n), each row within a segment."""
+        machine = self._machine
+        k, dt = motion.curve.within(t)
+        seen, modes = machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
+        rows = []
+        for kind, joint in self._parts:
+            view = JointView(machine.mechanism, joint, machine.physics, seen, modes)
+            reading = kind.readers[type(joint)](joint, view)
+            rows += [getattr(reading, field) for field in PARTS[kind.topic].fields]
+        return np.array(rows, np.float64)
+
+    def found(self, topic: str) -> dict[str, tuple[Range, ...]]:
+        """The ranges by joint of the parts with this topic, where there was motion."""
+        s = self._search
+        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
+        ranges: dict[str, tuple[Range, ...]] = {}
+        for (of, joint, field), numbers in zip(self._columns, ends, strict=True):
+            if of == topic and not math.isnan(numbers[1]):
+                known = ranges.get(joint, ())
+                ranges[joint] = (*known, Range(field, *map(float, numbers)))
+        return ranges

@@ -118,7 +118,10 @@ def _loads(loads: LoadSummary) -> str:
 
     rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
     head = ('joint', 'largest', 'at [s]', 'crank')
-    return '\n'.join([f'loads: among {loads.samples} instants', *table(head, rows)])
+    title = 'loads between impacts'
+    if loads.samples is not None:
+        title += f', of {loads.samples} published instants'
+    return '\n'.join([title, *table(head, rows)])
 
 
 def _energy(e: EnergySummary) -> str:
@@ -127,14 +130,17 @@ def _energy(e: EnergySummary) -> str:
         [
             f'energy [J]: {e.initial:.6g} + drive {e.drive_work:.6g} '
             f'- dissipated {e.dissipated:.6g} = {e.final:.6g}',
-            f'  residual {e.residual_at_end:.3g} at the end; at most {e.largest_residual:.3g} '
-            f'({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s',
+            f'  residual {e.residual_at_end:.3g} at the end; among {e.samples} published instants '
+            f'at most {e.largest_residual:.3g}',
+            f'  ({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s',
         ]
     )
 
 
 def _parts(title: str, parts: tuple[PartSummary, ...]) -> str:
-    lines = [f'{title}: among {sum(p.samples for p in parts)} instants, in SI units']
+    lines = [f'{title}, in SI units']
+    if not all(p.of_motion for p in parts):
+        lines[0] += f': ranges of {sum(p.samples for p in parts)} published instants'
     for p in parts:
         share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
         rows = ((r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges)

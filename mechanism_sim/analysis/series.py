@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath
-from mechanism_sim.cycles.columns import columns_of, unit_of
+from mechanism_sim.cycles.columns import WORK, columns_of, has_extremes, unit_of
+from mechanism_sim.cycles.extremes import search
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.messages import type_name
@@ -20,6 +22,7 @@ from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
 
 Array = NDArray[np.float64]
+Columns = Callable[[Array, bool], Mapping[str, Array]]
 
 _EVENTS = (
     'mechanism_sim/msg/Impact',
@@ -40,6 +43,7 @@ class Series:
     unit : SI; empty for a number, two with an ``or`` where nobody says which
     t, values : (N,) [s], and in the unit
     events : whether values hold at their instants only
+    ideal : whether it is of the same machine with ideal joints
     """
 
     name: str
@@ -47,13 +51,14 @@ class Series:
     t: Array
     values: Array
     events: bool = False
+    ideal: bool = False
 
     def within(self, start: float | None, end: float | None) -> Series:
         """The part from `start` to `end` [s]."""
         kept = np.ones(len(self.t), bool)
         kept &= True if start is None else self.t >= start
         kept &= True if end is None else self.t <= end
-        return Series(self.name, self.unit, self.t[kept], self.values[kept], self.events)
+        return replace(self, t=self.t[kept], values=self.values[kept])
 
 
 def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
@@ -176,8 +181,22 @@ def sampled(piece: Piece, names: Sequence[str], t: Array) -> list[Series]:
     InputError
         If there is no such quantity; names the nearest.
     """
-    with_work = any(name.partition('.')[0] == 'energy' for name in names)
-    return chosen(piece, columns_of(piece, t, with_work), names)
+    return chosen(piece, with_extremes(piece, partial(columns_of, piece), names, t), names)
+
+
+def with_extremes(piece: Piece, at: Columns, names: Sequence[str], t: Array) -> dict[str, Array]:
+    """Columns of a run at times (N,) [s], and where those of these names are extreme between them.
+
+    Parameters
+    ----------
+    at : all columns at times (K,) [s], with the work so far or without
+    """
+    found = at(t, False)
+    wanted = [c for name in names for c in found if c == name or c.startswith(f'{name}.')]
+    units = {c: unit_of(piece, c) for c in wanted if has_extremes(c) and c not in WORK}
+    best = search(lambda x: at(x, False), units, piece.motion.curve.spans(t[0], t[-1]))
+    t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
+    return dict(at(t[np.isfinite(t)], any(c in WORK for c in wanted)))
 
 
 def chosen(piece: Piece, columns: Mapping[str, Array], names: Sequence[str]) -> list[Series]:
@@ -218,7 +237,8 @@ def joined(series: Sequence[Series]) -> dict[str, Array]:
     place = {key: i for i, key in enumerate(rows)}
     columns = {'t': np.array([t for t, _ in rows])}
     for s, key in zip(series, keys, strict=True):
-        column = columns.setdefault(s.name, np.full(len(rows), np.nan))
+        name = f'ideal.{s.name}' if s.ideal else s.name
+        column = columns.setdefault(name, np.full(len(rows), np.nan))
         column[[place[k] for k in key]] = s.values
     return columns
 

@@ -18,15 +18,20 @@ from mechanism_sim.analysis.loads import (
     EnergySummary,
     LoadCollector,
     LoadSummary,
+    of_motion,
 )
 from mechanism_sim.analysis.modes import JointModes, ModeCollector
 from mechanism_sim.analysis.motion import MotionCollector
-from mechanism_sim.analysis.parts import PARTS, PartCollector, PartSummary
+from mechanism_sim.analysis.parts import PARTS, PartCollector, PartRanges, PartSummary
 from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.messages.segments import unpack
-from mechanism_sim.recording import Bag, displacements, read_bag, scene_name
+from mechanism_sim.hybrid.peaks import LoadPeaks
+from mechanism_sim.messages.events import described
+from mechanism_sim.messages.segments import motion_of, unpack
+from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
+from mechanism_sim.scene import Machine
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,14 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     if not isinstance(bag, Bag):
         bag = read_bag(bag)
     topics = find_topics(bag, namespace)
-    run = _Run(_driven_coordinate(bag, topics['drive']))
+    machine: Machine | None = None
+    unknown: tuple[str, ...] = ()
+    if topics['motion'] and (text := scene_text(bag, namespace)) is not None:
+        try:
+            machine = described(text, str(bag.path))
+        except InputError as error:
+            unknown = (str(error),)
+    run = _Run(_driven_coordinate(bag, topics['drive']), machine)
     handlers: dict[str, Callable[[Any], None]] = {
         'motion': run.add_motion,
         'impacts': run.add_impact,
@@ -110,20 +122,26 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         motion=moved,
         impacts=impacts,
         modes=run.modes.summary(start, end) if present['mode_changes'] else None,
-        loads=run.loads.summary(crank.angle),
+        loads=(run.peaks and of_motion(run.peaks, crank.angle)) or run.loads.summary(crank.angle),
         energy=run.energy.summary(),
-        parts={k: c.summary() for k, c in run.parts.items() if present[k]},
+        parts={
+            k: c.summary(run.ranges.found(k) if run.ranges else {})
+            for k, c in run.parts.items()
+            if present[k]
+        },
         vibration=run.vibration.summary(crank.turned) if present['accelerometer'] else None,
         ledger=run.ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
         digest=run.digest.hexdigest() if motion is not None else None,
-        absent=_absent(present, run, moved),
+        absent=(*_absent(present, run, moved), *unknown),
     )
 
 
 class _Run:
     """What is gathered during the pass."""
 
-    def __init__(self, driven: str | None) -> None:
+    def __init__(self, driven: str | None, machine: Machine | None) -> None:
+        self.peaks = LoadPeaks(machine.physics) if machine else None
+        self.ranges = PartRanges(machine) if machine else None
         self._driven = driven
         self.coordinates: tuple[str, ...] = ()
         self.track: MotionCollector | None = None
@@ -141,6 +159,9 @@ class _Run:
             names = [n for n in (self._driven, 'crank', *s.coordinates) if n in s.coordinates]
             self.track = MotionCollector(names[:1])
         self.track.add(s)
+        for collector in (self.peaks, self.ranges):
+            if collector:
+                collector.add(motion_of(message))
         self.digest.add_segments(
             s.start, s.start_low, s.duration, s.turns, s.coefficients, s.modes
         )

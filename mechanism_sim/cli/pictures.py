@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,6 +73,9 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--against', choices=('time', 'angle'), default='time', help='angle: of the main drive'
     )
+    sub.add_argument(
+        '--ideal', action='store_true', help='the same machine with ideal joints below it'
+    )
 
 
 def _animate(options: argparse.Namespace) -> int:
@@ -126,6 +130,12 @@ def _plot(options: argparse.Namespace) -> int:
             tell_if_cut(bag, options.scene)
         asked = Asked(bag, record, options.namespace)
         series = asked.series(options.what, start, end) if options.what else []
+        if series and options.ideal:
+            from mechanism_sim.analysis.deviation import ideal_record  # noqa: PLC0415
+
+            beside = Asked(None, ideal_record(asked.record), options.namespace)
+            below = beside.series(options.what, start, end)
+            series = [*(replace(s, ideal=True) for s in below), *series]
     if not options.what:
         return _list(options, asked)
     if numbers:
@@ -147,7 +157,10 @@ def _plot(options: argparse.Namespace) -> int:
     if options.json:
         print_json({
             'files': files,
-            'series': [{'name': s.name, 'unit': s.unit, 'samples': len(s.t)} for s in series],
+            'series': [
+                {'name': s.name, 'unit': s.unit, 'samples': len(s.t), 'ideal': s.ideal}
+                for s in series
+            ],
         })  # fmt: skip
     else:
         print('\n'.join(files))

@@ -24,6 +24,18 @@ _UNITS = {
 }
 """Units of columns by the first part of their name: of what turns, and of what slides."""
 
+WORK = 'energy.drive_work', 'energy.dissipated'
+"""Columns of what was done so far, which cost eight times the rest."""
+
+
+def has_extremes(column: str) -> bool:
+    """Whether it makes sense to ask when a column is least and greatest."""
+    return (
+        column != 't'
+        and not column.startswith(('closed.', 'mode.'))
+        and (not column.endswith('.direction'))
+    )
+
 
 def unit_of(run: Machine | Piece, column: str) -> str:
     """The SI unit of a column of `Piece.sample` or `Cycle`; empty for a number."""
@@ -38,11 +50,14 @@ def unit_of(run: Machine | Piece, column: str) -> str:
     return _UNITS.get(kind, ('N', 'N'))[0 if turning else 1]
 
 
-def columns_of(piece: Piece, t: Array, with_work: bool) -> dict[str, Array]:
-    """The columns of `Piece.sample`; without the work so far, which costs eight times the rest."""
-    if with_work:
-        return table(piece.physics, piece.samples(t))
+def observed(piece: Piece, t: Array) -> Samples:
+    """What `Piece.samples` gives, without the work so far, which costs eight times the rest."""
     k, dt = piece.motion.curve.find(t)
     seen = piece.physics.observe(piece.motion, k, dt)
     unknown = np.full(len(t), np.nan)
-    return table(piece.physics, Samples(t, piece.motion.modes[k].T, seen, unknown, unknown))
+    return Samples(t, piece.motion.modes[k].T, seen, unknown, unknown)
+
+
+def columns_of(piece: Piece, t: Array, with_work: bool) -> dict[str, Array]:
+    """The columns of `Piece.sample`; without the work so far they are not a number."""
+    return table(piece.physics, piece.samples(t) if with_work else observed(piece, t))

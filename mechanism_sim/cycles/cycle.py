@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.cycles.columns import WORK, has_extremes, observed, unit_of
 from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_swings
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
@@ -28,7 +29,7 @@ from mechanism_sim.scene import Level, Machine, simulate, span
 
 Array = NDArray[np.float64]
 
-_OF_MOTION = ('energy.kinetic', 'energy.drive_work', 'energy.dissipated')
+_OF_MOTION = ('energy.kinetic', *WORK)
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
 
@@ -104,13 +105,18 @@ class Cycle:
     def _forces(self) -> Forces:
         return Forces(self.machine, self.local)
 
-    def at(self, t: Array) -> dict[str, Array]:
+    def at(self, t: Array, with_work: bool = True) -> dict[str, Array]:
         """The columns at any instants (K,) of the cycle.
 
         Where forces in joints have no limit they are NaN. What the frame gets from all of them
         has one, which comes from instants beside.
+
+        Parameters
+        ----------
+        with_work : whether the work so far is wanted, which costs eight times the rest; it is not
+            a number where not
         """
-        columns = self._columns(t)
+        columns = self._columns(t, with_work)
         lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
         if lost.size:
             step = 0.003 * (self.machine.period if self.repeats else self.duration)
@@ -122,14 +128,14 @@ class Cycle:
             ):
                 beside[outside] = at[outside] + sign * step * np.arange(1.0, 9.0)
                 weights[outside] = _BEYOND
-            near = self._columns(beside.ravel())
+            near = self._columns(beside.ravel(), with_work)
             for name in columns:
                 if name.startswith('shaking_'):
                     columns[name][lost] = (near[name].reshape(-1, 8) * weights).sum(axis=1)
         return columns
 
-    def _columns(self, t: Array) -> dict[str, Array]:
-        samples = self.solution.samples(t)
+    def _columns(self, t: Array, with_work: bool) -> dict[str, Array]:
+        samples = observed(self.solution, t) if not with_work else self.solution.samples(t)
         if self.static:
             motion = self.solution.motion
             seen = self.machine.statics.observe(motion, *motion.curve.find(samples.t))
@@ -160,7 +166,7 @@ class Cycle:
         return plotting.plot(self, *names, **how)
 
     def extremes(self) -> dict[str, Extremes]:
-        """Least and greatest value of each column that has them, and when, finer than samples."""
+        """Least and greatest value of each column, and when: of the motion, not of its samples."""
         return self._extremes
 
     @cached_property
@@ -181,8 +187,15 @@ class Cycle:
 
     @cached_property
     def _extremes(self) -> dict[str, Extremes]:
-        known = {name: x for name, x in self.table().items() if name not in self.unbounded}
-        return find_extremes(self.at, known, f'position.{self.drive}')
+        names = [n for n in self.table() if has_extremes(n) and n not in self.unbounded]
+        spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
+        size, drive = self.machine.mechanism.size, f'position.{self.drive}'
+        found: dict[str, Extremes] = {}
+        for with_work in (False, True):
+            own = {n: unit_of(self.machine, n) for n in names if (n in WORK) == with_work}
+            at = partial(self.at, with_work=with_work)
+            found |= find_extremes(at, own, spans, drive, size) if own else {}
+        return {name: found[name] for name in names}
 
     def swings(self) -> dict[str, Swing]:
         """How far each coordinate goes, and how long there and back, by coordinate."""

@@ -14,6 +14,7 @@ from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of, zigzag
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
 from mechanism_sim.planar.inverse_dynamics import Observation
@@ -80,8 +81,10 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     observed = found.solution.samples(found.t).observed
     skeleton = skeleton_of(machine, observed.position)
     low, high = bounds(skeleton, skeleton.placed(observed.position))
-    forces = np.hypot(*observed.reaction.swapaxes(0, 1)) if machine.physics.has_forces else [0.0]
-    return Preview(machine, found, skeleton, low, high, float(np.nanmax(forces, initial=0.0)))
+    peaks = LoadPeaks(machine.physics, float(found.t[0]))
+    peaks.add(found.solution.motion)
+    bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
+    return Preview(machine, found, skeleton, low, high, max(bounded, default=0.0))
 
 
 @dataclass(frozen=True)

@@ -91,10 +91,25 @@ class PiecewisePolynomial:
         """
         return np.searchsorted(self.start, np.asarray(t, dtype=float) - self._slack)
 
+    def spans(self, start: float, end: float) -> tuple[Array, Array]:
+        """First and last times (k,) [s] from `start` to `end` that are held by each segment.
+
+        Segments shorter than rounding are left out.
+        """
+        last = np.append(np.nextafter(self.start[1:], -np.inf), self.end)
+        first, last = np.maximum(self.start, start), np.minimum(last, end)
+        known = first < last
+        return first[known], last[known]
+
     def find(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         """Segments that hold times `t` (N,) [s], as `locate`, and times since their starts [s]."""
         k = self.locate(t)
         return k, (t - self.start[k]) - self.start_low[k]
+
+    def within(self, t: Array) -> tuple[NDArray[np.intp], Array]:
+        """Segments (K,) that hold rows of times (K, n) [s], and the times since their starts."""
+        k = self.locate(t[:, t.shape[1] // 2])
+        return k, (t - self.start[k, None]) - self.start_low[k, None]
 
     def at(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
         """Value of a derivative at times `dt` after the start of given segments.

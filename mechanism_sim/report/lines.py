@@ -11,7 +11,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.series import Series, chosen, instants, sampled
+from mechanism_sim.analysis.series import Series, chosen, instants, sampled, with_extremes
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
@@ -31,6 +31,8 @@ _SHADES = {
     Mode.SLIDING_FORWARD: '0.72', Mode.SLIDING_BACKWARD: '0.88', Mode.UNKNOWN: '1.0',
     Mode.RECOVERING: '0.35',
 }  # fmt: skip
+
+_IDEAL = {'color': '0.80', 'lw': 3.2}
 
 
 class Abscissa(NamedTuple):
@@ -110,7 +112,10 @@ def _panel(axes: Any, unit: str, lines: Sequence[Series], over: Abscissa) -> Non
     """Lines of one unit."""
     shown, scale = for_people(unit)
     kinds = {_parts(s.name)[0] for s in lines}
-    for s, stroke in zip(lines, figures.strokes(len(lines)), strict=True):
+    names = list(dict.fromkeys(s.name for s in lines))
+    strokes = dict(zip(names, figures.strokes(len(names)), strict=True))
+    for s in lines:
+        stroke = strokes[s.name]
         x, y = over.at(s.t), scale * s.values
         label = (len(kinds) == 1 and _parts(s.name)[1]) or s.name
         if s.events:
@@ -119,6 +124,8 @@ def _panel(axes: Any, unit: str, lines: Sequence[Series], over: Abscissa) -> Non
         if over.wraps:  # no stroke back from one turn to the next
             ends = np.flatnonzero(np.abs(np.diff(x)) > 180.0) + 1
             x, y = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan)
+        if s.ideal:
+            label, stroke = f'{label}, ideal', {**stroke, **_IDEAL}
         axes.plot(x, y, label=label, **stroke)
     words = kinds.pop().replace('_', ' ') if len(kinds) == 1 else ''
     axes.set_ylabel(f'{words} [{shown.replace("^2", "²")}]'.strip() if unit else words)
@@ -198,7 +205,8 @@ def plot(
     t = instants(piece, float(begin), min(finish, last))
     wanted = names or _usual(piece)
     if isinstance(run, Cycle):
-        series, title = chosen(piece, run.at(t), wanted), run.machine.scene.title
+        columns = with_extremes(piece, run.at, wanted, t)
+        series, title = chosen(piece, columns, wanted), run.machine.scene.title
         against = against or ('angle' if run.repeats else 'time')
     else:
         series, title = sampled(piece, wanted, t), getattr(run, 'scene', '')

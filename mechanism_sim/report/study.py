@@ -145,21 +145,25 @@ def lift_offs_json(found: Sequence[LiftOff]) -> list[dict[str, object]]:
 
 def starts(found: Sequence[Start]) -> str:
     """Start angles for people, the best one named."""
-    lines = ['start angle   follows for   impacts']
+    lines = ['start angle   follows for     loses it at   impacts']
     for s in found:
         followed = f'{s.followed:.4f} rev' if math.isfinite(s.followed) else 'all of it'
-        lines.append(f'{math.degrees(s.angle):8.1f} deg  {followed:>12}  {s.impacts:8d}')
+        lost = f'{math.degrees(s.lost_at):.1f} deg' if math.isfinite(s.followed) else ''
+        lines.append(
+            f'{math.degrees(s.angle):8.1f} deg  {followed:>12}  {lost:>14}  {s.impacts:8d}'
+        )
     best = max(found, key=lambda s: s.followed)
     lines.append(f'contact lasts longest from {math.degrees(best.angle):.1f} deg')
     return '\n'.join(lines)
 
 
 def starts_json(found: Sequence[Start]) -> list[dict[str, object]]:
-    """The same as JSON; ``followed`` is null where contact was kept."""
+    """The same as JSON; ``followed`` and ``lost_at`` are null where contact was kept."""
     return [
         {
             'angle': s.angle,
             'followed': s.followed if math.isfinite(s.followed) else None,
+            'lost_at': s.lost_at if math.isfinite(s.followed) else None,
             'impacts': s.impacts,
         }
         for s in found

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.nominal import NominalPhysics
+from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.frames import Frames, Parameters
@@ -23,8 +24,6 @@ from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
 
-_GRID = 721  # instants of a turn at which the least force is looked for first
-_ROUNDS = 12  # of narrowing, each to a sixteenth
 _FACTOR = 1.15  # between the speeds that are tried
 _RANGE = 100.0  # times slower and faster than the scene's
 
@@ -109,10 +108,7 @@ class _Cycle:
 
     def at(self, times: Array) -> Observation:
         """The motion without forces, at times (N,) [s] of the scene's speed."""
-        starts = self._motion.curve.start
-        t = times % self.period
-        segments = np.maximum(np.searchsorted(starts, t, 'right') - 1, 0)
-        return self._physics.observe(self._motion, segments, t - starts[segments])
+        return self._physics.observe(self._motion, *self._motion.curve.find(times))
 
     def force(self, pair: CamPair, factor: float) -> Callable[[Array], Array]:
         """The contact force (N,) at times (N,), the drive being `factor` times as fast."""
@@ -134,15 +130,10 @@ class _Cycle:
 
     def least(self, pair: CamPair, factor: float) -> Least:
         """The least contact force of a turn."""
-        force = self.force(pair, factor)
-        t = np.linspace(0.0, self.period, _GRID)
-        for _ in range(_ROUNDS):
-            f = force(t)
-            i = int(np.argmin(f))
-            step = t[1] - t[0]
-            found = Least(float(f[i]), self.angle(float(t[i])))
-            t = np.linspace(t[i] - step, t[i] + step, 33)
-        return found
+        force, search = self.force(pair, factor), ExtremeSearch(['force'])
+        spans = self._motion.curve.spans(0.0, self.period)
+        search.add(lambda t: force(t.ravel())[None], *spans)
+        return Least(float(search.least[0]), self.angle(float(search.least_time[0])))
 
 
 def _lift_off(cycle: _Cycle, pair: CamPair) -> LiftOff:

@@ -20,11 +20,20 @@ class Start:
     angle : of the crank [rad]
     followed : revolutions until contact was first lost in any joint; infinite if it was kept
     impacts : in all revolutions
+    sense : 1 if the crank turns counterclockwise, -1 if clockwise
     """
 
     angle: float
     followed: float
     impacts: int
+    sense: int = 1
+
+    @property
+    def lost_at(self) -> float:
+        """Where the crank is when contact is first lost [rad], in [0, 2 pi); nan if it is kept."""
+        if math.isinf(self.followed):
+            return math.nan
+        return (self.angle + self.sense * 2.0 * math.pi * self.followed) % (2.0 * math.pi)
 
 
 def starts(
@@ -51,7 +60,8 @@ def starts(
         solution = simulate(type(machine)(machine.name, scene), revolutions=revolutions)
         lost = [m.t for m in solution.modes if m.mode == Mode.FREE_FLIGHT]
         followed = min(lost) / machine.period if lost else math.inf
-        found.append(Start(angle, followed, len(solution.impacts)))
+        sense = 1 if machine.start_of_crank[1] > 0.0 else -1
+        found.append(Start(angle, followed, len(solution.impacts), sense))
         if progress:
             progress(k + 1)
     return found

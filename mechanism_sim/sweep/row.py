@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.planar.inverse_dynamics import Account
 from mechanism_sim.scene.machine import Machine, Scene
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import BagError, RunBag
@@ -60,7 +58,7 @@ FIGURES = (
     ),
     Column('revolutions', '', 'of the crank that these figures are made of'),
     Column('largest_impulse', 'N s', 'of an impact'),
-    Column('largest_force', 'N', 'in any joint, between impacts, at 8 points of every step'),
+    Column('largest_force', 'N', 'in any joint, between impacts'),
     Column('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
     Column('energy_residual', 'J', 'what the energy books leave over, whole run'),
 )
@@ -90,36 +88,6 @@ class Finished(NamedTuple):
     cpu: float
 
 
-class Gauge:
-    """A machine's physics, which remembers the largest force in a joint that it was seen with.
-
-    Parameters
-    ----------
-    physics : of the machine
-    since : [s] steps that begin earlier do not count
-    """
-
-    def __init__(self, physics: Physics, since: float) -> None:
-        self.largest_force = 0.0
-        self.coordinates, self.joints = physics.coordinates, physics.joints
-        self.clearances, self.has_forces = physics.clearances, physics.has_forces
-        self.driven, self.displacements = physics.driven, physics.displacements
-        self.observe, self.open_gaps = physics.observe, physics.open_gaps
-        self.no_limits = physics.no_limits
-        self._physics, self._since = physics, since
-
-    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
-        """What the machine's physics says."""
-        if self.has_forces:
-            seen = self.observe(motion, segments, dt)
-            late = motion.curve.start[segments] >= self._since
-            force = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
-            force[np.isnan(force)] = np.inf  # it has no limit there
-            at = force.reshape(len(force), len(segments), -1)[:, late]
-            self.largest_force = max(self.largest_force, float(at.max(initial=0.0)))
-        return self._physics.account(motion, segments, dt)
-
-
 def compute(task: Task) -> Finished:
     """Make a run; one that fails makes a row that says why.
 
@@ -141,8 +109,8 @@ def compute(task: Task) -> Finished:
 def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     extent = task.extent
     edges, skip = extent.edges(machine)
-    gauge = Gauge(machine.physics, edges[skip])
-    audit, tally, digest = Audit(gauge), Tally(edges), MotionDigest()
+    physics, peaks = machine.physics, LoadPeaks(machine.physics, edges[skip])
+    audit, tally, digest = Audit(physics), Tally(edges), MotionDigest()
     crank = np.full(len(edges), math.nan)
     largest = 0.0
     run = machine.start()
@@ -162,8 +130,9 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
                 shard.add(motion)
             work = audit.add(motion, impacts)
             audit.judge(machine.allowed_penetration)
+            peaks.add(motion)
             tally.add(motion, impacts, changes, work.friction)
-            _follow(crank, edges, motion, gauge.coordinates.index(machine.main))
+            _follow(crank, edges, motion, physics.coordinates.index(machine.main))
             digest.add(motion, impacts)
             largest = max([largest, *(i.normal_impulse for i in impacts if i.t >= edges[skip])])
         for shard in cut:
@@ -175,13 +144,12 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     pairs = [*zip(kept, (turned, turned, turned, width, turned), strict=True), (kept[1], kept[0])]
     figures = [x for pair in pairs for x in ratio(*pair)]
     residual = audit.energy.residual if audit.energy else math.nan
-    figures += [turned.sum(), largest, gauge.largest_force, audit.max_penetration, residual]
+    force = max((peak.value for peak in peaks.forces.values()), default=math.nan)
+    figures += [turned.sum(), largest, force, audit.max_penetration, residual]
     row: dict[str, Value] = {
         column.name: float(x) if math.isfinite(x) else None
         for column, x in zip(FIGURES, figures, strict=True)
     }
-    if not gauge.has_forces:
-        row['largest_force'] = None
     return row | {'steps': run.steps, 'digest': digest.hexdigest(), 'status': DONE}
 
 

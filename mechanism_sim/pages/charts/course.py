@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.deviation import ideal_machine
+from mechanism_sim.analysis.deviation import ideal_record
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.pages.charts.thinning import MOST, Line, thinned
 from mechanism_sim.planar.mechanism import Prismatic
-from mechanism_sim.scene import simulate
 from mechanism_sim.sensing.joint_view import JointView
 from mechanism_sim.vibration.shaken_frame import FrameMotion
 
@@ -164,12 +163,11 @@ class Course:
         if not machine.dynamic:
             return None
         try:
-            ideal = ideal_machine(machine)
-            if ideal.dynamic:
-                return None
-            beside = Record(ideal, simulate(ideal, duration=self.record.end), {})
+            beside = ideal_record(self.record)
         except (InputError, RunError):
             return None  # then there is nothing to compare with
+        if beside.machine.dynamic:
+            return None
         end = min(detail.end, beside.end)
         t = np.linspace(detail.start, end, 9)
         own, told = (_driven(x, t) for x in (self.record, beside))

@@ -1,0 +1,76 @@
+"""The largest force in each joint and the largest torque of each drive, between impacts."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.system import Array
+from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.numerics.extremes import ExtremeSearch
+
+
+class Peak(NamedTuple):
+    """The largest magnitude of something."""
+
+    value: float  #: [N] of a force; [N m] or [N] of a drive, with its sign
+    time: float  #: [s]
+
+
+class LoadPeaks:
+    """Collects the peaks of a motion that comes in batches; impulses of impacts are no forces.
+
+    Parameters
+    ----------
+    physics : of the machine; without forces there are no peaks
+    since : [s] what is earlier does not count
+    """
+
+    def __init__(self, physics: Physics, since: float = -math.inf) -> None:
+        self._physics, self._since = physics, since
+        self._joints = len(physics.joints) if physics.has_forces else 0
+        groups = ['force'] * self._joints + list(physics.driven) * physics.has_forces
+        positive = [i < self._joints for i in range(len(groups))]
+        self._search = ExtremeSearch(groups, positive=positive)
+        self._unbounded: dict[str, float] = {}  # joints, and when their forces have no limit [s]
+
+    def add(self, motion: Motion) -> None:
+        """Enter the segments that follow."""
+        if self._joints and len(motion):
+            self._search.add(
+                lambda t: self._values(motion, t), *motion.curve.spans(self._since, math.inf)
+            )
+
+            for found in self._physics.no_limits(motion):
+                if found.t >= self._since:
+                    self._unbounded |= dict.fromkeys(found.joints, found.t)
+
+    def _values(self, motion: Motion, t: Array) -> Array:
+        """Forces of all joints and torques of all drives at times (K, n), rows within segments."""
+        seen = self._physics.observe(motion, *motion.curve.within(t))
+        forces = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
+        return np.concatenate([forces, seen.drive_torque])
+
+    @property
+    def forces(self) -> dict[str, Peak]:
+        """By joint, infinite where it has no limit; empty without motion or forces."""
+        found = self._peaks()[: self._joints]
+        unbounded = {joint: Peak(math.inf, t) for joint, t in self._unbounded.items()}
+        return dict(zip(self._physics.joints, found, strict=False)) | unbounded
+
+    @property
+    def torques(self) -> dict[str, Peak]:
+        """By driven coordinate; empty without motion or forces."""
+        return dict(zip(self._physics.driven, self._peaks()[self._joints :], strict=False))
+
+    def _peaks(self) -> list[Peak]:
+        s = self._search
+        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
+        found = [
+            Peak(float(low), float(at_low)) if -low > high else Peak(float(high), float(at_high))
+            for low, at_low, high, at_high in ends
+        ]
+        return found if not any(math.isnan(peak.time) for peak in found) else []

@@ -1,0 +1,323 @@
+"""Least and greatest values of functions of time that are smooth on known intervals.
+
+Each interval is interpolated at Chebyshev nodes (Trefethen, Approximation Theory and Approximation
+Practice, ch. 3 and 8). The trailing coefficients and the misfit at both ends bound what the
+interpolant may be off; an interval that cannot beat what was found elsewhere is dropped, one that
+could but is not resolved is halved, and of the others the functions themselves are evaluated where
+the interpolant is extreme. What is reported is therefore a value of the function, at its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.numerics.polynomials import chebyshev_coefficients, chebyshev_nodes
+
+Array = NDArray[np.float64]
+Functions = Callable[[Array], Array]
+
+ROUNDING = 1e-13
+"""Of the largest value of a group: what differs by less is the same."""
+
+_COUNT = 12  # nodes: enough for a step of a Taylor method, a third of the radius of convergence
+_NODES = chebyshev_nodes(_COUNT)
+_FEW = chebyshev_nodes(5)  # to tell which intervals are worth a look
+_PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
+_GRID = np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T.copy()
+_BETWEEN = 1.0 / np.cos(np.pi / 16.0) - 1.0
+"""What a polynomial may rise between the places of the grid, of its range (Ehlich and Zeller)."""
+_RESOLVED = 1e-8  # of the range in an interval: then its extreme is off by the square of that
+_INSET = 64  # units in the last place: so far inside of an end, where another row may hold at it
+_BLOCK, _GLANCE = 256, 1024  # intervals at once, to look through and to choose from
+_MOST, _ROUNDS = 16, 2000  # intervals that are halved at once, and how many times at most
+_LESS, _STALLED = 0.3, 3
+"""An error of which so much is left in both halves, so many times in turn, is rounding."""
+
+
+class _Pairs(NamedTuple):
+    """Intervals in each of which one function may exceed what was found so far."""
+
+    row: NDArray[np.intp]  #: of the heights: functions, and the same functions negated
+    interval: NDArray[np.intp]
+
+
+class _Intervals(NamedTuple):
+    """K intervals that are looked into, and what is known of those they are halves of."""
+
+    a: Array  #: (K,) [s]
+    b: Array  #: (K,) [s]
+    wanted: NDArray[np.bool_]  #: (2 C, K) which heights may be exceeded there
+    error: Array  #: (C, K) of the interpolants of what they are halves of
+    stalled: NDArray[np.int8]  #: (C, K) how many times in turn halving did not lessen it
+
+    def of(self, chosen: NDArray[np.intp]) -> _Intervals:
+        """Some of them."""
+        return _Intervals(
+            self.a[chosen],
+            self.b[chosen],
+            self.wanted[:, chosen],
+            self.error[:, chosen],
+            self.stalled[:, chosen],
+        )
+
+    def halves(self) -> _Intervals:
+        """All first halves, then all second ones."""
+        middle = 0.5 * (self.a + self.b)
+        return _Intervals(
+            np.append(self.a, middle),
+            np.append(middle, self.b),
+            np.tile(self.wanted, 2),
+            np.tile(self.error, 2),
+            np.tile(self.stalled, 2),
+        )
+
+    def joined(self, more: _Intervals) -> _Intervals:
+        """These and others."""
+        return _Intervals(
+            np.append(self.a, more.a),
+            np.append(self.b, more.b),
+            np.append(self.wanted, more.wanted, axis=1),
+            np.append(self.error, more.error, axis=1),
+            np.append(self.stalled, more.stalled, axis=1),
+        )
+
+
+class _Pending(NamedTuple):
+    """Intervals that are to be halved, and what heights (2 C, K) there cannot exceed."""
+
+    intervals: _Intervals
+    bound: Array
+
+    def of(self, chosen: NDArray[np.intp]) -> _Pending:
+        """Some of them."""
+        return _Pending(self.intervals.of(chosen), self.bound[:, chosen])
+
+    def joined(self, more: _Pending) -> _Pending:
+        """These and others."""
+        bound = np.append(self.bound, more.bound, axis=1)
+        return _Pending(self.intervals.joined(more.intervals), bound)
+
+
+class ExtremeSearch:
+    """Finds the least and the greatest value of C functions, over intervals that are added.
+
+    Parameters
+    ----------
+    groups : (C,) what each function belongs to; rounding is measured by the largest of a group
+    sizes : of groups, in whose values what is larger cancels out
+    positive : which functions are at least zero, such as sizes of forces
+
+    Attributes
+    ----------
+    least, greatest : (C,) values; not a number of what was never finite
+    least_time, greatest_time : (C,) [s]; the earliest of several that are equal but for rounding
+    """
+
+    def __init__(
+        self,
+        groups: Sequence[Hashable],
+        sizes: Mapping[Hashable, float] = MappingProxyType({}),
+        positive: Sequence[bool] | None = None,
+    ) -> None:
+        known = list(dict.fromkeys(groups))
+        self._group = np.array([known.index(g) for g in groups], np.intp)
+        self._largest = np.array([sizes.get(g, 0.0) for g in known])
+        count = len(groups)
+        at_least = np.zeros(count, bool) if positive is None else np.asarray(positive)
+        self._highest = np.append(np.full(count, np.inf), np.where(at_least, 0.0, np.inf))
+        self._top = np.full(2 * count, -np.inf)
+        self._time = np.full(2 * count, np.nan)
+
+    @property
+    def least(self) -> Array:
+        """Least values (C,)."""
+        return self._known(-self._top[len(self._group) :])
+
+    @property
+    def greatest(self) -> Array:
+        """Greatest values (C,)."""
+        return self._known(self._top[: len(self._group)])
+
+    @property
+    def least_time(self) -> Array:
+        """When the functions are least (C,) [s]."""
+        return self._time[len(self._group) :]
+
+    @property
+    def greatest_time(self) -> Array:
+        """When the functions are greatest (C,) [s]."""
+        return self._time[: len(self._group)]
+
+    @property
+    def rounding(self) -> Array:
+        """Size of errors (C,): what differs by less is the same."""
+        return ROUNDING * self._largest[self._group]
+
+    @property
+    def _limit(self) -> Array:
+        """What a height (2 C,) must exceed to matter."""
+        return np.asarray(self._top + np.tile(self.rounding, 2))
+
+    def _known(self, x: Array) -> Array:
+        return np.where(np.isnan(self._time[: len(x)]), np.nan, x + 0.0)
+
+    def add(self, functions: Functions, start: Array, end: Array) -> None:
+        """Look through intervals (m,) [s], ends included, on each of which all is smooth.
+
+        Parameters
+        ----------
+        functions : values (C, K n) at times (K, n), of which each row lies in one interval
+        """
+        done = 0
+        while done < len(start):
+            first = bool(np.isnan(self._time).all())
+            block = slice(done, done + (_BLOCK if first else _GLANCE))
+            a, b = start[block], end[block]
+            done += len(a)
+            if not first:
+                left = self._worth_a_look(functions, a, b)
+                a, b = a[left], b[left]
+            for i in range(0, len(a), _BLOCK):
+                self._look_through(functions, a[i : i + _BLOCK], b[i : i + _BLOCK])
+
+    def _worth_a_look(self, functions: Functions, a: Array, b: Array) -> NDArray[np.bool_]:
+        """Which intervals may exceed what was found, by a few nodes in each."""
+        values = functions(a[:, None] + (b - a)[:, None] * _FEW)
+        c = chebyshev_coefficients(values.reshape(-1, len(a), len(_FEW)))
+        above = 4.0 * np.abs(c[:, :, -2:]).max(axis=2) + 0.25 * np.abs(c[:, :, -3])
+        bound = _bounds(c @ _GRID[: len(_FEW), ::3], above, self._highest)
+        return np.asarray((~(bound <= self._limit[:, None])).any(axis=0))
+
+    def _look_through(self, functions: Functions, a: Array, b: Array) -> None:
+        count = len(self._group)
+        wanted = np.ones((2 * count, len(a)), bool)
+        error, stalled = np.full((count, len(a)), np.inf), np.zeros((count, len(a)), np.int8)
+        pending = self._examine(functions, _Intervals(a, b, wanted, error, stalled))
+        for _ in range(_ROUNDS):
+            excess = (pending.bound - self._limit[:, None]).max(axis=0, initial=-np.inf)
+            order = np.argsort(-excess, kind='stable')[: int((excess > 0.0).sum())]
+            if not len(order):
+                return
+            halved = pending.intervals.of(order[:_MOST])
+            found = self._examine(functions, halved.halves())
+            pending = pending.of(order[_MOST:]).joined(found)
+
+    def _examine(self, functions: Functions, x: _Intervals) -> _Pending:
+        """Look into intervals; those remain that are to be halved."""
+        values = self._enter(functions, x.a, x.b)
+        c = chebyshev_coefficients(values[:, :, 2:-2])
+        error = _error(c, values)
+        # rounding is in both halves of an interval, a corner or a peak in one
+        smaller = np.minimum(error, np.roll(error, len(x.a) // 2, axis=1))
+        stalled = np.where(smaller > _LESS * x.error, x.stalled + 1, 0).astype(np.int8)
+        pairs, place, height = self._possible(c, error, x.wanted)
+        t = x.a[pairs.interval] + 0.5 * (place + 1.0) * (x.b - x.a)[pairs.interval]
+        self._enter_tops(functions, pairs, t, x.a, x.b)
+        spread = _RESOLVED * np.ptp(values, axis=2)
+        resolved = error <= np.maximum(spread, self.rounding[:, None])
+        short = x.b - x.a <= 4 * _INSET * np.spacing(np.abs(x.b))
+        done = np.tile(resolved | (stalled >= _STALLED) | short, (2, 1))
+        bound = np.full(x.wanted.shape, -np.inf)
+        bound[pairs] = np.minimum(
+            height + 2.0 * error[pairs.row % len(error), pairs.interval], self._highest[pairs.row]
+        )
+        bound[done] = -np.inf
+        left = _Intervals(x.a, x.b, bound > -np.inf, error, stalled)
+        return _Pending(left, bound).of(np.flatnonzero(left.wanted.any(axis=0)))
+
+    def _enter(self, functions: Functions, a: Array, b: Array) -> Array:
+        """The functions at both ends, close to these, and at the nodes between: (C, K, n + 4)."""
+        inset = np.minimum(_INSET * np.spacing(np.abs(b)), 0.25 * (b - a))
+        t = np.column_stack([a, a + inset, a[:, None] + (b - a)[:, None] * _NODES, b - inset, b])
+        values = functions(t).reshape(-1, *t.shape)
+        flat = np.where(np.isfinite(values), values, np.nan).reshape(len(values), -1)
+        sizes = np.fmax.reduce(np.abs(flat), axis=1, initial=0.0)
+        np.maximum.at(self._largest, self._group, sizes)
+        for first, sign in ((0, 1.0), (len(flat), -1.0)):
+            heights = np.where(np.isnan(flat), -np.inf, sign * flat)
+            k = heights.argmax(axis=1)
+            found = heights[np.arange(len(flat)), k]
+            rows = first + np.flatnonzero(
+                found > self._top[first : first + len(flat)] + (self.rounding)
+            )
+            self._top[rows], self._time[rows] = found[rows - first], t.ravel()[k[rows - first]]
+        return values
+
+    def _possible(
+        self, c: Array, error: Array, wanted: NDArray[np.bool_]
+    ) -> tuple[_Pairs, Array, Array]:
+        """Where something higher may be: places in [-1, 1], heights by the interpolants."""
+        bound = _bounds(c @ _GRID, 2.0 * error, self._highest)
+        limit, count = self._limit, len(self._group)
+        row, interval = np.nonzero(wanted & ~(bound <= limit[:, None]))
+        signed = np.where(row < count, 1.0, -1.0)[:, None] * c[row % count, interval]
+        place = _summit(signed)
+        height = (signed * _chebyshev(place)).sum(axis=1)
+        near = ~(height + 2.0 * error[row % count, interval] <= limit[row])
+        return _Pairs(row[near], interval[near]), place[near], height[near]
+
+    def _enter_tops(
+        self, functions: Functions, pairs: _Pairs, t: Array, a: Array, b: Array
+    ) -> None:
+        """The functions where interpolants are highest.
+
+        There they differ by rounding from what is close by, and the place is surer than that of
+        the highest of them.
+        """
+        if not len(t):
+            return
+        count = len(self._group)
+        values = functions(t[:, None])[pairs.row % count, np.arange(len(t))]
+        heights = np.where(pairs.row < count, values, -values)
+        for i in np.argsort(t, kind='stable').tolist():
+            row, k, height = pairs.row[i], pairs.interval[i], heights[i]
+            blur = self.rounding[row % count]
+            here = a[k] <= self._time[row] <= b[k]
+            if height > self._top[row] + blur or (here and height >= self._top[row] - blur):
+                self._top[row], self._time[row] = height, t[i]
+
+
+def _bounds(dense: Array, above: Array, highest: Array) -> Array:
+    """What heights (2 C, K) do not exceed, by interpolants (C, K, n) and their errors (C, K)."""
+    high, low = dense.max(axis=2), dense.min(axis=2)
+    above = above + _BETWEEN * (high - low)
+    return np.asarray(np.minimum(np.concatenate([high + above, above - low]), highest[:, None]))
+
+
+def _error(c: Array, values: Array) -> Array:
+    """What interpolants (C, K, n) may be off: by their last terms, and their misfit at the ends.
+
+    Where there is a corner, terms fall as ``1 / n^2``: those left out add up to n times one of the
+    last. At an end another value may hold than beside it; the one that fits better counts.
+    """
+    tail = np.abs(c[:, :, -3:]).max(axis=2)
+    ends = c @ _GRID[:, [0, -1]]
+    off = np.abs(np.stack([ends - values[:, :, [0, -1]], ends - values[:, :, [1, -2]]]))
+    return np.asarray(4 * _COUNT * tail + off.min(axis=0).max(axis=2))
+
+
+def _summit(c: Array) -> Array:
+    """Where polynomials (P, n) are highest in [-1, 1]: (P,), by Newton's method from a grid."""
+    dense = c @ _GRID
+    k = dense.argmax(axis=1)
+    low, high = _PLACES[np.maximum(k - 1, 0)], _PLACES[np.minimum(k + 1, len(_PLACES) - 1)]
+    x = _PLACES[k]
+    slope = np.polynomial.chebyshev.chebder(c, axis=1)
+    bend = np.polynomial.chebyshev.chebder(slope, axis=1)
+    for _ in range(6):
+        at = _chebyshev(x)
+        rate, second = ((s * at[:, : s.shape[1]]).sum(axis=1) for s in (slope, bend))
+        step = np.divide(rate, second, out=np.zeros_like(rate), where=second < 0.0)
+        x = np.clip(x - step, low, high)
+    best = _PLACES[k]
+    better = (c * _chebyshev(x)).sum(axis=1) >= dense[np.arange(len(k)), k]
+    return np.asarray(np.where(better, x, best))
+
+
+def _chebyshev(x: Array) -> Array:
+    return np.asarray(np.polynomial.chebyshev.chebvander(x, _COUNT - 1))
