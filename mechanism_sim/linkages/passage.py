@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.planar.branch import SAMPLES, Branch, limits, roots
+from mechanism_sim.planar.branch import SAMPLES, SINGULAR, Branch, crossing, limits
 from mechanism_sim.planar.inverse_dynamics import Observation, power
 from mechanism_sim.planar.kinematics import Kinematics
 
@@ -41,6 +41,11 @@ class Passage:
         )  # fmt: skip
 
     @property
+    def independence(self) -> Array:
+        """Of the constraints at the instants (K,)."""
+        return self.kinematics.independence(self.branch.middle)
+
+    @property
     def duration(self) -> Array:
         """Time (K,) [s] to either side in which the branch is known."""
         return self.branch.width / np.maximum(np.abs(self.pace), 1e-300)
@@ -48,9 +53,7 @@ class Passage:
     @property
     def root(self) -> Array:
         """By how much the parameter differs (K,) from that of the singular position."""
-        q, _, _ = self.branch.at(self.branch.width[:, None] * SAMPLES)
-        determinant = self.kinematics.determinant(q.reshape(len(q), -1))
-        return self.branch.width * roots(determinant.reshape(-1, len(SAMPLES)))
+        return crossing(self.kinematics, self.branch)
 
     def states(self, times: Array, driven: Array) -> tuple[Array, Array, Array]:
         """Coordinates, rates and accelerations (n, K S) at S times beside each instant.
@@ -96,11 +99,14 @@ def with_limits(
         around = sampled(passage[left], left, share)
         shape = len(left), len(SAMPLES)
         independence = passage.kinematics.independence(around.position).reshape(shape)
-        determinant = passage.kinematics.determinant(around.position).reshape(shape)
+        determinant = np.linalg.det(passage.kinematics.directions(around.position)).reshape(shape)
         found[:, left] = limits(_stacked(around).reshape(-1, *shape), determinant, independence)
         left = left[np.isinf(found[:, left]).any(axis=0)]
         share *= 0.5
-    found[np.isinf(found)] = np.nan
+    # where nothing smooth is found a solve must do, but not at the position itself
+    beside = passage.branch.found & (passage.independence > SINGULAR)
+    solved = np.where(beside, _stacked(seen)[:, passage.index], np.nan)
+    found = np.where(np.isinf(found), solved, found)
     joints, held = len(seen.reaction), passage.kinematics.held
     force, moment, torque = np.split(found, [2 * joints, 3 * joints])
     if len(held) == 1:  # closures do no work along the branch

@@ -103,7 +103,7 @@ class Branch:
 def follow(
     kinematics: Kinematics, q: Array, slope: Array, drive: Array, reach: Array | None = None
 ) -> Branch:
-    """The branches through positions in given directions.
+    """The branches through positions in given directions, where they pass a singular one.
 
     Parameters
     ----------
@@ -131,7 +131,26 @@ def follow(
         found.found[done], found.coefficients[done] = True, fitted[good]
         left = left[~good & (0.5 * width[left] * pace[left] >= least[left])]
         width[left] *= 0.5
+    sure = np.flatnonzero(found.found)
+    if sure.size:
+        found.found[sure] = np.isfinite(crossing(kinematics, found[sure]))
     return found
+
+
+def crossing(kinematics: Kinematics, branch: Branch) -> Array:
+    """By how much the parameter of the nearest singular position (N,) differs; infinite: none.
+
+    There the determinant of the constraints changes sign. Of redundant ones, what they say in the
+    sample where they are most independent counts.
+    """
+    q, _, _ = branch.at(branch.width[:, None] * SAMPLES)
+    A = kinematics.directions(q.reshape(len(q), -1))
+    A = A.reshape(-1, len(SAMPLES), *A.shape[1:])
+    if A.shape[2] > A.shape[3]:
+        best = np.linalg.svd(A, compute_uv=False).min(axis=2).argmax(axis=1)
+        left, _, _ = np.linalg.svd(A[np.arange(len(A)), best], full_matrices=False)
+        A = left.transpose(0, 2, 1)[:, None] @ A
+    return branch.width * roots(np.linalg.det(A))
 
 
 def _fitted(

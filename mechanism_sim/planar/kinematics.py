@@ -132,12 +132,8 @@ class Kinematics:
         The least singular value of their Jacobian with columns of length one: with two unknown
         angles, about the sine of half the angle between their links.
         """
-        A = self._directions(q)
+        A = self.directions(q)
         return np.asarray(np.linalg.svd(A, compute_uv=False).min(axis=1, initial=1.0))
-
-    def determinant(self, q: Array) -> Array:
-        """The determinant (N,) of the same matrix, where it is square: it changes sign."""
-        return np.asarray(np.linalg.det(self._directions(q)))
 
     def nearly_singular(self, q: Array, below: float) -> NDArray[np.bool_]:
         """Whether (N,) their `independence` is below a bound.
@@ -145,7 +141,7 @@ class Kinematics:
         The squares of all singular values add up to their number: if one of them is s, their
         product is at most s sqrt(e). That is quicker to know.
         """
-        A = self._directions(q)
+        A = self.directions(q)
         if A.shape[1] < A.shape[2]:
             return np.zeros(len(A), dtype=bool)
         product = np.sqrt(np.abs(np.linalg.det(A.transpose(0, 2, 1) @ A)))
@@ -154,7 +150,7 @@ class Kinematics:
             close[close] = self.independence(q[:, close]) < below
         return np.asarray(close)
 
-    def _directions(self, q: Array) -> Array:
+    def directions(self, q: Array) -> Array:
         """The Jacobian (N, r, u) of the sought coordinates, columns of length one.
 
         Those that vanish do not count as a hundredth of the mechanism's size.
