@@ -121,7 +121,8 @@ class System:
         # all that is looked at in a run must have its parameters before they are counted
         self._normals = [gap.normal(self.equations.frames) for gap in self.gaps]
         self._laws = {
-            c: [p.reserve(f'{c}.law.{k}') for k in range(degree + 1)] for c in self.prescribed
+            c: [p.reserve(f'drives:{c}.law.{k}') for k in range(degree + 1)]
+            for c in self.prescribed
         }
         d = self.dynamics
         self.guards = [Guard(i, 0) for i in range(len(gaps))]
@@ -132,10 +133,10 @@ class System:
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
         for name in self.outside:
-            p.reserve(f'{name}.now')
+            p.reserve(f'now:{name}')
         for name, s in frames.switches.items():
             for k in range(len(s.symbols)):
-                p.reserve(f'{name}.now.{k}')
+                p.reserve(f'now:{name}.{k}')
         p.reserve('fired')
         self.parameters = np.array(p.values)
         self.fired_index = len(self.parameters) - 1
@@ -143,16 +144,18 @@ class System:
         self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
         self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
         self.switch_index = [
-            [p.names[f'{name}.now.{k}'] for k in range(len(s.symbols))]
+            [p.names[f'now:{name}.{k}'] for k in range(len(s.symbols))]
             for name, s in frames.switches.items()
         ]
-        self.outside_index = [p.names[f'{name}.now'] for name in self.outside]
+        self.outside_index = [p.names[f'now:{name}'] for name in self.outside]
         self.stabilisation_index = p.names['stabilisation']
         self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
         self.law_index = [
-            [p.names[f'{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
+            [p.names[f'drives:{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
-        self.torque_index = [[p.names[f'{c}.torque.{k}'] for k in range(3)] for c in self.powered]
+        self.torque_index = [
+            [p.names[f'drives:{c}.torque.{k}'] for k in range(3)] for c in self.powered
+        ]
 
     @property
     def lone(self) -> bool:
@@ -262,7 +265,8 @@ class System:
 
     @property
     def _direction_symbols(self) -> list[tuple[hy.expression, hy.expression]]:
-        return [(hy.make_vars(f'{c}_cos'), hy.make_vars(f'{c}_sin')) for c in self.turning]
+        turning = range(len(self.turning))
+        return [(hy.make_vars(f'cos{i}'), hy.make_vars(f'sin{i}')) for i in turning]
 
     def _by_directions(self, expressions: Sequence[Term]) -> list[hy.expression]:
         """Cosines and sines of the angles in `turning` replaced by their symbols."""
@@ -294,7 +298,7 @@ class System:
         A call with parameters and time apart takes more than twice as long.
         """
         frames = self.equations.frames
-        replace = {hy.par[i]: hy.make_vars(f'parameter_{i}') for i in range(len(self.parameters))}
+        replace = {hy.par[i]: hy.make_vars(f'parameter{i}') for i in range(len(self.parameters))}
         replace[hy.time] = hy.make_vars('now')
         state = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
         expressions = self._driven([dense(o) for o in outputs])
@@ -448,9 +452,9 @@ class System:
         for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
-        for k, c in enumerate(self.powered):
+        for k in range(len(self.powered)):
             constant, *others = d.torques[3 * k : 3 * k + 3]
-            replace[constant] = hy.make_vars(f'{c}_torque')
+            replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
         groups = [self._terms[name] for name in names]
