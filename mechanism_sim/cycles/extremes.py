@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.cycles.columns import part_of
+
 Array = NDArray[np.float64]
 Sampler = Callable[[Array], Mapping[str, Array]]
 
@@ -87,7 +89,7 @@ def find_extremes(at: Sampler, table: Mapping[str, Array], drive: str) -> dict[s
     drive : the column that says where the drive is
     """
     t = table['t']
-    names = [n for n in table if n != 't' and not n.endswith('.direction')]
+    names = [n for n in table if n != 't' and part_of(n) != 'direction']
     names = [n for n in names if not n.startswith(_WITHOUT)]
     wanted = [(name, sign) for name in names for sign in (-1.0, 1.0)]
     best = np.array([int(np.argmax(sign * table[name])) for name, sign in wanted])

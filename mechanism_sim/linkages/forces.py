@@ -205,13 +205,12 @@ class AppliedForce(_Element):
             return frames.parameters(f'{self.key}.{part}', given)
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
         for name in formula.names(given) - known.keys() - {'t'}:
-            link = name.removesuffix('_rate')
-            if name != link:
-                known[name] = self._motion(frames, link).rate
-            elif link in self.guided:
-                known[name] = self._motion(frames, link).value
+            if all(name != body.name for body in self.mechanism.bodies):
+                known[name] = self._motion(frames, name.removesuffix('_rate')).rate
+            elif name in self.guided:
+                known[name] = self._motion(frames, name).value
             else:
-                known[name] = self._unwound(frames, link)
+                known[name] = self._unwound(frames, name)
         if 't' in formula.names(given):
             known['t'] = frames.time
         return formula.expression(given, {k: dense(term) for k, term in known.items()})
