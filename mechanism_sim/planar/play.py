@@ -99,8 +99,10 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
         If there is none.
     """
     for joint in mechanism.joints:
-        sides = joint.sides if isinstance(joint, HigherPair) else ()
-        if gap == joint.name or gap in (wall_name(mechanism, joint, side) for side in sides):
+        own = [joint.name]
+        if isinstance(joint, HigherPair):
+            own += [wall_name(mechanism, joint, side) for side in joint.sides]
+        if gap in own:
             return joint
     raise KeyError(gap)
 
