@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute, Vector2
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 
 _TRIES = 256
 _RANK = 1e-9
+_MEETING = 1e-5
+"""Of the size [1], or [rad]: more than what may be wrong with a wheel's distance."""
 
 
 class Assembly(NamedTuple):
@@ -81,7 +84,8 @@ def closed_near(
     """Coordinates (n,) that close all loops, near a guess whose held ones count.
 
     Where Newton's method fails from the guess itself, it starts from others around it, and the
-    nearest of its results is taken.
+    nearest of its results is taken. Without `targets` the links must meet there as their joints
+    say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half a turn.
 
     Raises
     ------
@@ -89,7 +93,7 @@ def closed_near(
         If none closes the loops.
     """
     q, left = kinematics.positions(guess[:, None], targets)
-    if left[0]:
+    if left[0] or not (targets is not None or _meet(kinematics, q[:, 0])):
         spread = np.random.default_rng(1).standard_normal((len(guess), _TRIES))
         slides = [c in kinematics.mechanism.displacements for c in kinematics.coordinates]
         spread *= np.where(slides, kinematics.mechanism.size, 1.0)[:, None]
@@ -97,15 +101,25 @@ def closed_near(
         spread[kinematics.held] = 0.0
         first, missed = q, left
         q, left = kinematics.positions(guess[:, None] + spread, targets)
-        if left.all():
+        far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
+        order = (i for i in np.argsort(far) if not left[i])
+        found = next((i for i in order if targets is not None or _meet(kinematics, q[:, i])), None)
+        if found is None:
             best = int(np.argmin(left))
             near, miss = (
                 (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
             )
             _refuse(name, kinematics, near, float(miss), targets)
-        far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
-        q = q[:, [int(np.argmin(np.where(left > 0.0, np.inf, far)))]]
+        q = q[:, [found]]
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
+
+
+def _meet(kinematics: Kinematics, q: Array) -> bool:
+    """Whether the links meet in all joints of a mechanism without clearance at closed loops."""
+    joints = Constraints.of(kinematics.mechanism)
+    known = dict(zip(kinematics.coordinates, q.tolist(), strict=True))
+    residual, _ = joints.normalise(poses(kinematics.mechanism, known))
+    return bool(np.abs(residual).max(initial=0.0) < _MEETING)
 
 
 def nearest_rates(
