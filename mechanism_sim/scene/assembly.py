@@ -102,20 +102,28 @@ def closed_near(
         first, missed = q, left
         q, left = kinematics.positions(guess[:, None] + spread, targets)
         far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
-        order = (i for i in np.argsort(far) if not left[i])
+        order = [i for i in np.argsort(far).tolist() if not left[i]]
         found = next((i for i in order if targets is not None or _meet(kinematics, q[:, i])), None)
         if found is None:
             best = int(np.argmin(left))
             near, miss = (
                 (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
             )
-            _refuse(name, kinematics, near, float(miss), targets)
+            raise _refusal(name, kinematics, near, float(miss), targets)
         q = q[:, [found]]
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
 
 
 def _meet(kinematics: Kinematics, q: Array) -> bool:
-    """Whether the links meet in all joints of a mechanism without clearance at closed loops."""
+    """Whether the links meet in all joints of a mechanism without clearance at closed loops.
+
+    A cam beyond its law has no place where they do: that is refused by its own sentence later.
+    """
+    if kinematics.edges:
+        try:
+            kinematics.edges.check(q[:, None])
+        except RunError:
+            return True
     joints = Constraints.of(kinematics.mechanism)
     known = dict(zip(kinematics.coordinates, q.tolist(), strict=True))
     residual, _ = joints.normalise(poses(kinematics.mechanism, known))
@@ -153,9 +161,9 @@ def _rank(J: Array) -> int:
     return int((np.linalg.svd(J, compute_uv=False) > _RANK).sum())
 
 
-def _refuse(
+def _refusal(
     name: str, kinematics: Kinematics, q: Array, miss: float, targets: Array | None
-) -> None:
+) -> InputError:
     off = kinematics.closure(q[:, None])[0][0] - (0.0 if targets is None else targets)
     loops = {joint: _sides(kinematics.mechanism, joint) for joint in kinematics.rows}
     torn = {
@@ -172,7 +180,7 @@ def _refuse(
         )
     else:
         advice = _advice(kinematics, q, targets)
-    raise InputError(
+    return InputError(
         f'{name}: the mechanism cannot be assembled: the loop closed by the joint {joint} '
         f'({", ".join(loops[joint])}) stays open by {miss:.4g} m, nearest with {placed}; {advice}'
     )

@@ -13,6 +13,7 @@ from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
 from mechanism_sim.scene.cam_notes import cam_notes
+from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import motion_notes
@@ -60,8 +61,7 @@ def check(machine: Machine) -> Report:
         If the machine cannot start where it should; the rest was refused when it was built.
     """
     scene, level = machine.scene, machine.level
-    if machine.dynamic:
-        machine.initial_state()
+    admit(machine)
     rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loops'
     straight = machine.mechanism.displacements
     coordinates = {

@@ -367,7 +367,7 @@ class Machine:
             run = EventLoop(
                 self.system,
                 first,
-                initial_state(self),
+                self.initial_state(),
                 solver.rtol,
                 solver.atol,
                 min(self.period / 8.0, 0.1),
@@ -445,7 +445,16 @@ class Machine:
 
     def initial_state(self) -> State:
         """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
+        return self._initial_state
+
+    @cached_property
+    def _initial_state(self) -> State:
         return initial_state(self)
+
+    @cached_property
+    def ways(self) -> set[object]:
+        """Of the drives, those that were tried and found free, see `mechanism_sim.scene.way`."""
+        return set()
 
     def channel(self, name: str, beside: Channel | None = None) -> Channel:
         """The measured channel of a sensor, to be fed with motion from the start of a run on.
