@@ -56,6 +56,10 @@ SWITCH_MARGIN = 1e-12
 """How far past zero a switch turns over: as far the other way is the next time."""
 
 
+_CENTRAL = 1e-6
+"""Of the clearance: a pin so near to the centre is in it, but for rounding."""
+
+
 class Guard(NamedTuple):
     """What a guard watches: the normal direction of a gap, its friction, or a switch."""
 
@@ -572,6 +576,30 @@ class System:
         frames = self.equations.frames
         values = [jet.value for jet in self.dynamics.normal]
         return Known(frames, [values], list(frames.q.values()))
+
+    @cached_property
+    def _gap_rates(self) -> Known:
+        frames, normal = self.equations.frames, self.dynamics.normal
+        groups = [
+            [jet.rate for jet in normal],
+            [g.stretch(jet.value) for g, jet in zip(self.gaps, normal, strict=True)],
+            [jet.value for jet in normal],
+            *([pair[k].rate for pair in self._normals] for k in (0, 1)),
+        ]
+        return Known(frames, groups, [*frames.q.values(), *frames.v.values()])
+
+    def gap_rates(self, q: Array, v: Array) -> Array:
+        """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).
+
+        From the centre of its bushing a pin comes nearer in every direction, as fast as it moves:
+        there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
+        """
+        rates, stretch, value, nx, ny = self._gap_rates(np.concatenate([q, v]))
+        central = stretch < _CENTRAL
+        opening: Array = np.where(
+            central, -2.0 * value * np.hypot(nx, ny), rates / np.where(central, 1.0, stretch)
+        )
+        return opening
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""

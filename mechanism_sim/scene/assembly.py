@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from fractions import Fraction
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.configuration import Constraints, poses
-from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute, Vector2
 
@@ -25,6 +23,8 @@ Array = NDArray[np.float64]
 
 _TRIES = 256
 _RANK = 1e-9
+_OPENING = 1e-9
+"""Of the largest rate times the size: what rounding may open a loop with."""
 _MEETING = 1e-5
 """Of the size [1], or [rad]: more than what may be wrong with a wheel's distance."""
 
@@ -51,16 +51,11 @@ def assemble(machine: Machine) -> Assembly:
         a cam starts beyond its law.
     """
     plan, ideal = machine.plan, machine.plan.ideal
-    held = {**plan.begins, **{c: (x, 0.0) for c, x in plan.given[0].items()}}
-    for c in plan.prescribed:
-        law = plan.laws[c][0]
-        if isinstance(law, DriveLaw):
-            _, local = law.about(Fraction(0))
-            held[c] = (local[0], local[1] if len(local) > 1 else 0.0)
-    known = plan.guess | {c: x for c, (x, _) in held.items()}
+    held = machine.held
+    known = plan.guess | {c: x for c, (x, _) in plan.begins.items()}
+    known |= plan.given[0] | {c: x for c, (x, _) in held.items()}
     guess = np.array([known.get(c, 0.0) for c in ideal.coordinates])
-    kinematics = machine.kinematics([c for c in ideal.coordinates if c in held])
-    q = closed_near(machine.name, kinematics, guess)
+    kinematics, q = _placed(machine, guess)
     if kinematics.edges:
         try:
             kinematics.edges.check(q[:, None])
@@ -71,11 +66,86 @@ def assemble(machine: Machine) -> Assembly:
     # free of units: rows in the longest link, displacements too
     slides = np.array([c in ideal.displacements for c in ideal.coordinates])
     scaled = J[0] * np.where(slides, 1.0, 1.0 / ideal.size)
-    hard = scaled[[row not in plan.elastic for row in moving.rows]]
+    hard = scaled[[row not in (*plan.elastic, *plan.clearances) for row in moving.rows]]
     rank, full = (_rank(x) for x in (scaled[:, moving.sought], scaled))
-    rates = {c: w for c, (_, w) in held.items()} | plan.given[1]
-    v = nearest_rates(kinematics, q, ideal.coordinates, rates, {})
+    v = _started(machine, moving, q)
     return Assembly(q, v, len(moving.sought) - rank, full - rank, len(hard) - _rank(hard))
+
+
+def _placed(machine: Machine, guess: Array) -> tuple[Kinematics, Array]:
+    """Coordinates that close all loops, with the drives and what is given where they should be.
+
+    Loose joints allow more to be given than the mechanism without clearance can have: then it has
+    what it can, in the order of the scene.
+    """
+    plan, name = machine.plan, machine.name
+
+    def close(held: Collection[str]) -> tuple[Kinematics, Array]:
+        kinematics = machine.kinematics([c for c in plan.ideal.coordinates if c in held])
+        return kinematics, closed_near(name, kinematics, guess)
+
+    said = [c for c in plan.begins if c not in plan.assumed[0]]
+    all_of_them = [*dict.fromkeys((*plan.prescribed, *plan.begins, *plan.given[0]))]
+    try:
+        return close(all_of_them)
+    except InputError:
+        if not plan.given[0] or not (machine.clearances or plan.assumed[0]):
+            raise
+    held = [*dict.fromkeys((*plan.prescribed, *said))]
+    for c in (*plan.given[0], *plan.begins):
+        if c not in held:
+            try:
+                close([*held, c])
+            except InputError:
+                if c in plan.given[0] and not machine.clearances:
+                    raise
+            else:
+                held.append(c)
+    return close(held)
+
+
+def _started(machine: Machine, kinematics: Kinematics, q: Array) -> Array:
+    """Rates with which all loops stay closed, those of drives and those given as they should be.
+
+    Raises
+    ------
+    InputError
+        If given rates would open a loop that has no clearance: which, and how fast.
+    """
+    plan, coordinates = machine.plan, machine.plan.ideal.coordinates
+    rates = {c: machine.held[c][1] for c in plan.prescribed}
+    for c, rate in plan.given[1].items():
+        if c in rates and abs(rate - rates[c]) > 1e-12 * max(abs(rate), abs(rates[c])):
+            raise InputError(
+                f'{machine.name}: initial.velocity.{c} is {rate:g}, but its drive begins with '
+                f'{rates[c]:g}; leave one of them out'
+            )
+    begun = {c: w for c, (_, w) in plan.begins.items() if c not in plan.given[1]}
+    for c, rate in {**plan.given[1], **begun}.items():
+        if c in rates:
+            continue
+        v = nearest_rates(kinematics, q, coordinates, {**rates, c: rate}, {})
+        joint, speed = opening(kinematics, q, v)
+        if speed <= _OPENING * (np.abs(v).max(initial=0.0) * machine.plan.ideal.size):
+            rates[c] = rate
+        elif c not in plan.assumed[1] and not machine.clearances:
+            raise InputError(
+                f'{machine.name}: initial.velocity cannot be: with {_paces(rates | {c: rate})} '
+                f'the loop closed by {joint} would open at {speed:.4g} m/s; leave one of them out'
+            )
+    return nearest_rates(kinematics, q, coordinates, rates, {})
+
+
+def _paces(rates: Mapping[str, float]) -> str:
+    return ', '.join(f'{c} at {rate:g}' for c, rate in rates.items())
+
+
+def opening(kinematics: Kinematics, q: Array, v: Array) -> tuple[str, float]:
+    """The joint whose closure opens fastest at rates (n,), and how fast [m/s]."""
+    _, J = kinematics.closure(q[:, None])
+    speeds = np.abs(J[0] @ v)
+    worst = int(np.argmax(speeds)) if speeds.size else 0
+    return (kinematics.rows[worst], float(speeds[worst])) if speeds.size else ('', 0.0)
 
 
 def closed_near(
