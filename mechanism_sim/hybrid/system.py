@@ -595,7 +595,7 @@ class System:
         there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
         """
         rates, stretch, value, nx, ny = self._gap_rates(np.concatenate([q, v]))
-        central = stretch < _CENTRAL
+        central = ~(stretch >= _CENTRAL)  # by rounding it may be the root of less than zero
         opening: Array = np.where(
             central, -2.0 * value * np.hypot(nx, ny), rates / np.where(central, 1.0, stretch)
         )

@@ -16,11 +16,8 @@ from mechanism_sim.scene.cam_notes import cam_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.machine import Level, Machine
-from mechanism_sim.scene.motion_notes import motion_notes
+from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.oscillators import oscillator_notes
-
-_STOPPING = 'cannot turn fully', 'singular position', 'change point', 'redundant among'
-"""Words of notes that say what stops a machine, or may."""
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -141,7 +138,7 @@ def check(machine: Machine) -> Report:
         relations,
         gaps,
         _starts(machine),
-        [note for note in notes if any(words in note for words in _STOPPING)],
+        [note for note in notes if isinstance(note, Limit)],
         left_out,
         notes,
     )
