@@ -19,6 +19,7 @@ from mechanism_sim.linkages.grashof import crank_limits, crank_turns
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.scene.motion_notes import between
 
 if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
@@ -135,14 +136,9 @@ def _check_four_bar(machine: Machine, linkage: FourBar, way: Way) -> None:
             raise InputError(
                 f'{machine.name}: the crank cannot make a full turn at constant speed ({said}): '
                 'ground and crank in line must leave a triangle with coupler and rocker; shorten '
-                f'the crank, or keep it between {_between(low, high)} deg by a '
+                f'the crank, or keep it between {between(math.degrees(low), math.degrees(high))} deg by a '
                 "'profile' and 'duration'"
             )
-
-
-def _between(low: float, high: float) -> str:
-    a, b = math.degrees(low), math.degrees(high)
-    return f'{a:.6g} and {b:.6g}' if low else f'{-b:.6g} and {b:.6g}'
 
 
 def _try(machine: Machine, coordinate: str, start: float, end: float) -> None:

@@ -91,7 +91,7 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
         low, high = (math.degrees(x) for x in crank_limits(linkage))
         notes.append(
             Limit(
-                f'the {crank} cannot turn fully: it stays between {_between(low, high)} deg from '
+                f'the {crank} cannot turn fully: it stays between {between(low, high)} deg from '
                 'the line of the ground joints'
             )
         )
@@ -128,7 +128,7 @@ def _transmission(least: float, greatest: float) -> str:
     return note
 
 
-def _between(low: float, high: float) -> str:
+def between(low: float, high: float) -> str:
     """Limits [deg] of an angle whose absolute value is limited."""
     if high == 180.0:
         return f'{low:.6g} and {360.0 - low:.6g}'
