@@ -18,8 +18,8 @@ from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.gate import way_of
 
 COMMANDS = (
-    ['check'], ['solve', '--duration', '1 ms'], ['cycle', '--duration', '1 ms'], ['draw'],
-    ['run', '--duration', '1 ms'],
+    ['check'], ['solve', '--duration', '0.001'], ['cycle', '--duration', '0.001'], ['draw'],
+    ['run', '--duration', '0.001'],
 )  # fmt: skip
 
 

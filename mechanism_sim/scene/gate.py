@@ -131,12 +131,13 @@ def _check_four_bar(machine: Machine, linkage: FourBar, way: Way) -> None:
         # the first forbidden part at or after the least angle of the way
         first = middle + TURN * math.ceil((way[0] - half - middle) / TURN)
         if (half > 0.0 or low == math.pi - high == 0.0) and first - half <= way[1]:
+            limits = between(math.degrees(low), math.degrees(high))
             lengths = ('ground', 'crank', 'coupler', 'rocker')
             said = ', '.join(f'{n} {getattr(linkage, n):g} m' for n in lengths)
             raise InputError(
                 f'{machine.name}: the crank cannot make a full turn at constant speed ({said}): '
                 'ground and crank in line must leave a triangle with coupler and rocker; shorten '
-                f'the crank, or keep it between {between(math.degrees(low), math.degrees(high))} deg by a '
+                f'the crank, or keep it between {limits} deg by a '
                 "'profile' and 'duration'"
             )
 
