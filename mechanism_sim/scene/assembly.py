@@ -128,7 +128,7 @@ def _started(machine: Machine, kinematics: Kinematics, q: Array) -> Array:
         joint, speed = opening(kinematics, q, v)
         if speed <= _OPENING * (np.abs(v).max(initial=0.0) * machine.plan.ideal.size):
             rates[c] = rate
-        elif c not in plan.assumed[1] and not machine.clearances:
+        elif c in plan.given[1] and not machine.clearances:  # the rest follows from the others
             raise InputError(
                 f'{machine.name}: initial.velocity cannot be: with {_paces(rates | {c: rate})} '
                 f'the loop closed by {joint} would open at {speed:.4g} m/s; leave one of them out'
