@@ -74,8 +74,9 @@ def read_machine(options: argparse.Namespace) -> Machine:
 
     with progress.busy('reading the scene', options.json):
         from mechanism_sim.scene import load_scene  # noqa: PLC0415
+        from mechanism_sim.scene.gate import admit  # noqa: PLC0415
 
-        return load_scene(options.scene, overrides_of(options))
+        return admit(load_scene(options.scene, overrides_of(options)))
 
 
 def ros_args(options: argparse.Namespace) -> list[str]:

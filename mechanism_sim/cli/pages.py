@@ -98,10 +98,10 @@ def _view(options: argparse.Namespace) -> int:
 
 def _run_to_be_viewed(options: argparse.Namespace) -> list[str]:
     """What `mechanism-sim run` is given, checked before a browser opens."""
-    from mechanism_sim.scene import span  # noqa: PLC0415
+    from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     machine, overrides = read_machine(options), overrides_of(options)
-    duration = span(machine, None, options.duration or machine.scene.duration or HOUR)
+    duration = run_length(machine, None, options.duration or machine.scene.duration or HOUR)
     if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     return [

@@ -86,14 +86,14 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import progress, summary  # noqa: PLC0415
-    from mechanism_sim.scene import span, stream  # noqa: PLC0415
+    from mechanism_sim.scene import run_length, stream  # noqa: PLC0415
 
     if options.no_events and not options.json:
         raise InputError('--no-events goes with --json: without it no events are listed')
     if options.sample_rate is not None and not options.output:
         raise InputError('--sample-rate goes with --output: it is that of the samples in the file')
     machine = read_machine(options)
-    end = span(machine, options.revolutions, options.duration)
+    end = run_length(machine, options.revolutions, options.duration)
     snapshot = Snapshot.load(options.resume) if options.resume else None
     digest = MotionDigest()
     impacts: list[Impact] = []
@@ -124,10 +124,10 @@ def _solve(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from mechanism_sim.nodes.run import Plan, run  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import span  # noqa: PLC0415
+    from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     machine, overrides = read_machine(options), overrides_of(options)
-    end = span(machine, options.revolutions, options.duration)
+    end = run_length(machine, options.revolutions, options.duration)
     if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     if options.record and Path(options.record).exists() and not options.overwrite:

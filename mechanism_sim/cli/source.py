@@ -79,15 +79,15 @@ def simulated(options: argparse.Namespace, start: float = 0.0, to: float | None 
     """
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import simulate, span  # noqa: PLC0415
+    from mechanism_sim.scene import run_length, simulate  # noqa: PLC0415
 
     if options.namespace:
         raise InputError('--namespace is for bags')
     machine = read_machine(options)
     if to is None:
-        end = start + span(machine, options.revolutions, options.duration)
+        end = start + run_length(machine, options.revolutions, options.duration)
     else:
-        end = span(machine, None, to)
+        end = run_length(machine, None, to)
     with progress.bar('simulate', end, quiet=options.json) as show:
         return Record(machine, simulate(machine, duration=end, progress=show), {})
 

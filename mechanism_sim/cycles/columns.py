@@ -30,24 +30,26 @@ WORK = 'energy.drive_work', 'energy.dissipated'
 
 def has_extremes(column: str) -> bool:
     """Whether it makes sense to ask when a column is least and greatest."""
-    return (
-        column != 't'
-        and not column.startswith(('closed.', 'mode.'))
-        and (not column.endswith('.direction'))
-    )
+    counted = column.startswith(('closed.', 'mode.'))
+    return column != 't' and not counted and part_of(column) != 'direction'
 
 
 def unit_of(run: Machine | Piece, column: str) -> str:
     """The SI unit of a column of `Piece.sample` or `Cycle`; empty for a number."""
     kind, _, rest = column.partition('.')
-    if column.endswith('.direction'):
-        return 'rad'
-    if column.endswith('.moment'):
-        return 'N m'
+    if part_of(column) in ('direction', 'moment'):
+        return 'rad' if part_of(column) == 'direction' else 'N m'
     physics = run.physics
     first = physics.driven[:1] if kind == 'drive_torque' and not rest else (rest,)
     turning = all(c in physics.coordinates and c not in physics.displacements for c in first)
     return _UNITS.get(kind, ('N', 'N'))[0 if turning else 1]
+
+
+def part_of(column: str) -> str:
+    """What of a force a column is: ``x``, ``y``, ``direction``, ``moment``, or none of these."""
+    kind, *rest = column.split('.')
+    named = {'reaction': 1, 'shaking_force': 0}.get(kind)  # a joint may be called x
+    return rest[-1] if named is not None and len(rest) > named else ''
 
 
 def observed(piece: Piece, t: Array) -> Samples:

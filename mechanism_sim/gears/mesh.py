@@ -187,7 +187,7 @@ class MeshClosure(HigherClosure[GearMesh]):
         frame, offset = m.frame(link)
         carrier, carried = m.frame(self.joint.carrier)
         turned = frames.angle(frame) - frames.angle(carrier)
-        constant = frames.parameters(f'{self.name}.{link}.offset', offset - carried)
+        constant = frames.parameters(f'{self.name}.offset:{link}', offset - carried)
         return turned if constant is None else turned + constant
 
     def values(self, frames: Frames) -> list[Jet]:

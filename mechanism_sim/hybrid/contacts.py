@@ -103,18 +103,17 @@ class Contacts:
         return self.base.at(float(self._ta.time))
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """Let impacts of a joint have another coefficient; its gaps carry its name.
+        """Let impacts in all gaps of a joint have another coefficient.
 
         Raises
         ------
         KeyError
             If the joint has no gap.
         """
-        exact = [i for i, name in enumerate(self._names) if name == joint]
-        walls = [i for i, name in enumerate(self._names) if name.rpartition('_')[0] == joint]
-        for i in exact or walls:
+        own = [i for i, gap in enumerate(self._system.gaps) if gap.joint == joint]
+        for i in own:
             self._laws[i] = replace(self._laws[i], restitution=restitution)
-        if not exact and not walls:
+        if not own:
             raise KeyError(joint)
 
     def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:

@@ -95,7 +95,7 @@ class Dynamics:
         self.sticks = {i: p.reserve(f'{gaps[i].name}.sticks') for i in self.frictional}
         self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.frictional}
         self._alpha = p.reserve('stabilisation')
-        self.torques = [p.reserve(f'{c}.torque.{k}') for c in powered for k in range(3)]
+        self.torques = [p.reserve(f'drives:{c}.torque.{k}') for c in powered for k in range(3)]
         self.normal = eq.gap_jets
         self.laws = [gap.law for gap in gaps]
         self.compliant = any(law is not None for law in self.laws)

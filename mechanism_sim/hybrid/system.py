@@ -77,6 +77,10 @@ class TouchTerms(NamedTuple):
 _OF_TOUCHES = 'contact_loss', 'gap_rate', 'normal_angle'
 
 
+_CENTRAL = 1e-6
+"""Of the clearance: a pin so near to the centre is in it, but for rounding."""
+
+
 class Guard(NamedTuple):
     """What a guard watches: the normal direction of a gap, its friction, or a switch."""
 
@@ -142,7 +146,8 @@ class System:
         # all that is looked at in a run must have its parameters before they are counted
         self._normals = [gap.normal(self.equations.frames) for gap in self.gaps]
         self._laws = {
-            c: [p.reserve(f'{c}.law.{k}') for k in range(degree + 1)] for c in self.prescribed
+            c: [p.reserve(f'drives:{c}.law.{k}') for k in range(degree + 1)]
+            for c in self.prescribed
         }
         d = self.dynamics
         self.guards = [Guard(i, 0) for i in range(len(gaps))]
@@ -153,10 +158,10 @@ class System:
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
         for name in self.outside:
-            p.reserve(f'{name}.now')
+            p.reserve(f'now:{name}')
         for name, s in frames.switches.items():
             for k in range(len(s.symbols)):
-                p.reserve(f'{name}.now.{k}')
+                p.reserve(f'now:{name}.{k}')
         p.reserve('fired')
         self.parameters = np.array(p.values)
         self.fired_index = len(self.parameters) - 1
@@ -164,18 +169,20 @@ class System:
         self.stick_index = [p.names[f'{self.gaps[i].name}.sticks'] for i in d.frictional]
         self.slip_index = [p.names[f'{self.gaps[i].name}.slips'] for i in d.frictional]
         self.switch_index = [
-            [p.names[f'{name}.now.{k}'] for k in range(len(s.symbols))]
+            [p.names[f'now:{name}.{k}'] for k in range(len(s.symbols))]
             for name, s in frames.switches.items()
         ]
-        self.outside_index = [p.names[f'{name}.now'] for name in self.outside]
+        self.outside_index = [p.names[f'now:{name}'] for name in self.outside]
         self.stabilisation_index = p.names['stabilisation']
         self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
         self.presses_index = [p.names[f'{g.name}.presses'] for g in self.gaps if g.law]
         self.margin_index = p.names.get('release.margin')
         self.law_index = [
-            [p.names[f'{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
+            [p.names[f'drives:{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
-        self.torque_index = [[p.names[f'{c}.torque.{k}'] for k in range(3)] for c in self.powered]
+        self.torque_index = [
+            [p.names[f'drives:{c}.torque.{k}'] for k in range(3)] for c in self.powered
+        ]
 
     def fired(self, parameters: Array | memoryview[float]) -> int | None:
         """The guard that ended the last step, by these runtime parameters; told once."""
@@ -320,7 +327,8 @@ class System:
 
     @property
     def _direction_symbols(self) -> list[tuple[hy.expression, hy.expression]]:
-        return [(hy.make_vars(f'{c}_cos'), hy.make_vars(f'{c}_sin')) for c in self.turning]
+        turning = range(len(self.turning))
+        return [(hy.make_vars(f'cos{i}'), hy.make_vars(f'sin{i}')) for i in turning]
 
     def _by_directions(self, expressions: Sequence[Term]) -> list[hy.expression]:
         """Cosines and sines of the angles in `turning` replaced by their symbols."""
@@ -352,7 +360,7 @@ class System:
         A call with parameters and time apart takes more than twice as long.
         """
         frames = self.equations.frames
-        replace = {hy.par[i]: hy.make_vars(f'parameter_{i}') for i in range(len(self.parameters))}
+        replace = {hy.par[i]: hy.make_vars(f'parameter{i}') for i in range(len(self.parameters))}
         replace[hy.time] = hy.make_vars('now')
         state = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
         expressions = self._driven([dense(o) for o in outputs])
@@ -521,9 +529,9 @@ class System:
         for k, flag in enumerate(flags):
             replace[flag] = hy.make_vars(f'flag{k}')
         variables = list(replace.values())
-        for k, c in enumerate(self.powered):
+        for k in range(len(self.powered)):
             constant, *others = d.torques[3 * k : 3 * k + 3]
-            replace[constant] = hy.make_vars(f'{c}_torque')
+            replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
         groups = [self._terms[name] for name in names]
@@ -677,6 +685,30 @@ class System:
         """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
         found: Array = self._distance(q)[0][0]
         return found
+
+    @cached_property
+    def _gap_rates(self) -> Known:
+        frames, normal = self.equations.frames, self.dynamics.normal
+        groups = [
+            [jet.rate for jet in normal],
+            [g.stretch(jet.value) for g, jet in zip(self.gaps, normal, strict=True)],
+            [jet.value for jet in normal],
+            *([pair[k].rate for pair in self._normals] for k in (0, 1)),
+        ]
+        return Known(frames, groups, [*frames.q.values(), *frames.v.values()])
+
+    def gap_rates(self, q: Array, v: Array) -> Array:
+        """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).
+
+        From the centre of its bushing a pin comes nearer in every direction, as fast as it moves:
+        there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
+        """
+        rates, stretch, value, nx, ny = self._gap_rates(np.concatenate([q, v]))
+        central = ~(stretch >= _CENTRAL)  # by rounding it may be the root of less than zero
+        opening: Array = np.where(
+            central, -2.0 * value * np.hypot(nx, ny), rates / np.where(central, 1.0, stretch)
+        )
+        return opening
 
     def gap_values(self, q: Array, rows: Array | None = None) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N); `rows` as above."""

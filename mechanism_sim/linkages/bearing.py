@@ -76,7 +76,7 @@ class BearingClearance:
         for link, arm in ((joint.first, radius), (joint.second, -self.arm)):
             frame = self.mechanism.frame(link)[0]
             if frame != GROUND and arm != 0.0:
-                r = frames.parameters(f'{self.name}.slip.{link}', arm)
+                r = frames.parameters(f'{self.name}.slip:{link}', arm)
                 tangential += Jet(None, {frame: r}, mul(r, frames.v[frame]), None)
         return tangential
 

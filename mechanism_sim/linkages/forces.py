@@ -20,14 +20,25 @@ LinkPoint = tuple[str, Vector2]
 
 
 @dataclass(frozen=True)
-class Spring:
+class _Element:
+    """A force element of a scene, ``springs.NAME`` or ``loads.NAME``."""
+
+    name: str
+
+    @property
+    def key(self) -> str:
+        """With which the keys of its parameters begin: no joint has such a name."""
+        return self.name.replace('.', ':', 1)
+
+
+@dataclass(frozen=True)
+class Spring(_Element):
     """A spring and a damper between points of two links.
 
     With the length l of the line from the first to the second point, it pulls with
     ``k (l - l0) + c l'``. The points must not meet: the line would have no direction.
     """
 
-    name: str
     mechanism: Mechanism
     first: LinkPoint
     second: LinkPoint
@@ -51,22 +62,22 @@ class Spring:
 
     def _ends(self, force: tuple[Term, Term]) -> list[Load]:
         return [
-            Load(f'{self.name}.first', *self.first, force),
-            Load(f'{self.name}.second', *self.second, (neg(force[0]), neg(force[1]))),
+            Load(f'{self.key}.first', *self.first, force),
+            Load(f'{self.key}.second', *self.second, (neg(force[0]), neg(force[1]))),
         ]
 
     def loads(self, frames: Frames) -> list[Load]:
         """It pulls its ends towards each other."""
         unit, length, rate = self._line(frames)
         p = frames.parameters
-        k, c = p(f'{self.name}.stiffness', self.stiffness), p(f'{self.name}.damping', self.damping)
-        longer = add(length, neg(p(f'{self.name}.free_length', self.free_length)))
+        k, c = p(f'{self.key}.stiffness', self.stiffness), p(f'{self.key}.damping', self.damping)
+        longer = add(length, neg(p(f'{self.key}.free_length', self.free_length)))
         pull = add(mul(k, longer), mul(c, rate))
         return self._ends((mul(pull, unit[0]), mul(pull, unit[1])))
 
     def power_lost(self, frames: Frames) -> Term:
         """``c l'^2``."""
-        c = frames.parameters(f'{self.name}.damping', self.damping)
+        c = frames.parameters(f'{self.key}.damping', self.damping)
         if c is None:
             return None
         rate = self._line(frames)[2]
@@ -75,20 +86,19 @@ class Spring:
     def energy(self, frames: Frames) -> Term:
         """``k (l - l0)^2/2``."""
         p = frames.parameters
-        longer = add(self._line(frames)[1], neg(p(f'{self.name}.free_length', self.free_length)))
-        k = p(f'{self.name}.stiffness', self.stiffness)
+        longer = add(self._line(frames)[1], neg(p(f'{self.key}.free_length', self.free_length)))
+        k = p(f'{self.key}.stiffness', self.stiffness)
         return mul(hy.expression(0.5), mul(k, mul(longer, longer)))
 
 
 @dataclass(frozen=True)
-class TorsionSpring:
+class TorsionSpring(_Element):
     """A spring and a damper that turn two links against each other.
 
     With the angle of the second less that of the first, all turns counted, the second link is
     turned back by ``k (angle - angle0) + c rate``.
     """
 
-    name: str
     mechanism: Mechanism
     first: str
     second: str
@@ -99,7 +109,7 @@ class TorsionSpring:
     def _twist(self, frames: Frames) -> tuple[Term, Term]:
         """Angle less the free one [rad], and its rate [rad/s]."""
         (a, before), (b, after) = (self.mechanism.frame(x) for x in (self.first, self.second))
-        free = frames.parameters(f'{self.name}.free_angle', self.free_angle - (after - before))
+        free = frames.parameters(f'{self.key}.free_angle', self.free_angle - (after - before))
         turned = neg(frames.unwound(a)) if a != b else None
         angle = add(frames.unwound(b) if a != b else None, turned, neg(free))
         rate = add(frames.angle(b).rate, neg(frames.angle(a).rate)) if a != b else None
@@ -109,23 +119,23 @@ class TorsionSpring:
         """Opposite moments on both links."""
         angle, rate = self._twist(frames)
         p = frames.parameters
-        k, c = p(f'{self.name}.stiffness', self.stiffness), p(f'{self.name}.damping', self.damping)
+        k, c = p(f'{self.key}.stiffness', self.stiffness), p(f'{self.key}.damping', self.damping)
         moment = add(mul(k, angle), mul(c, rate))
         origin = (0.0, 0.0)
         return [
-            Load(f'{self.name}.first', self.first, origin, moment=moment),
-            Load(f'{self.name}.second', self.second, origin, moment=neg(moment)),
+            Load(f'{self.key}.first', self.first, origin, moment=moment),
+            Load(f'{self.key}.second', self.second, origin, moment=neg(moment)),
         ]
 
     def power_lost(self, frames: Frames) -> Term:
         """``c rate^2``."""
         _, rate = self._twist(frames)
-        return mul(frames.parameters(f'{self.name}.damping', self.damping), mul(rate, rate))
+        return mul(frames.parameters(f'{self.key}.damping', self.damping), mul(rate, rate))
 
     def energy(self, frames: Frames) -> Term:
         """``k (angle - angle0)^2/2``."""
         angle, _ = self._twist(frames)
-        k = frames.parameters(f'{self.name}.stiffness', self.stiffness)
+        k = frames.parameters(f'{self.key}.stiffness', self.stiffness)
         return mul(hy.expression(0.5), mul(k, mul(angle, angle)))
 
 
@@ -149,7 +159,7 @@ class CycleRange:
 
 
 @dataclass(frozen=True)
-class AppliedForce:
+class AppliedForce(_Element):
     """A force or a torque on a link, constant or by a formula, always or in a part of the cycle.
 
     Formulas know the time ``t``, place ``x, y`` and velocity ``vx, vy`` of the point, and of every
@@ -157,7 +167,6 @@ class AppliedForce:
     the displacement.
     """
 
-    name: str
     mechanism: Mechanism
     point: LinkPoint
     force: tuple[float | str, float | str] = (0.0, 0.0)  #: [N]
@@ -169,7 +178,7 @@ class AppliedForce:
 
     def loads(self, frames: Frames) -> list[Load]:
         """The force at its point, and the torque."""
-        bare = Load(self.name, *self.point)
+        bare = Load(self.key, *self.point)
         x, y = bare.place(frames, self.mechanism)
         force = (
             self._term(frames, 'x', self.force[0], x, y),
@@ -180,29 +189,28 @@ class AppliedForce:
         if self.turns:
             c, s = math.cos(offset), math.sin(offset)
             p = frames.parameters
-            cx, sx = p(f'{self.name}.offset.x', c), p(f'{self.name}.offset.y', s)
+            cx, sx = p(f'{self.key}.offset.x', c), p(f'{self.key}.offset.y', s)
             force = (
                 add(mul(cx, force[0]), neg(mul(sx, force[1]))),
                 add(mul(sx, force[0]), mul(cx, force[1])),
             )
             force = frames.world(frame, *force)
         if self.during:
-            flag = frames.switch(self.name, self.during.guard(frames, self.mechanism, self.name))
+            flag = frames.switch(self.key, self.during.guard(frames, self.mechanism, self.key))
             force, torque = (mul(flag, force[0]), mul(flag, force[1])), mul(flag, torque)
-        return [Load(self.name, *self.point, force, torque)]
+        return [Load(self.key, *self.point, force, torque)]
 
     def _term(self, frames: Frames, part: str, given: float | str, x: Jet, y: Jet) -> Term:
         if not isinstance(given, str):
-            return frames.parameters(f'{self.name}.{part}', given)
+            return frames.parameters(f'{self.key}.{part}', given)
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
         for name in formula.names(given) - known.keys() - {'t'}:
-            link = name.removesuffix('_rate')
-            if name != link:
-                known[name] = self._motion(frames, link).rate
-            elif link in self.guided:
-                known[name] = self._motion(frames, link).value
+            if all(name != body.name for body in self.mechanism.bodies):
+                known[name] = self._motion(frames, name.removesuffix('_rate')).rate
+            elif name in self.guided:
+                known[name] = self._motion(frames, name).value
             else:
-                known[name] = self._unwound(frames, link)
+                known[name] = self._unwound(frames, name)
         if 't' in formula.names(given):
             known['t'] = frames.time
         return formula.expression(given, {k: dense(term) for k, term in known.items()})
@@ -210,7 +218,7 @@ class AppliedForce:
     def _unwound(self, frames: Frames, link: str) -> Term:
         """Angle of a link with all its turns [rad]."""
         frame, offset = self.mechanism.frame(link)
-        return add(frames.unwound(frame), frames.parameters(f'{link}.offset', offset))
+        return add(frames.unwound(frame), frames.parameters(f'links:{link}.offset', offset))
 
     def _motion(self, frames: Frames, link: str) -> Jet:
         """Angle without whole turns [rad], or displacement [m], of a link."""

@@ -171,7 +171,7 @@ class RackClosure(HigherClosure[SlottedRack]):
         return x * c + y * s, y * c - x * s
 
     def _from_centre(self, frames: Frames, link: str, at: tuple[float, float]) -> Pair:
-        label = f'{self.name}.{link}'
+        label = f'{self.name}.of:{link}'
         x, y = frames.position(self.mechanism.point(link, at), label)
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
         return self._along(frames, x - ox, y - oy)

@@ -8,7 +8,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import service_class
 from mechanism_sim.middleware import Client, Parameter, ReentrantCallbackGroup
 from mechanism_sim.scene import Machine, load_scene
-from mechanism_sim.scene.check import check
+from mechanism_sim.scene.gate import admit
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.crank_drive import CrankDrive
@@ -31,8 +31,7 @@ def next_machine(present: Machine, scene: str, overrides: str) -> Machine:
         If the scene is not good, or has other coordinates, joints, drives, sensors or nodes: those
         that run could not go on with it.
     """
-    machine = load_scene(scene, lines(overrides))
-    check(machine)
+    machine = admit(load_scene(scene, lines(overrides)))
     before, after = _structure(present), _structure(machine)
     for what, now in before.items():
         if after[what] != now:

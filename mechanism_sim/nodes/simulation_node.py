@@ -20,7 +20,8 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import OVERRIDES, lines, next_machine
-from mechanism_sim.scene import Machine, load_scene, span
+from mechanism_sim.scene import Machine, load_scene, run_length
+from mechanism_sim.scene.gate import admit
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
 SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
@@ -93,12 +94,12 @@ class SimulationNode(DescribedNode):
     @cached_property
     def machine(self) -> Machine:
         """The machine of the scene."""
-        return load_scene(self.value('scene'), lines(self._overrides))
+        return admit(load_scene(self.value('scene'), lines(self._overrides)))
 
     @cached_property
     def duration(self) -> float:
         """Length of the run [s]."""
-        return span(self.machine, None, self.value('duration') or None)
+        return run_length(self.machine, None, self.value('duration') or None)
 
     def _judge_overrides(self, parameters: list[Parameter]) -> Any:
         """Refuse what no run of these nodes could begin with."""

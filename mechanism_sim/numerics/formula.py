@@ -54,10 +54,10 @@ def names(text: str) -> set[str]:
     ValueError
         If it cannot be read.
     """
-    called = {n.func.id for n in ast.walk(parse(text))
-              if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}  # fmt: skip
-    found = {n.id for n in ast.walk(parse(text)) if isinstance(n, ast.Name)}
-    return found - called - {'pi'}
+    tree = parse(text)
+    called = [n.func for n in ast.walk(tree) if isinstance(n, ast.Call)]
+    found = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and n not in called}
+    return found - {'pi'}
 
 
 def expression(text: str, known: Mapping[str, hy.expression]) -> hy.expression:

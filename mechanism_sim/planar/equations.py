@@ -79,8 +79,9 @@ class Equations:
     def _products(self, name: str, pairs: Iterable[tuple[float, _Vector, _Vector]]) -> Term:
         """``sum m a . b``, with the constants of equal frames and displacements collected."""
         sums: dict[tuple[str, str, tuple[str, ...]], tuple[float, float]] = {}
+        order = self.coordinates
         for mass, a, b in pairs:
-            slides = tuple(sorted(x.slide for x in (a, b) if x.slide))
+            slides = tuple(sorted((x.slide for x in (a, b) if x.slide), key=order.index))
             key = (a.frame, b.frame, slides)
             inner, outer = sums.get(key, (0.0, 0.0))
             inner += mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1])
@@ -109,7 +110,7 @@ class Equations:
                 # about the centre of gravity, as if of a mass at the radius of gyration
                 unit = _Vector(f, None, (1.0, 0.0))
                 pairs.append((body.inertia, unit, unit))
-        return self._products(f'inertia.{f}.{g}', pairs)
+        return self._products(f'inertia:{f}:{g}', pairs)
 
     def _velocity_product(self, f: str) -> Term:
         """``sum_b m_b t_bf . p''`` at constant rates: centripetal and Coriolis terms of row f."""
@@ -122,7 +123,7 @@ class Equations:
         order = {c: i for i, c in enumerate(self.coordinates)}
         rows = []
         for (a, b), products in sorted(pairs.items(), key=lambda x: [order[c] for c in x[0]]):
-            name = f'centripetal.{f}.{b}' if a == b else f'coriolis.{f}.{a}.{b}'
+            name = f'centripetal:{f}:{b}' if a == b else f'coriolis:{f}:{a}:{b}'
             term = self._products(name, products)
             rows.append(mul(mul(term, self.frames.v[a]), self.frames.v[b]))
         return add(*rows)
@@ -131,7 +132,7 @@ class Equations:
         """Minus the generalised force of gravity on coordinate f."""
         gravity = _Vector(GROUND, None, self.mechanism.gravity)
         return self._products(
-            f'weight.{f}',
+            f'weight:{f}',
             (
                 (-body.mass, gravity, tangent)
                 for body in self.mechanism.bodies

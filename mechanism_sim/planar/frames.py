@@ -18,6 +18,11 @@ class Parameters:
     """Numbers of a scene that compiled code reads at run time, so that a sweep never recompiles.
 
     Zeros and ones stay out: they shape the expressions.
+
+    A key begins with what it belongs to: a joint, or `links:`, `loads:`, `springs:`, `drives:`,
+    `now:` and `inertia:` and its like with a name. What follows a dot is the engine's word, what
+    follows a colon or an @ is a name of the scene's; names hold none of these characters, so that
+    no two keys are alike.
     """
 
     names: dict[str, int] = field(default_factory=dict)
@@ -53,6 +58,7 @@ class Frames:
     ----------
     q, v, a : dict
         Symbols of each coordinate, angle [rad] or displacement [m], its rate and acceleration.
+        They are numbered: the names of a scene are no part of its expressions.
     outside : dict
         Symbols of what loads ask for beside these: ``time`` [s] since the start of the run, and
         ``COORDINATE.turns``, the whole turns that its symbol leaves out.
@@ -67,27 +73,30 @@ class Frames:
     ) -> None:
         self.parameters = parameters
         self.coordinates = coordinates
-        self.q = {n: hy.make_vars(n) for n in coordinates}
-        self.v = {n: hy.make_vars(f'{n}_rate') for n in coordinates}
-        self.a = {n: hy.make_vars(f'{n}_acceleration') for n in coordinates}
+        self.q, self.v, self.a = (
+            {n: hy.make_vars(f'{letter}{i}') for i, n in enumerate(coordinates)}
+            for letter in 'qva'
+        )
         self.outside: dict[str, hy.expression] = {}
         self.switches: dict[str, Switch | Table] = {}
 
     @property
     def time(self) -> hy.expression:
         """The time since the start of the run [s]."""
-        return self.outside.setdefault('time', hy.make_vars('run_time'))
+        return self.outside.setdefault('time', hy.make_vars('time'))
 
     def unwound(self, frame: str) -> Term:
         """The angle of a frame with all its turns [rad]; not smooth where turns are taken off."""
         if frame == GROUND:
             return None
-        turns = self.outside.setdefault(f'{frame}.turns', hy.make_vars(f'{frame}_turns'))
+        symbol = hy.make_vars(f'turns{self.coordinates.index(frame)}')
+        turns = self.outside.setdefault(f'{frame}.turns', symbol)
         return self.q[frame] + 2.0 * math.pi * turns
 
     def switch(self, name: str, guard: hy.expression) -> hy.expression:
         """A flag that is 1 where `guard` is positive and 0 elsewhere."""
-        known = self.switches.setdefault(name, Switch(hy.make_vars(f'{name}_on'), guard))
+        symbol = hy.make_vars(f'on{len(self.switches)}')
+        known = self.switches.setdefault(name, Switch(symbol, guard))
         return known.symbols[0]
 
     def table(
@@ -109,7 +118,8 @@ class Frames:
         """
         known = self.switches.get(name)
         if not isinstance(known, Table):
-            known = Table(name, dense(along.value), breaks, rows, periodic)
+            own = f'row{len(self.switches)}'
+            known = Table(name, own, dense(along.value), breaks, rows, periodic)
             self.switches[name] = known
         local = Jet(known.local, along.gradient, along.rate, along.curvature)
         return known.numbers, local
@@ -125,7 +135,7 @@ class Frames:
         x: list[Jet] = []
         y: list[Jet] = []
         for (frame, slide), d in point.items():
-            name = f'{label}.{frame}' if slide is None else f'{label}.{frame}.{slide}'
+            name = f'{label}@{frame}' if slide is None else f'{label}@{frame}@{slide}'
             given = (f'{name}.x', d[0]), (f'{name}.y', d[1])
             if slide is None:
                 arm = tuple(self.parameters(*each) for each in given)

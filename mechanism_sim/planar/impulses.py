@@ -54,7 +54,7 @@ class JointImpulses:
         slips = [(gap, gap.slip(frames)) for gap in gaps if gap.friction]
         jets = [*eq.gap_jets, *eq.relation_jets, *(slip for _, slip in slips)]
         self._presses = len(eq.gap_jets)
-        sizes = [hy.make_vars(f'impulse_{i}') for i in range(len(jets))]
+        sizes = [hy.make_vars(f'impulse{i}') for i in range(len(jets))]
         cut = {name: Wrench(None, None) for name in mechanism.cut}
         rubbing = sizes[len(jets) - len(slips) :]
         rubs = {gap.name: T for (gap, _), T in zip(slips, rubbing, strict=True)}

@@ -119,9 +119,9 @@ class InverseDynamics:
         ]
         rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
         closing, cut = [], {}
-        for relation in self.relations:
+        for k, relation in enumerate(self.relations):
             count = len(relation.values(frames))
-            own = [hy.make_vars(f'{relation.name}_force_{i}') for i in range(count)]
+            own = [hy.make_vars(f'force{k}_{i}') for i in range(count)]
             cut[relation.name] = relation.wrench(frames, own)
             closing += own
         wrenches = tree_reactions(eq, accelerated, cut, self._loads).values()

@@ -12,7 +12,7 @@ from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import Side
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Side
 from mechanism_sim.planar.protocols import ForceLaw, PairClosure
 
 Array = NDArray[np.float64]
@@ -37,9 +37,8 @@ class Wall:
 
     @property
     def name(self) -> str:
-        """The joint's, with the side where it has two."""
-        joint = self.closure.joint
-        return f'{joint.name}_{self.side}' if len(joint.sides) > 1 else joint.name
+        """The joint's, with the side where it has two, see `wall_name`."""
+        return wall_name(self.closure.mechanism, self.closure.joint, self.side)
 
     @property
     def joint(self) -> str:
@@ -81,6 +80,31 @@ class Wall:
     def distance(self, value: Array) -> Array:
         """The value is the distance."""
         return value
+
+
+def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:
+    """Of a wall of a joint: ``JOINT_left``, or ``JOINT.left`` if another joint is called so."""
+    if len(joint.sides) < 2:
+        return joint.name
+    plain = f'{joint.name}_{side}'
+    return f'{joint.name}.{side}' if any(j.name == plain for j in mechanism.joints) else plain
+
+
+def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
+    """The joint whose gap has that name: its own, or that of one of its walls.
+
+    Raises
+    ------
+    KeyError
+        If there is none.
+    """
+    for joint in mechanism.joints:
+        own = [joint.name]
+        if isinstance(joint, HigherPair):
+            own += [wall_name(mechanism, joint, side) for side in joint.sides]
+        if gap in own:
+            return joint
+    raise KeyError(gap)
 
 
 def walls(

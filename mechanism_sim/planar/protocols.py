@@ -16,7 +16,7 @@ from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench
-from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,10 @@ class PairClosure(Relation, Protocol):
     @property
     def joint(self) -> HigherPair:
         """The pair."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """That it belongs to."""
 
 
 class ForceElement(Protocol):

@@ -77,11 +77,11 @@ def _inertia_force(
 ) -> tuple[Term, Term]:
     """``m (p_G'' - g)`` of a link, ``-m g`` without inertia [N]."""
     mechanism, body = equations.mechanism, equations.mechanism.body(link)
-    mass = equations.parameters(f'{link}.mass', body.mass)
-    position = equations.frames.position(mechanism.point(link, body.cog), f'{link}.cog')
+    mass = equations.parameters(f'links:{link}.mass', body.mass)
+    position = equations.frames.position(mechanism.point(link, body.cog), f'links:{link}.cog')
     found = []
     for axis, (jet, g) in enumerate(zip(position, mechanism.gravity, strict=True)):
-        gravity = equations.parameters(f'gravity.{axis}', g)
+        gravity = equations.parameters(f'gravity:{axis}', g)
         p = neg(gravity)
         if a is not None:
             p = add(*(mul(s, a[n]) for n, s in jet.gradient.items()), jet.curvature, p)
@@ -115,13 +115,13 @@ def _moment_missing(
     frame = mechanism.frame(link)[0]
     spin: Term = None
     if frame != GROUND and a is not None:
-        spin = mul(equations.parameters(f'{link}.inertia', body.inertia), a[frame])
+        spin = mul(equations.parameters(f'links:{link}.inertia', body.inertia), a[frame])
     supplied = []
     for other, at, label, w in hanging:
         supplied += [w.moment, moment_of(arm(other, at, label), (w.x, w.y))]
     return add(
         spin,
-        moment_of(arm(link, body.cog, f'{link}.cog'), inertia_force),
+        moment_of(arm(link, body.cog, f'links:{link}.cog'), inertia_force),
         *(neg(x) for x in supplied),
     )
 
@@ -147,10 +147,10 @@ def energies(equations: Equations) -> tuple[Term, Term]:
     potential: list[Term] = []
     for body in equations.mechanism.bodies:
         point = equations.mechanism.point(body.name, body.cog)
-        position = equations.frames.position(point, f'{body.name}.cog')
-        mass = equations.parameters(f'{body.name}.mass', body.mass)
+        position = equations.frames.position(point, f'links:{body.name}.cog')
+        mass = equations.parameters(f'links:{body.name}.mass', body.mass)
         for axis, (jet, g) in enumerate(zip(position, equations.mechanism.gravity, strict=True)):
-            gravity = equations.parameters(f'gravity.{axis}', g)
+            gravity = equations.parameters(f'gravity:{axis}', g)
             potential.append(neg(mul(mul(mass, gravity), jet.value)))
     return mul(hy.expression(0.5), kinetic), add(*potential)
 

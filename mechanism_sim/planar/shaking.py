@@ -44,16 +44,16 @@ class ShakingForce:
         frames = Frames(mechanism.coordinates, Parameters())
         parts: list[list[Term]] = []
         for body in mechanism.bodies:
-            place = frames.position(mechanism.point(body.name, body.cog), f'{body.name}.cog')
-            mass = frames.parameters(f'{body.name}.mass', body.mass)
+            place = frames.position(mechanism.point(body.name, body.cog), f'links:{body.name}.cog')
+            mass = frames.parameters(f'links:{body.name}.mass', body.mass)
             force = []
             for axis, (jet, g) in enumerate(zip(place, mechanism.gravity, strict=True)):
                 moved = [mul(slope, frames.a[c]) for c, slope in jet.gradient.items()]
-                gravity = frames.parameters(f'gravity.{axis}', g)
+                gravity = frames.parameters(f'gravity:{axis}', g)
                 force.append(mul(mass, add(gravity, neg(add(*moved, jet.curvature)))))
             frame, spin = mechanism.frame(body.name)[0], None
             if frame != GROUND:
-                inertia = frames.parameters(f'{body.name}.inertia', body.inertia)
+                inertia = frames.parameters(f'links:{body.name}.inertia', body.inertia)
                 spin = neg(mul(inertia, frames.a[frame]))
             moment = moment_of((place[0].value, place[1].value), (force[0], force[1]))
             parts.append([*force, add(moment, spin)])

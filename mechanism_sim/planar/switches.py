@@ -79,7 +79,13 @@ class Table:
     """
 
     def __init__(
-        self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool
+        self,
+        name: str,
+        symbol: str,
+        place: hy.expression,
+        breaks: Array,
+        rows: Array,
+        periodic: bool,
     ) -> None:
         self.name, self.place = name, place
         self._breaks, self._rows, self._periodic = np.array(breaks), np.array(rows), periodic
@@ -93,7 +99,7 @@ class Table:
             ends = np.array([ends[0] - hair, *ends[1:-1], ends[-1] + hair])
             bounds = [self._middle, 0.5 * (ends[1:] + ends[:-1]), 2.0 / np.diff(ends)]
         self._values = np.column_stack([self._rows, *bounds])
-        self.symbols = tuple(hy.make_vars(f'{name}_row_{k}') for k in range(len(self._values.T)))
+        self.symbols = tuple(hy.make_vars(f'{symbol}_{k}') for k in range(len(self._values.T)))
         own = self.symbols[self._rows.shape[1] :]
         if periodic:
             c, s = hy.cos(0.5 * place), hy.sin(0.5 * place)

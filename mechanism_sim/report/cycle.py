@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
 from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 
 _FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
-_COMPONENTS = ('.x', '.y')
+_COMPONENTS = ('x', 'y')
 
 
 def unit(cycle: Cycle, column: str) -> str:
@@ -50,7 +50,7 @@ def render(cycle: Cycle) -> str:
 def _extremes(cycle: Cycle) -> Iterator[str]:
     rows = []
     for name, ends in cycle.extremes().items():
-        if name.startswith(('reaction.', 'shaking_force.')) and name.endswith(_COMPONENTS):
+        if part_of(name) in _COMPONENTS:
             continue  # people read sizes; JSON has components too
         shown, scale = for_people(unit(cycle, name))
         low, high = (

@@ -28,16 +28,21 @@ def describe(name: str, equations: Equations) -> Description:
             return found
     for pattern, stem, meaning, unit in _MEANINGS:
         if match := re.fullmatch(pattern, name):
-            subjects = tuple(match.groups())
+            subjects = tuple(bare(x) for x in match.groups())
             said = meaning.format(*subjects)
             return Description(
                 stem, subjects, said, unit, stem in ('ex', 'ey'), stem in ('sigma', 'v0')
             )
-    return Description('p', (name,), name, '')
+    return Description('p', (bare(name),), name, '')
+
+
+def bare(subject: str) -> str:
+    """A name without the kind of thing it belongs to."""
+    return re.sub(r'^(springs|loads)\.|^.*:', '', subject)
 
 
 _MEANINGS = (
-    (r'(.+)\.slip\.(.+)', 'r', 'arm of the friction in {0} on {1}', 'm'),
+    (r'(.+)\.slip:(.+)', 'r', 'arm of the friction in {0} on {1}', 'm'),
     (r'(.+)\.height', 'h', 'height of the wall of {0}', 'm'),
     (r'(.+)\.size', 'L', 'length that makes a distance of the angle in {0}', 'm'),
     (r'(.+)\.closed', 'sigma', '1 while {0} is closed, otherwise 0', ''),
@@ -75,52 +80,48 @@ _MEANINGS = (
 def _of_masses(name: str, equations: Equations) -> Description | None:
     """Constants of mass matrix, velocity products and weight."""
     coordinates, straight = equations.coordinates, equations.mechanism.displacements
-    kind, _, rest = re.sub(r'(\.\d+)?(\.cross)?$', '', name).partition('.')
+    kind, *rest = re.sub(r'(\.\d+)?(\.cross)?$', '', name).split(':')
     # on a guide that turns a displacement takes a metre off some of the constants
     plain = not any(
         slide and frame != GROUND
         for body in equations.mechanism.bodies
         for frame, slide in equations.mechanism.point(body.name, body.cog)
     )
-    if kind == 'weight' and rest in coordinates:
-        unit, arm = ('N', '') if rest in straight else ('N m', ', times its arm')
-        return Description('W', (rest,), f'weight moved by {rest}{arm}', unit if plain else '')
-    for f in coordinates:
-        for g in coordinates:
-            pair = tuple(sorted((f, g), key=coordinates.index))
-            if kind == 'coriolis' and rest.startswith(f'{f}.') and rest.endswith(f'.{g}'):
-                return Description('C', pair, f'Coriolis term of {f}: masses times arms', '')
-            if kind not in ('inertia', 'centripetal') or rest != f'{f}.{g}':
-                continue
-            unit = ('kg m^2', 'kg m', 'kg')[sum(c in straight for c in pair)] if plain else ''
-            if f == g:
-                stem = 'm' if f in straight else 'I'
-                meaning = f'inertia of all that moves with {f}, reduced to it'
-                return Description(stem, (f,), meaning, unit)
-            # the constants of a pair come up in the mass matrix and in velocity products
-            meaning = f'sum of masses times their arms on {pair[0]} and {pair[1]}'
-            return Description('P', pair, meaning, unit)
-    return None
+    if kind == 'weight':
+        (f,) = rest
+        unit, arm = ('N', '') if f in straight else ('N m', ', times its arm')
+        return Description('W', (f,), f'weight moved by {f}{arm}', unit if plain else '')
+    if kind not in ('inertia', 'centripetal', 'coriolis'):
+        return None
+    f, g = rest[0], rest[-1]
+    pair = tuple(sorted((f, g), key=coordinates.index))
+    if kind == 'coriolis':
+        return Description('C', pair, f'Coriolis term of {f}: masses times arms', '')
+    unit = ('kg m^2', 'kg m', 'kg')[sum(c in straight for c in pair)] if plain else ''
+    if f == g:
+        stem = 'm' if f in straight else 'I'
+        meaning = f'inertia of all that moves with {f}, reduced to it'
+        return Description(stem, (f,), meaning, unit)
+    # the constants of a pair come up in the mass matrix and in velocity products
+    meaning = f'sum of masses times their arms on {pair[0]} and {pair[1]}'
+    return Description('P', pair, meaning, unit)
 
 
 def _of_vectors(name: str, equations: Equations) -> Description | None:
     """Components of the vectors of which a position is the sum, and of directions."""
     rest, _, axis = name.rpartition('.')
-    if axis not in ('x', 'y'):
+    label, *arm = rest.split('@')
+    if not arm:
         return None
+    frame, *slide = arm
+    if slide:
+        meaning = f'{axis} in the frame of {frame} of the direction of {slide[0]}'
+        return Description(f'e{axis}', (slide[0],), meaning, '', direction=True)
+    joint, _, part = label.rpartition('.')
     joints = {joint.name for joint in equations.mechanism.joints}
-    for frame in (GROUND, *equations.coordinates):
-        for slide in equations.mechanism.displacements:
-            if rest.endswith(f'.{frame}.{slide}'):
-                meaning = f'{axis} in the frame of {frame} of the direction of {slide}'
-                return Description(f'e{axis}', (slide,), meaning, '', direction=True)
-        if rest.endswith(f'.{frame}'):
-            label = rest.removesuffix(f'.{frame}')
-            joint, _, part = label.rpartition('.')
-            if joint in joints and part in ('normal', 'first', 'second'):
-                meaning = f'{axis} in the frame of {frame} of a direction in {joint}'
-                stem, own = ('n', (joint,)) if part == 'normal' else ('e', (joint, part))
-                return Description(f'{stem}{axis}', own, meaning, '', direction=True)
-            meaning = f'arm on {frame} towards {label}, {axis} in its frame'
-            return Description('l' if axis == 'x' else 'h', (frame,), meaning, 'm')
-    return None
+    if joint in joints and part in ('normal', 'first', 'second'):
+        meaning = f'{axis} in the frame of {frame} of a direction in {joint}'
+        stem, own = ('n', (joint,)) if part == 'normal' else ('e', (joint, part))
+        return Description(f'{stem}{axis}', own, meaning, '', direction=True)
+    meaning = f'arm on {frame} towards {bare(label)}, {axis} in its frame'
+    return Description('l' if axis == 'x' else 'h', (frame,), meaning, 'm')

@@ -19,7 +19,7 @@ from sympy.simplify.fu import TR8
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.switches import Table
-from mechanism_sim.report.parameters import describe
+from mechanism_sim.report.parameters import bare, describe
 
 Expression: TypeAlias = Any
 """A sympy expression; sympy is not typed."""
@@ -74,12 +74,19 @@ class Symbols:
         frames = equations.frames
         for c in equations.coordinates:
             stem, subject, what, unit = self._kind(c)
-            for own, engine, dots, words, per in (
-                (self.q, frames.q, '', what, unit),
-                (self.v, frames.v, 'dot', f'rate of {c}', f'{unit}/s'),
-                (self.a, frames.a, 'ddot', f'acceleration of {c}', f'{unit}/s^2'),
+            for own, engine, dots, name, words, per in (
+                (self.q, frames.q, '', c, what, unit),
+                (self.v, frames.v, 'dot', f'{c}_rate', f'rate of {c}', f'{unit}/s'),
+                (
+                    self.a,
+                    frames.a,
+                    'ddot',
+                    f'{c}_acceleration',
+                    f'acceleration of {c}',
+                    f'{unit}/s^2',
+                ),
             ):
-                own[c] = self.make(stem + dots, (subject,), str(engine[c]), words, per)
+                own[c] = self.make(stem + dots, (subject,), name, words, per)
                 self._variables[_sympy_symbol(str(engine[c]))] = own[c]
         self.time = self.make('t', (), 'time', 'time', 's')
         for name, variable in frames.outside.items():
@@ -90,7 +97,7 @@ class Symbols:
             self._variables[_sympy_symbol(str(variable))] = known
         for name, switch in frames.switches.items():
             for k, symbol in enumerate(switch.symbols):
-                meaning = f'1 where {name} acts, otherwise 0'
+                meaning = f'1 where {bare(name)} acts, otherwise 0'
                 known = self.make('sigma', (name,), f'{name}.on', meaning, '')
                 if isinstance(switch, Table):
                     meaning = f'number {k} of the present row of the table {name}'
@@ -124,7 +131,7 @@ class Symbols:
         The same is what has stem, subjects and value in common; of several values the later ones
         are numbered.
         """
-        subjects = tuple(re.sub(r'^(springs|loads)\.', '', s) for s in subjects)
+        subjects = tuple(bare(s) for s in subjects)
         base = text = '_'.join([stem, *(re.sub(r'\W', '_', s) for s in subjects)])
         number = 1
         while text in self.known:

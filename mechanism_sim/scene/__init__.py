@@ -2,6 +2,15 @@
 
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.scene.machine import Level, Machine
-from mechanism_sim.scene.simulate import load_scene, simulate, span, stream
+from mechanism_sim.scene.simulate import load_scene, run_length, simulate, span, stream
 
-__all__ = ['Level', 'Machine', 'load_scene', 'scene_names', 'simulate', 'span', 'stream']
+__all__ = [
+    'Level',
+    'Machine',
+    'load_scene',
+    'run_length',
+    'scene_names',
+    'simulate',
+    'span',
+    'stream',
+]

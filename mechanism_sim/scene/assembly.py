@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from fractions import Fraction
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,7 +15,7 @@ from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import change_points
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.branch import SINGULAR
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute, Vector2
 from mechanism_sim.scene.singular_start import begin, neighbours
@@ -30,6 +29,10 @@ _TRIES = 256
 _RANK = 1e-9
 _AT = 1e-3  # [rad] nearer to a change point than this its branches are not told apart
 _AHEAD = 0.05  # [rad] from there they are
+_OPENING = 1e-9
+"""Of the largest rate times the size: what rounding may open a loop with."""
+_MEETING = 1e-5
+"""Of the size [1], or [rad]: more than what may be wrong with a wheel's distance."""
 
 
 class Assembly(NamedTuple):
@@ -55,32 +58,28 @@ def assemble(machine: Machine) -> Assembly:
         a cam starts beyond its law.
     """
     plan, ideal = machine.plan, machine.plan.ideal
-    held = {**plan.begins, **{c: (x, 0.0) for c, x in plan.given[0].items()}}
-    for c in plan.prescribed:
-        law = plan.laws[c][0]
-        if isinstance(law, DriveLaw):
-            _, local = law.about(Fraction(0))
-            held[c] = (local[0], local[1] if len(local) > 1 else 0.0)
-    known = plan.guess | {c: x for c, (x, _) in held.items()}
+    held = machine.held
+    known = dict(plan.guess)
     if plan.four_bar:
         known |= _four_bar_guess(plan.four_bar, *held['crank'])
+    known |= {c: x for c, (x, _) in plan.begins.items()}
+    known |= plan.given[0] | {c: x for c, (x, _) in held.items()}
     guess = np.array([known.get(c, 0.0) for c in ideal.coordinates])
-    kinematics = machine.kinematics([c for c in ideal.coordinates if c in held])
-    q = closed_near(machine.name, kinematics, guess)
+    kinematics, q = _placed(machine, guess)
     if kinematics.edges:
         try:
             kinematics.edges.check(q[:, None])
         except RunError as error:
             raise InputError(f'{machine.name}: at the start {error}') from error
     moving = machine.kinematics(plan.prescribed)
-    ranks, hard = _ranks(moving, q, plan.elastic), sum(r not in plan.elastic for r in moving.rows)
+    soft = (*plan.elastic, *plan.clearances)
+    ranks, hard = _ranks(moving, q, soft), sum(r not in soft for r in moving.rows)
     if ranks[0] < len(moving.sought) or ranks[1] > ranks[0] or ranks[2] < hard:
         # at this position only, if there is more to them beside it
-        beside = [_ranks(moving, x, plan.elastic) for x in neighbours(moving, q).T]
+        beside = [_ranks(moving, x, soft) for x in neighbours(moving, q).T]
         ranks = np.max([ranks, *beside], axis=0)
     freedom, overdriven = len(moving.sought) - int(ranks[0]), int(ranks[1] - ranks[0])
-    rates = {c: w for c, (_, w) in held.items()} | plan.given[1]
-    v, slope = nearest_rates(kinematics, q, ideal.coordinates, rates, {}), None
+    v, slope = _started(machine, moving, q), None
     driven = [*plan.prescribed, *(c for c in plan.powered if c in plan.begins)]
     along = machine.kinematics(driven)
     decided = driven and freedom == len(driven) - len(plan.prescribed)
@@ -100,12 +99,12 @@ def assemble(machine: Machine) -> Assembly:
     return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)
 
 
-def _ranks(kinematics: Kinematics, q: Array, elastic: Sequence[str]) -> Array:
-    """Ranks (3,) of the closures: by sought coordinates, by all, and without elastic joints."""
+def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
+    """Ranks (3,) of the closures: by sought coordinates, by all, and without some joints."""
     _, J = kinematics.closure(q[:, None])
     # free of units: rows in the longest link, displacements too
     scaled = J[0] * kinematics.scale / kinematics.mechanism.size
-    hard = scaled[[row not in elastic for row in kinematics.rows]]
+    hard = scaled[[row not in soft for row in kinematics.rows]]
     return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
 
 
@@ -117,13 +116,90 @@ def _four_bar_guess(linkage: FourBar, angle: float, speed: float) -> dict[str, f
     return {'coupler': float(th3), 'rocker': float(th4)}
 
 
+def _placed(machine: Machine, guess: Array) -> tuple[Kinematics, Array]:
+    """Coordinates that close all loops, with the drives and what is given where they should be.
+
+    Loose joints allow more to be given than the mechanism without clearance can have: then it has
+    what it can, in the order of the scene.
+    """
+    plan, name = machine.plan, machine.name
+
+    def close(held: Collection[str]) -> tuple[Kinematics, Array]:
+        kinematics = machine.kinematics([c for c in plan.ideal.coordinates if c in held])
+        return kinematics, closed_near(name, kinematics, guess)
+
+    said = [c for c in plan.begins if c not in plan.assumed[0]]
+    all_of_them = [*dict.fromkeys((*plan.prescribed, *plan.begins, *plan.given[0]))]
+    try:
+        return close(all_of_them)
+    except InputError:
+        if not plan.given[0] or not (machine.clearances or plan.assumed[0]):
+            raise
+    held = [*dict.fromkeys((*plan.prescribed, *said))]
+    for c in (*plan.given[0], *plan.begins):
+        if c not in held:
+            try:
+                close([*held, c])
+            except InputError:
+                if c in plan.given[0] and not machine.clearances:
+                    raise
+            else:
+                held.append(c)
+    return close(held)
+
+
+def _started(machine: Machine, kinematics: Kinematics, q: Array) -> Array:
+    """Rates with which all loops stay closed, those of drives and those given as they should be.
+
+    Raises
+    ------
+    InputError
+        If given rates would open a loop that has no clearance: which, and how fast.
+    """
+    plan, coordinates = machine.plan, machine.plan.ideal.coordinates
+    rates = {c: machine.held[c][1] for c in plan.prescribed}
+    for c, rate in plan.given[1].items():
+        if c in rates and abs(rate - rates[c]) > 1e-12 * max(abs(rate), abs(rates[c])):
+            raise InputError(
+                f'{machine.name}: initial.velocity.{c} is {rate:g}, but its drive begins with '
+                f'{rates[c]:g}; leave one of them out'
+            )
+    begun = {c: w for c, (_, w) in plan.begins.items() if c not in plan.given[1]}
+    for c, rate in {**plan.given[1], **begun}.items():
+        if c in rates:
+            continue
+        v = nearest_rates(kinematics, q, coordinates, {**rates, c: rate}, {})
+        joint, speed = opening(kinematics, q, v)
+        if speed <= _OPENING * (np.abs(v).max(initial=0.0) * machine.plan.ideal.size):
+            rates[c] = rate
+        elif c in plan.given[1] and not machine.clearances:  # the rest follows from the others
+            raise InputError(
+                f'{machine.name}: initial.velocity cannot be: with {_paces(rates | {c: rate})} '
+                f'the loop closed by {joint} would open at {speed:.4g} m/s; leave one of them out'
+            )
+    return nearest_rates(kinematics, q, coordinates, rates, {})
+
+
+def _paces(rates: Mapping[str, float]) -> str:
+    return ', '.join(f'{c} at {rate:g}' for c, rate in rates.items())
+
+
+def opening(kinematics: Kinematics, q: Array, v: Array) -> tuple[str, float]:
+    """The joint whose closure opens fastest at rates (n,), and how fast [m/s]."""
+    _, J = kinematics.closure(q[:, None])
+    speeds = np.abs(J[0] @ v)
+    worst = int(np.argmax(speeds)) if speeds.size else 0
+    return (kinematics.rows[worst], float(speeds[worst])) if speeds.size else ('', 0.0)
+
+
 def closed_near(
     name: str, kinematics: Kinematics, guess: Array, targets: Array | None = None
 ) -> Array:
     """Coordinates (n,) that close all loops, near a guess whose held ones count.
 
     Where Newton's method fails from the guess itself, it starts from others around it, and the
-    nearest of its results is taken.
+    nearest of its results is taken. Without `targets` the links must meet there as their joints
+    say: the closure of a Geneva wheel also vanishes half a slot off, that of a guide half a turn.
 
     Raises
     ------
@@ -131,7 +207,7 @@ def closed_near(
         If none closes the loops.
     """
     q, left = kinematics.positions(guess[:, None], targets)
-    if left[0]:
+    if left[0] or not (targets is not None or _meet(kinematics, q[:, 0])):
         spread = np.random.default_rng(1).standard_normal((len(guess), _TRIES))
         slides = [c in kinematics.mechanism.displacements for c in kinematics.coordinates]
         spread *= np.where(slides, kinematics.mechanism.size, 1.0)[:, None]
@@ -139,15 +215,33 @@ def closed_near(
         spread[kinematics.held] = 0.0
         first, missed = q, left
         q, left = kinematics.positions(guess[:, None] + spread, targets)
-        if left.all():
+        far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
+        order = [i for i in np.argsort(far).tolist() if not left[i]]
+        found = next((i for i in order if targets is not None or _meet(kinematics, q[:, i])), None)
+        if found is None:
             best = int(np.argmin(left))
             near, miss = (
                 (q[:, best], left[best]) if left[best] < missed[0] else (first[:, 0], missed[0])
             )
-            _refuse(name, kinematics, near, float(miss), targets)
-        far = np.abs(_wrapped(kinematics, q - guess[:, None])).max(axis=0)
-        q = q[:, [int(np.argmin(np.where(left > 0.0, np.inf, far)))]]
+            raise _refusal(name, kinematics, near, float(miss), targets)
+        q = q[:, [found]]
     return guess + _wrapped(kinematics, q - guess[:, None])[:, 0]
+
+
+def _meet(kinematics: Kinematics, q: Array) -> bool:
+    """Whether the links meet in all joints of a mechanism without clearance at closed loops.
+
+    A cam beyond its law has no place where they do: that is refused by its own sentence later.
+    """
+    if kinematics.edges:
+        try:
+            kinematics.edges.check(q[:, None])
+        except RunError:
+            return True
+    joints = Constraints.of(kinematics.mechanism)
+    known = dict(zip(kinematics.coordinates, q.tolist(), strict=True))
+    residual, _ = joints.normalise(poses(kinematics.mechanism, known))
+    return bool(np.abs(residual).max(initial=0.0) < _MEETING)
 
 
 def nearest_rates(
@@ -181,9 +275,9 @@ def _rank(J: Array) -> int:
     return int((np.linalg.svd(J, compute_uv=False) > _RANK).sum())
 
 
-def _refuse(
+def _refusal(
     name: str, kinematics: Kinematics, q: Array, miss: float, targets: Array | None
-) -> None:
+) -> InputError:
     off = kinematics.closure(q[:, None])[0][0] - (0.0 if targets is None else targets)
     loops = {joint: _sides(kinematics.mechanism, joint) for joint in kinematics.rows}
     torn = {
@@ -200,7 +294,7 @@ def _refuse(
         )
     else:
         advice = _advice(kinematics, q, targets)
-    raise InputError(
+    return InputError(
         f'{name}: the mechanism cannot be assembled: the loop closed by the joint {joint} '
         f'({", ".join(loops[joint])}) stays open by {miss:.4g} m, nearest with {placed}; {advice}'
     )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
-from mechanism_sim.errors import InputError, RunError, nearest
-from mechanism_sim.linkages.grashof import crank_limits
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.oscillators import check_oscillators
 from mechanism_sim.scene.plan import check_motor, check_times
@@ -61,7 +60,6 @@ def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
     _check_drive(name, scene)
     linkage = machine.linkage
     lengths = {n: getattr(linkage, n) for n in ('ground', 'crank', 'coupler', 'rocker')}
-    said = ', '.join(f'{n} {x:g} m' for n, x in lengths.items())
     longest = max(lengths, key=lambda n: lengths[n])
     others = sum(lengths.values()) - lengths[longest]
     if lengths[longest] >= others:
@@ -69,11 +67,7 @@ def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
             f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is '
             f'not shorter than the three other links together ({others:g} m)'
         )
-    if not machine.torque_driven and crank_limits(linkage) != (0.0, math.pi):
-        raise InputError(
-            f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
-            'crank in line must leave a triangle with coupler and rocker; shorten the crank'
-        )
+    check_scenes_way(machine)
     if machine.level not in (Level.NONSMOOTH, Level.COMPLIANT):
         _check_initial(name, scene)
     _check_masses(machine, list(machine.links))
@@ -106,8 +100,7 @@ def _check_linkage(machine: Machine) -> None:
             "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
             'kinematics, or make a redundant joint a slot'
         )
-    if not machine.torque_driven:
-        _check_way(machine)
+    check_scenes_way(machine)
     given = [n for n, link in machine.links.items() if link.mass is not None]
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
@@ -234,27 +227,6 @@ def _check_initial(name: str, scene: FourBarScene) -> None:
                     f'{name}: initial.{kind}.{coordinate} cannot be chosen: without clearance it '
                     'follows from the crank (drive.start_angle, drive.speed)'
                 )
-
-
-def _check_way(machine: Machine) -> None:
-    """Whether the drives can go their way: a turn, or for as long as the scene says."""
-    law = machine.law
-    turning = isinstance(law, DriveLaw) and not law.straight and machine.period < math.inf
-    steady = turning and len(machine.laws) == 1
-    duration = machine.scene.duration or (machine.period if steady else None)
-    if duration is None:
-        return
-    laws = [laws[0] for laws in machine.plan.laws.values()]
-    run = machine.nominal(laws)
-    for later in (law for laws in machine.plan.laws.values() for law in laws[1:]):
-        run.change_law(later)
-    try:
-        run.advance(duration, final=True)
-    except RunError as error:
-        raise InputError(
-            f'{machine.name}: {error}; change the lengths, or keep the drive within limits by a '
-            "'profile' and 'duration'"
-        ) from error
 
 
 def _shortest(machine: Machine) -> float:

@@ -13,9 +13,10 @@ from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
 from mechanism_sim.scene.cam_notes import cam_notes
+from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.machine import Level, Machine
-from mechanism_sim.scene.motion_notes import motion_notes
+from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.oscillators import oscillator_notes
 
 _WHY = {
@@ -33,6 +34,21 @@ _WHY = {
 
 
 @dataclass(frozen=True)
+class Start:
+    """How a gap starts."""
+
+    joint: str
+    open: float  #: [m]; negative: pressed in
+    closing: float  #: [m/s]; negative: it opens
+
+    def __str__(self) -> str:
+        if not self.closing:
+            return f'starts open by {self.open:.6g} m, at rest'
+        way = 'closing' if self.closing > 0.0 else 'opening'
+        return f'starts open by {self.open:.6g} m, {way} at {abs(self.closing):.6g} m/s'
+
+
+@dataclass(frozen=True)
 class Report:
     """The outcome of `check`."""
 
@@ -43,6 +59,8 @@ class Report:
     coordinates: dict[str, str]  #: name: prescribed, follows or free
     relations: list[str]
     gaps: list[str]
+    starts: dict[str, Start]  #: of every gap
+    limits: list[str]  #: what stops the machine, or may: the first of its notes
     left_out: list[str]
     notes: list[str]
 
@@ -60,8 +78,7 @@ def check(machine: Machine) -> Report:
         If the machine cannot start where it should; the rest was refused when it was built.
     """
     scene, level = machine.scene, machine.level
-    if machine.dynamic:
-        machine.initial_state()
+    admit(machine)
     rest = 'free (integrated)' if machine.dynamic else 'follows from the closed loops'
     straight = machine.mechanism.displacements
     coordinates = {
@@ -96,6 +113,7 @@ def check(machine: Machine) -> Report:
         if name not in machine.clearances:
             single = isinstance(machine.mechanism.joint(name), HigherPair)
             relations.append(f'{name}: closes a loop, {"1 equation" if single else "2 equations"}')
+    notes = [*warnings, *_notes(machine)]
     left_out = []
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
@@ -119,9 +137,33 @@ def check(machine: Machine) -> Report:
         coordinates,
         relations,
         gaps,
+        _starts(machine),
+        [note for note in notes if isinstance(note, Limit)],
         left_out,
-        [*warnings, *_notes(machine)],
+        notes,
     )
+
+
+def _starts(machine: Machine) -> dict[str, Start]:
+    """How all gaps start."""
+    if not machine.dynamic:
+        return {}
+    system, state = machine.system, machine.initial_state()
+    place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
+    place |= {c: machine.held[c] for c in system.prescribed}
+    q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
+    opened = system.distances(system.gap_values(q))[:, 0].tolist()
+    closed = (-system.gap_rates(q, v)[:, 0]).tolist() if system.gaps else []
+    size = machine.mechanism.size
+    pace = max(1.0, float(np.abs(v).max(initial=0.0)))
+    return {
+        gap.name: Start(
+            gap.joint,
+            0.0 if abs(x) < 1e-14 * size else x,
+            0.0 if abs(w) < 1e-12 * size * pace else w,
+        )
+        for gap, x, w in zip(system.gaps, opened, closed, strict=True)
+    }
 
 
 def _drive(machine: Machine, coordinate: str) -> str:
@@ -186,14 +228,16 @@ def _start(machine: Machine) -> list[float]:
 
 def render(report: Report) -> str:
     """The report as text for people."""
-    lines = [f'{report.scene}: {report.title}', f'level: {report.level}', f'  {report.why}']
-    lines.append('coordinates')
+    lines = [f'{report.scene}: {report.title}']
+    if report.limits:
+        lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
+    lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']
     lines += [f'  {name}: {what}' for name, what in report.coordinates.items()]
     for heading, items in (
         ('relations', report.relations),
-        ('gaps', report.gaps),
+        ('gaps', [*report.gaps, *(f'{name}: {start}' for name, start in report.starts.items())]),
         ('left out', report.left_out),
-        ('notes', report.notes),
+        ('notes', [note for note in report.notes if note not in report.limits]),
     ):
         if items:
             lines += [heading, *(f'  {item}' for item in items)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -14,9 +16,9 @@ from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.protocols import Gap
-from mechanism_sim.scene.assembly import closed_near, nearest_rates
+from mechanism_sim.scene.assembly import closed_near, nearest_rates, opening
 from mechanism_sim.scene.four_bar_start import four_bar
 from mechanism_sim.scene.seats import seats
 
@@ -24,12 +26,20 @@ if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
 
 
+_SOFT = 1e-3
+"""Weight of a pin's way from its seat, in clearances, against a size that ideal joints open."""
+_ROUNDS = 30
+
+Values = dict[str, float]
+
+
 def initial_state(machine: Machine) -> State:
     """Where the equations of motion start.
 
     ``centred``: the nominal mechanism, pins at the centre, in flight. ``seated``: each pin rests
     on its bushing in the direction of the nominal force of the first-named on the second-named
-    link; nominal rates. Coordinates given in `initial` replace those.
+    link; nominal rates. Coordinates given in `initial` replace those, exactly; then all gaps
+    count as open at first.
 
     Raises
     ------
@@ -37,8 +47,8 @@ def initial_state(machine: Machine) -> State:
         If it cannot be assembled, or given coordinates put a pin outside of its bushing.
     """
     q, v = four_bar(machine) if machine.plan.four_bar else _linkage(machine)
-    system, given = machine.system, machine.plan.given
-    seated = machine.scene.start == 'seated' and not (given[0].keys() | given[1]) - {machine.main}
+    system = machine.system
+    seated = machine.scene.start == 'seated' and not machine.placed_outright
     values = np.array([[q[c]] for c in system.coordinates])
     _check_inside(machine, values, seated)
     return State(
@@ -55,9 +65,6 @@ def _starts_closed(machine: Machine, gap: Gap) -> bool:
     return machine.clearances[gap.joint].radial == 0.0 or isinstance(gap, BearingClearance)
 
 
-Values = dict[str, float]
-
-
 def _linkage(machine: Machine) -> tuple[Values, Values]:
     """Values and rates of the coordinates of any linkage."""
     plan, start = machine.plan, machine.assembly
@@ -67,32 +74,128 @@ def _linkage(machine: Machine) -> tuple[Values, Values]:
             zip(names, start.v.tolist(), strict=True)
         )
     loose = machine.mechanism
-    q = _converted(plan.ideal, loose, start.q)
+    given = tuple({c: x for c, x in part.items() if _alike(machine, c)} for part in plan.given)
+    for kind, whole, part in zip(('position', 'velocity'), plan.given, given, strict=True):
+        if lost := [c for c in whole if c not in part]:
+            raise InputError(
+                f'{machine.name}: initial.{kind}.{lost[0]} cannot be set: with its loose joints '
+                f'the machine is not carried by the guide of {lost[0]}; give other links instead'
+            )
+    near = _converted(plan.ideal, loose, start.q)
     held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
-    kinematics = Kinematics(loose, closures(loose, loose.cut), held)
-    targets = np.zeros(len(kinematics.rows))
+    placed = _places(machine, near, held, given[0])
+    v = _rates(machine, placed, held, given[1])
+    names = loose.coordinates
+    return dict(zip(names, placed.tolist(), strict=True)), dict(
+        zip(names, v.tolist(), strict=True)
+    )
+
+
+def _alike(machine: Machine, c: str) -> bool:
+    """Whether a coordinate means the same with clearance as without."""
+    ideal, loose = machine.plan.ideal, machine.mechanism
+    slides = [m.tree_joints.get(c) if c in m.sliding else None for m in (ideal, loose)]
+    return slides[0] == slides[1]
+
+
+def _places(machine: Machine, near: Array, held: Sequence[str], given: Values) -> Array:
+    """Coordinates of the loose mechanism: pins at their seats, unless given ones move them.
+
+    Where they do, ideal joints stay closed, and the pins are as little off their seats as can be,
+    measured in their clearances.
+    """
+    loose, start = machine.mechanism, machine.assembly
+    names = loose.coordinates
+    guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
+    fixed = [c for c in names if c in held or c in given]
+    every = Kinematics(loose, closures(loose, loose.cut), fixed)
+    targets = np.zeros(len(every.rows))
     if machine.scene.start == 'seated' and machine.system.gaps:
         columns = [x[:, None] for x in (start.q, start.v)]
         a = np.zeros_like(columns[0])
         if not machine.torque_driven:
             _, _, a, _ = machine.ideal.motion(columns[0], *_driven_rates(machine))
         for name, Q in seats(machine, columns[0], columns[1], a).items():
-            targets[[i for i, row in enumerate(kinematics.rows) if row == name]] = Q
-    placed = closed_near(machine.name, kinematics, q, targets)
-    known = dict(zip(plan.ideal.coordinates, start.v.tolist(), strict=True))
-    turning = [c for c in loose.coordinates if c not in loose.displacements]
-    given = {c: known.get(plan.ideal.frame(c)[0], 0.0) for c in turning}
-    given |= {c: known[c] for c in held}
-    alike = {
-        c: known[c]
-        for c in loose.sliding
-        if c in plan.ideal.sliding and loose.tree_joints[c] == plan.ideal.tree_joints[c]
-    }
-    rates = nearest_rates(kinematics, placed, loose.coordinates, given, alike)
-    names = loose.coordinates
-    return dict(zip(names, placed.tolist(), strict=True)), dict(
-        zip(names, rates.tolist(), strict=True)
+            targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
+    try:
+        return closed_near(machine.name, every, guess, targets)
+    except InputError:
+        if not given:
+            raise
+    soft = np.array([row in machine.clearances for row in every.rows])
+    play = [machine.clearances[row].radial if row in machine.clearances else 0.0
+            for row in every.rows]  # fmt: skip
+    weight = np.where(soft, _SOFT * loose.size / np.where(play, play, loose.size), 1.0)
+    for _ in range(_ROUNDS):
+        off, J = every.closure(guess[:, None])
+        left = weight * (off[0] - targets)
+        step = np.linalg.lstsq(weight[:, None] * J[0][:, every.sought], -left, rcond=1e-12)[0]
+        guess[every.sought] += step * min(1.0, 0.5 / max(float(np.abs(step).max(initial=0)), 0.5))
+    firm = [j for j in loose.cut if j not in machine.clearances]
+    kinematics = Kinematics(loose, closures(loose, firm), fixed)
+    return closed_near(machine.name, kinematics, guess, np.zeros(len(kinematics.rows)))
+
+
+def _rates(machine: Machine, q: Array, held: Sequence[str], given: Values) -> Array:
+    """Rates of the loose mechanism: those of the ideal one, and those given.
+
+    Links keep turning as they would without clearance while ideal joints can stay closed so.
+
+    Raises
+    ------
+    InputError
+        If given rates would open a joint that has no clearance.
+    """
+    plan, loose = machine.plan, machine.mechanism
+    near = dict(zip(loose.coordinates, _converted_rates(machine), strict=True))
+    firm = [j for j in loose.cut if j not in machine.clearances]
+    kinematics = Kinematics(loose, closures(loose, firm), held)
+    driven = {c: machine.held[c][1] for c in held if c not in plan.assumed[1]}
+    fixed = {**driven, **given}
+    turning = {c: near[c] for c in loose.coordinates if c not in loose.displacements}
+    for known in ({**turning, **fixed}, fixed):
+        v = nearest_rates(kinematics, q, loose.coordinates, known, near)
+        joint, speed = opening(kinematics, q, v)
+        if speed <= 1e-9 * float(np.abs(v).max(initial=0.0)) * loose.size:
+            return v
+    if not given:
+        return nearest_rates(kinematics, q, loose.coordinates, {**turning, **fixed}, near)
+    said = ', '.join(f'{c} at {rate:g}' for c, rate in given.items())
+    raise InputError(
+        f'{machine.name}: initial.velocity cannot be: with {said} the joint {joint}, which has no '
+        f'clearance, would open at {speed:.4g} m/s; leave one of them out'
     )
+
+
+def _converted_rates(machine: Machine) -> list[float]:
+    """Rates of the loose mechanism's coordinates when it moves as the ideal one."""
+    ideal, loose, start = machine.plan.ideal, machine.mechanism, machine.assembly
+    q, v = start.q[:, None], start.v[:, None]
+    turning = dict(zip(ideal.coordinates, start.v.tolist(), strict=True)) | {GROUND: 0.0}
+    found = []
+    for name in loose.coordinates:
+        link, _, axis = name.partition('.')
+        if axis:
+            speed = ideal.velocity_all(link, q, v, loose.body(link).cog)
+            found.append(float(speed['xy'.index(axis), 0]))
+        elif name in loose.displacements:
+            j = loose.tree_joints[link]
+            assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
+            x, y = (
+                ideal.locate_all(j.second, q, j.on_second)
+                - ideal.locate_all(j.first, q, j.on_first)
+            )[:, 0]
+            dx, dy = (
+                ideal.velocity_all(j.second, q, v, j.on_second)
+                - ideal.velocity_all(j.first, q, v, j.on_first)
+            )[:, 0]
+            known = dict(zip(ideal.coordinates, start.q.tolist(), strict=True))
+            way, spin = ideal.angle(j.first, known) + j.axis, turning[ideal.frame(j.first)[0]]
+            c, sine = math.cos(way), math.sin(way)
+            found.append(float(dx * c + dy * sine + spin * (y * c - x * sine)))
+        else:
+            found.append(turning[ideal.frame(link)[0]])
+    return found
 
 
 def _driven_rates(machine: Machine) -> tuple[Array, Array]:

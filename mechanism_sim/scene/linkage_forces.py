@@ -74,6 +74,12 @@ def _check_load(places: Places, name: str, load: LoadPart, tree: Mechanism) -> N
                     f'{nearest(used, known)}; it may name t, x, y, vx, vy, a link, or '
                     'LINK_rate'
                 )
+            for link in places.links:
+                if (rate := f'{link}_rate') in places.links and rate in formula.names(part):
+                    raise InputError(
+                        f"{places.name}: {where}: '{rate}' in the formula '{part}' may be the "
+                        f'link {rate} or the rate of {link}; call one of the links otherwise'
+                    )
             try:
                 formula.expression(part, symbols)
             except ValueError as error:

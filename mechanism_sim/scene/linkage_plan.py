@@ -44,6 +44,11 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
     begun = {c: x for c, (x, _) in begins.items()}
     joints = in_mesh(places, joints, tree, {**guess, **given, **begun})
     free = tree.coordinates[0]
+    silent = frozenset(
+        c
+        for c, drive in drives.items()
+        if drive.start_angle is None and drive.start_position is None and c not in given | guess
+    )
     weighing = {mass.at.partition('.')[0] for mass in scene.masses.values()}
     plays: dict[str, Play] = {
         joint: play
@@ -63,6 +68,7 @@ def linkage_plan(name: str, scene: LinkageScene) -> Plan:
             given,
             places.values('initial.velocity', scene.initial.velocity, tree, _PACES),
         ),
+        (silent, frozenset(c for c, drive in drives.items() if drive.speed is None)),
         guess,
         places.points,
         read_forces(places, tree),

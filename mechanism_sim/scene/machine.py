@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -27,6 +28,7 @@ from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMoti
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
+from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.known import Edges
@@ -250,6 +252,23 @@ class Machine:
         ideal = self.plan.ideal
         return Kinematics(ideal, closures(ideal, ideal.cut), held)
 
+    @property
+    def placed_outright(self) -> bool:
+        """Whether the scene itself says where links start, beside the main drive."""
+        given = self.plan.given
+        return bool((given[0].keys() | given[1]) - {self.main})
+
+    @cached_property
+    def held(self) -> dict[str, tuple[float, float]]:
+        """Values and rates at the start of the coordinates that drives move."""
+        held = dict(self.plan.begins)
+        for c in self.plan.prescribed:
+            law = self.plan.laws[c][0]
+            if isinstance(law, DriveLaw):
+                _, local = law.about(Fraction(0))
+                held[c] = (local[0], local[1] if len(local) > 1 else 0.0)
+        return held
+
     @cached_property
     def assembly(self) -> Assembly:
         """Where the mechanism without clearance is at the start.
@@ -278,9 +297,22 @@ class Machine:
 
     @cached_property
     def system(self) -> System:
-        """The compiled equations of motion."""
+        """The compiled equations of motion.
+
+        Raises
+        ------
+        InputError
+            If a gap can never change.
+        """
         mechanism = self.mechanism
         gaps, films = gaps_and_films(mechanism, self.clearances)
+        frames = Frames(mechanism.coordinates, Parameters())
+        for gap in gaps:
+            if all(slope is None for slope in gap.value(frames).gradient.values()):
+                raise InputError(
+                    f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
+                    'closes: its links move along it only; leave the joint out'
+                )
         closing = closures(mechanism, [j for j in mechanism.cut if j not in self.clearances])
         return self._compiled(mechanism, gaps, closing, films)
 
@@ -388,7 +420,7 @@ class Machine:
             run = EventLoop(
                 self.system,
                 first,
-                initial_state(self),
+                self.initial_state(),
                 solver.rtol,
                 solver.atol,
                 min(self.period / 8.0, 0.1),
@@ -469,7 +501,16 @@ class Machine:
 
     def initial_state(self) -> State:
         """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
+        return self._initial_state
+
+    @cached_property
+    def _initial_state(self) -> State:
         return initial_state(self)
+
+    @cached_property
+    def ways(self) -> set[object]:
+        """Of the drives, those that were tried and found free, see `mechanism_sim.scene.way`."""
+        return set()
 
     def channel(self, name: str, beside: Channel | None = None) -> Channel:
         """The measured channel of a sensor, to be fed with motion from the start of a run on.

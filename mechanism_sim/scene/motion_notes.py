@@ -27,6 +27,12 @@ from mechanism_sim.planar.mechanism import Mechanism
 LEAST_TRANSMISSION = 30.0
 
 
+class Limit(str):
+    """A note on what stops a machine, or may: people read it first."""
+
+    __slots__ = ()
+
+
 def motion_notes(
     mechanism: Mechanism, q: Mapping[str, float], driven: Collection[str]
 ) -> list[str]:
@@ -44,7 +50,7 @@ def motion_notes(
             else slider_crank_notes(linkage, crank)
         )
         whose = f'{", ".join(links)}: ' if len(found) > 1 else ''
-        notes += [whose + line for line in lines]
+        notes += [type(line)(whose + line) for line in lines]
     return notes
 
 
@@ -59,7 +65,7 @@ def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
         text += f'; {seen.instantaneous} at the start, which is a singular position'
     if seen.redundant:
         text += f'; {seen.redundancy} redundant among {", ".join(seen.redundant)}'
-    return text
+    return Limit(text) if seen.redundant or seen.instantaneous > seen.finite else text
 
 
 def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
@@ -76,13 +82,18 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
     if lines:
         angles = ' and '.join(f'{math.degrees(x):g}' for x in lines)
         notes.append(
-            f'change point: all links lie in one line at {angles} deg between {crank} and ground'
+            Limit(
+                f'change point: all links lie in one line at {angles} deg between {crank} and '
+                'ground'
+            )
         )
     elif not crank_turns(linkage):
         low, high = (math.degrees(x) for x in crank_limits(linkage))
         notes.append(
-            f'the {crank} cannot turn fully: it stays between {_between(low, high)} deg from the '
-            'line of the ground joints'
+            Limit(
+                f'the {crank} cannot turn fully: it stays between {between(low, high)} deg from '
+                'the line of the ground joints'
+            )
         )
     if (through := swing(rocker_limits(linkage))) < 2.0 * math.pi:
         note = f'the {rocker} swings through {math.degrees(through):.6g} deg'
@@ -105,6 +116,7 @@ def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
         )
         if linkage.turns in ('rod', 'both'):
             first += '; the rod can'
+        first = Limit(first)
     return [first, _transmission(*linkage.transmission_range())]
 
 
@@ -116,7 +128,7 @@ def _transmission(least: float, greatest: float) -> str:
     return note
 
 
-def _between(low: float, high: float) -> str:
+def between(low: float, high: float) -> str:
     """Limits [deg] of an angle whose absolute value is limited."""
     if high == 180.0:
         return f'{low:.6g} and {360.0 - low:.6g}'

@@ -10,7 +10,8 @@ from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.units import Measure
 
-RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi', 'now', 'watch', 'step_constant', 'run_time')
+RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
+"""What formulas of loads name beside links."""
 
 
 class Places:
@@ -35,7 +36,7 @@ class Places:
             if link != GROUND and (not link.isidentifier() or link in RESERVED):
                 raise InputError(
                     f"{name}: links.{link}: the name '{link}' cannot be used; names are letters, "
-                    f'digits and _, but not {", ".join(RESERVED)}'
+                    f'digits and _, but not {", ".join(RESERVED)}, which formulas name'
                 )
         self.links = [link for link in scene.links if link != GROUND]
         if not self.links:

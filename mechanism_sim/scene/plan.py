@@ -41,6 +41,7 @@ class Plan:
     laws : of the driven coordinates, in the order in which they take over
     begins : of the coordinates moved by a torque or a force, value and rate at the start
     given : values and rates of coordinates that the scene sets outright
+    assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
     guess : rough values of coordinates
     points : named points of the links, in their frames [m]
     elements : springs, dampers and loads
@@ -56,6 +57,7 @@ class Plan:
     laws: dict[str, tuple[Law, ...]]
     begins: dict[str, tuple[float, float]]
     given: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
+    assumed: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())
     guess: dict[str, float] = field(default_factory=dict)
     points: dict[str, dict[str, Vector2]] = field(default_factory=dict)
     elements: Elements = lambda _: []

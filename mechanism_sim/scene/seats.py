@@ -28,17 +28,30 @@ def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
     InputError
         If no force presses a pin anywhere.
     """
-    forces = dict(
-        zip(
-            [j.name for j in machine.mechanism.joints], joint_forces(machine, q, v, a), strict=True
-        )
-    )
-    found = {}
-    for name, clearance in machine.clearances.items():
+    found: dict[str, Array] = {}
+    pressed = [
+        name
+        for name, c in machine.clearances.items()
+        if isinstance(machine.mechanism.joint(name), Revolute) or not c.radial
+    ]
+    if not pressed:
+        return found  # pins start in the middle of their slots
+    names = [j.name for j in machine.mechanism.joints]
+    try:
+        forces = dict(zip(names, joint_forces(machine, q, v, a), strict=True))
+    except ZeroDivisionError:  # no equation for some of them
+        forces = dict.fromkeys(names, np.full(2, np.nan))
+    for name in pressed:
+        clearance = machine.clearances[name]
         pin = isinstance(machine.mechanism.joint(name), Revolute)
-        if not pin and clearance.radial:
-            continue  # pins start in the middle of their slots
         force = forces[name]
+        if not np.isfinite(force).all():
+            if machine.placed_outright:
+                continue  # at the centre, if it is not said otherwise
+            raise InputError(
+                f'{machine.name}: start = seated, but without clearance the force in {name} is '
+                "not determined; write 'start: centred'"
+            )
         if pin and not force.any():
             raise InputError(
                 f'{machine.name}: start = seated, but no force presses the pin of {name} on its '
@@ -46,7 +59,7 @@ def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
             )
         size = float(np.hypot(*force))
         contact = clearance.contact
-        soft = contact.stiffness if contact else None
+        soft = contact.stiffness if contact and not machine.placed_outright else None
         depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
         if pin:
             found[name] = (clearance.radial + depth) * force / size

@@ -20,6 +20,7 @@ from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit, Observation
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import read_scene
+from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.machine import Machine
 
 Progress = Callable[[float, int], None]
@@ -64,6 +65,19 @@ def span(machine: Machine, revolutions: float | None, duration: float | None) ->
     if duration is None:
         duration = machine.time_of(1.0 if revolutions is None else revolutions)
     return duration
+
+
+def run_length(machine: Machine, revolutions: float | None, duration: float | None) -> float:
+    """The same for commands and nodes, which refuse what cannot be run for so long.
+
+    Raises
+    ------
+    InputError
+        As `span`, or as `mechanism_sim.scene.gate.admit`.
+    """
+    end = span(machine, revolutions, duration)
+    admit(machine, end)
+    return end
 
 
 class Stream:

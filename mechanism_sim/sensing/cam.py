@@ -92,7 +92,7 @@ def _follower(joint: CamPair, view: JointView, lift: Array) -> Course:
 
 def _contact(joint: CamPair, view: JointView) -> tuple[Array, NDArray[np.uint8]]:
     """Distance [m] to what the follower may touch, and the mode."""
-    walls = [view.gap(side if len(joint.sides) > 1 else '') for side in joint.sides]
+    walls = [view.gap(side) for side in joint.sides]
     count = view.observed.position.shape[1]
     known = [(wall, side) for wall, side in zip(walls, joint.sides, strict=True) if wall]
     if not known:

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    HigherPair,
+    Joint,
+    Mechanism,
+    Side,
+    Vector2,
+)
+from mechanism_sim.planar.play import wall_name
 
 Array = NDArray[np.float64]
 
@@ -101,9 +109,11 @@ class JointView:
         moment: Array = -(self.moment + x * fy - y * fx)
         return moment
 
-    def gap(self, side: str = '') -> tuple[Array, NDArray[np.bool_]] | None:
+    def gap(self, side: Side | None = None) -> tuple[Array, NDArray[np.bool_]] | None:
         """Distance (N,) [m] and whether it is closed (N,), of the joint's gap at that side."""
-        name = f'{self.joint.name}_{side}' if side else self.joint.name
+        name = self.joint.name
+        if side and isinstance(self.joint, HigherPair):
+            name = wall_name(self.mechanism, self.joint, side)
         if name not in self.physics.clearances:
             return None
         k = self.physics.clearances.index(name)

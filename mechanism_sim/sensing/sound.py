@@ -24,6 +24,7 @@ from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute
+from mechanism_sim.planar.play import joint_of_gap
 
 Array = NDArray[np.float64]
 
@@ -165,8 +166,7 @@ def strikes(mechanism: Mechanism, motion: Motion, impacts: Sequence[Impact]) -> 
         change = impact.approach_speed + impact.rebound_speed
         if not (impact.normal_impulse > 0.0 and impact.approach_speed > 0.0):
             continue
-        named = [j for j in mechanism.joints if f'{impact.joint}_'.startswith(f'{j.name}_')]
-        joint = max(named, key=lambda j: len(j.name))
+        joint = joint_of_gap(mechanism, impact.joint)
         part = _part(mechanism, joint, motion.curve, impact)
         jump = change * part, change * (1.0 - part)
         weights = (math.inf if x == GROUND else mechanism.body(x).mass for x in _ends(joint))

@@ -22,6 +22,7 @@ from mechanism_sim.pages.charts.style import (
     places,
     written,
 )
+from mechanism_sim.planar.play import joint_of_gap
 
 Array = NDArray[np.float64]
 
@@ -53,12 +54,10 @@ def contacts(course: Course) -> Section | None:
 
 def gaps_of(course: Course) -> dict[str, list[str]]:
     """The gaps of each loose joint: of one with two walls there are two."""
-    known = course.record.machine.physics.clearances
+    machine = course.record.machine
     found: dict[str, list[str]] = {}
-    for joint in course.record.machine.mechanism.joints:
-        names = (joint.name, f'{joint.name}_left', f'{joint.name}_right')
-        if own := [name for name in names if name in known]:
-            found[joint.name] = own
+    for name in machine.physics.clearances:
+        found.setdefault(joint_of_gap(machine.mechanism, name).name, []).append(name)
     return found
 
 
@@ -91,7 +90,7 @@ def _chart(
         if len(names) > 1:
             figure.add_annotation(
                 x=0.0, xref='paper', xanchor='right', xshift=-6, y=0.5, yref=axis, showarrow=False,
-                text=name.rpartition('_')[2], font={'size': 10, 'color': MUTED},
+                text=name.removeprefix(joint)[1:], font={'size': 10, 'color': MUTED},
             )  # fmt: skip
         gap = course.record.machine.physics.clearances.index(name)
         add_band(figure, spells(window, gap), axis, first=not i)

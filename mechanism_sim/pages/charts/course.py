@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.deviation import ideal_record
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.nodes.parts import kinds_of
@@ -101,7 +102,7 @@ class Window:
             for name, x in table(
                 machine.physics, Samples(t, modes, seen, unknown, unknown)
             ).items()
-            if not name.startswith(_LEAVE) and not name.endswith('.moment')
+            if not name.startswith(_LEAVE) and part_of(name) != 'moment'
         }
         for i, joint in enumerate(machine.mechanism.joints if machine.physics.has_forces else ()):
             found[f'reaction.{joint.name}.size'] = np.hypot(*seen.reaction[i])

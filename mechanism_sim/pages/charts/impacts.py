@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.roses import Rose, impact_rose
 from mechanism_sim.analysis.wear import WearMap, wear_maps
 from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.pages.charts.contacts import gaps_of
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import (
@@ -103,14 +104,12 @@ def _stems(course: Course, struck: list[Impact], window: Window, title: str, key
 
 def _places(course: Course) -> list[tuple[str, int, bool]]:
     """The gaps with the number of their joint's colour, and whether it is the joint's second."""
-    physics = course.record.machine.physics
-    found = []
-    for name in physics.clearances:
-        joint = name if name in physics.joints else name.rpartition('_')[0]
-        found.append(
-            (name, physics.joints.index(joint), name.endswith('_right') and joint != name)
-        )
-    return found
+    joints = course.record.machine.physics.joints
+    return [
+        (name, joints.index(joint), i > 0)
+        for joint, names in gaps_of(course).items()
+        for i, name in enumerate(names)
+    ]
 
 
 def _hardest(struck: list[Impact], window: Window) -> list[Impact]:

@@ -1,0 +1,165 @@
+"""The gate of all commands and nodes: what `check` refuses none runs, what it accepts all run.
+
+Whether a machine can go the way that its drives prescribe is a matter of geometry: the cost does
+not depend on how long the run is, nor on how slow the drive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import crank_limits
+from mechanism_sim.linkages.nominal import NominalRun
+from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.scene.motion_notes import between
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene.machine import Machine
+
+TURN = 2.0 * math.pi
+_PACE = 2.0 * TURN
+"""[rad/s] of the drive where it is tried out; in sizes of the machine if it slides."""
+
+_MOST = 16
+"""Turns from the start that are tried of a machine that need not come back after one."""
+
+Way = tuple[float, float]
+"""Least and greatest value of a coordinate [rad, m]."""
+
+
+def admit(machine: Machine, duration: float | None = None) -> Machine:
+    """The machine, if it can start where it should and go its way for so long [s].
+
+    That it can for a turn, or for as long as its scene says, was found when it was built.
+
+    Raises
+    ------
+    InputError
+    """
+    if machine.dynamic:
+        machine.initial_state()
+    if duration is not None:
+        check_way(machine, duration)
+    return machine
+
+
+def check_scenes_way(machine: Machine) -> None:
+    """Refuse drives that it cannot follow for a turn, or for as long as the scene says.
+
+    Raises
+    ------
+    InputError
+    """
+    law = machine.law
+    steady = isinstance(law, DriveLaw) and not law.straight and len(machine.laws) == 1
+    duration = machine.scene.duration or (machine.period if steady else math.inf)
+    if duration < math.inf:
+        check_way(machine, duration)
+
+
+def check_way(machine: Machine, duration: float) -> None:
+    """Refuse prescribed drives that the machine without clearance cannot follow for so long.
+
+    The way of one drive is tried once from the start to either end, a turn of it at most where
+    all is as before after one. Several drives are tried together, at their own pace.
+
+    Raises
+    ------
+    InputError
+        At which place of the drive it stops, and what to do.
+    """
+    if machine.torque_driven:
+        return
+    plan, tried = machine.plan, machine.ways
+    moving = {c: w for c in plan.prescribed if (w := way_of(plan.laws[c], duration))[0] < w[1]}
+    if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
+        if duration not in tried:
+            _try_together(machine, duration)
+            tried.add(duration)
+        return
+    for c, way in moving.items():
+        start = _value(plan.laws[c][0], 0.0)
+        reach = math.inf
+        if c not in plan.ideal.displacements:
+            again = not any(isinstance(j, HigherPair) for j in plan.joints)
+            reach = TURN if again else _MOST * TURN
+        ends = max(way[0], start - reach), min(way[1], start + reach)
+        if plan.four_bar is not None:
+            _check_four_bar(machine, plan.four_bar, ends)
+            continue
+        for end in ends:
+            if end != start and (start, end) not in tried:
+                _try(machine, c, start, end)
+                tried.add((start, end))
+
+
+def way_of(laws: Sequence[Law], duration: float) -> Way:
+    """Where prescribed laws lead from the start of a run to its end."""
+    seen = []
+    for law, later in zip(laws, [*laws[1:], None], strict=True):
+        begin, end = law.valid_from, min(duration, later.valid_from if later else math.inf)
+        if isinstance(law, DriveLaw) and begin <= end:
+            rate = np.trim_zeros(polynomial.polyder(law.coefficients), 'b')
+            turning = polynomial.polyroots(rate) if len(rate) > 1 else np.zeros(0)
+            real = law.reference_time + turning[np.abs(turning.imag) < 1e-9].real
+            at = [begin, end, *(t for t in real.tolist() if begin < t < end)]
+            seen += [_value(law, t) for t in at]
+    return min(seen), max(seen)
+
+
+def _value(law: Law, t: float) -> float:
+    """Where a prescribed coordinate is [rad, m]."""
+    assert isinstance(law, DriveLaw)  # noqa: S101 - it is prescribed
+    value = float(polynomial.polyval(t - law.reference_time, law.coefficients))
+    return value + law.turns * TURN
+
+
+def _check_four_bar(machine: Machine, linkage: FourBar, way: Way) -> None:
+    """Whether crank and ground leave a triangle with coupler and rocker all the way."""
+    low, high = crank_limits(linkage)
+    for middle, half in ((0.0, low), (math.pi, math.pi - high)):
+        # the first forbidden part at or after the least angle of the way
+        first = middle + TURN * math.ceil((way[0] - half - middle) / TURN)
+        if half > 0.0 and first - half <= way[1]:
+            limits = between(math.degrees(low), math.degrees(high))
+            lengths = ('ground', 'crank', 'coupler', 'rocker')
+            said = ', '.join(f'{n} {getattr(linkage, n):g} m' for n in lengths)
+            raise InputError(
+                f'{machine.name}: the crank cannot make a full turn at constant speed ({said}): '
+                'ground and crank in line must leave a triangle with coupler and rocker; shorten '
+                f'the crank, or keep it between {limits} deg by a '
+                "'profile' and 'duration'"
+            )
+
+
+def _try(machine: Machine, coordinate: str, start: float, end: float) -> None:
+    straight = coordinate in machine.plan.ideal.displacements
+    pace = math.copysign(_PACE * (machine.plan.ideal.size if straight else 1.0), end - start)
+    run = machine.nominal([DriveLaw(coordinate, (start, pace), straight=straight)])
+    _advance(machine, run, (end - start) / pace)
+
+
+def _try_together(machine: Machine, duration: float) -> None:
+    laws = list(machine.plan.laws.values())
+    run = machine.nominal([each[0] for each in laws])
+    for later in (law for each in laws for law in each[1:]):
+        run.change_law(later)
+    _advance(machine, run, min(duration, _MOST * machine.period))
+
+
+def _advance(machine: Machine, run: NominalRun, duration: float) -> None:
+    try:
+        run.advance(duration, final=True)
+    except RunError as error:
+        raise InputError(
+            f'{machine.name}: {error}; change the lengths, or keep the drive within limits by a '
+            "'profile' and 'duration'"
+        ) from error
