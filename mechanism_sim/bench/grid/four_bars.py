@@ -109,6 +109,8 @@ def clearance(random: Random, friction: bool = False, finest: float = -6.0) -> S
         'restitution': pick(random, RESTITUTIONS),
         'hypothesis': pick(random, RIGID),
     }
+    if keys['restitution'] == 1.0:  # it bounces for ever, the more often the less play there is
+        keys['radial'] = max(keys['radial'], 1e-4)
     if friction:
         keys['friction'] = pick(random, FRICTIONS)
         keys['pin_radius'] = pick(random, PIN_RADII)
@@ -194,20 +196,22 @@ def _placed(random: Random, k: int) -> Draft:
     """A pin that starts anywhere in its bushing, at rates of its own."""
     found = base(random) | {'start': 'centred'}
     keys, extent = drive(random, DRIVES[0 if k % 3 else 3], speeds=(0.5, 2.0))
-    play = clearance(random, friction=k % 2 == 1)
+    play = clearance(random, friction=k % 2 == 1, finest=-4.5)
     scene = variant('four_bar_clearance', found | {'drive': keys})
     length = {n: _metres(link['length']) for n, link in scene['links'].items()}
     four_bar = FourBar(length['ground'], length['crank'], length['coupler'], length['rocker'])
-    (th3,), (th4,) = four_bar.positions(np.array([keys['start_angle']]))
-    share = float(random.uniform(0.0, 0.95)) * play['radial']
-    within = share / length['coupler'] * pick(random, (1.0, -1.0))
-    position = {'coupler': float(th3) + within, 'rocker': float(th4)}
-    if random.random() < 0.5:
-        position = {'coupler': float(th3), 'rocker': float(th4) + share / length['rocker']}
-    initial: Scene = {'position': position}
+    crank = (np.array([x]) for x in (keys['start_angle'], keys['speed'], 0.0))
+    angles, rates, _ = four_bar.motion(*crank)
+    position = dict(zip(('coupler', 'rocker'), angles[1:, 0].tolist(), strict=True))
+    moved = pick(random, ('coupler', 'rocker'))
+    off = float(random.uniform(-0.95, 0.95)) * play['radial'] / length[moved]
+    initial: Scene = {'position': position | {moved: position[moved] + off}}
     if random.random() < 0.6:
+        # a pin without friction goes round its bushing for ever: not many times in a run
+        turns = 30.0 * play['radial'] / extent.get('duration', 0.5)
         initial['velocity'] = {
-            n: float(random.uniform(-10.0, 10.0)) for n in ('coupler', 'rocker')
+            n: float(rates[i, 0] + random.uniform(-turns, turns) / length[n])
+            for i, n in enumerate(('coupler', 'rocker'), 1)
         }
     scene['joints'] = {'coupler_rocker': {'clearance': play}}
     scene['initial'] = initial
