@@ -41,6 +41,18 @@ def test_a_case_is_the_same_in_any_part_of_the_grid():
     assert other.draft() != few[0].draft()
 
 
+def test_the_noise_of_a_gap_does_not_rule_the_steps():
+    """A rough pin that starts to roll: errors were taken back at the rate of ever shorter steps."""
+    rough = {'radial': 2e-3, 'restitution': 0.05, 'friction': 'rough', 'pin_radius': 5e-3}
+    scene = variant('four_bar_clearance', {
+        'joints.coupler_rocker.clearance': rough, 'gravity': [0.0, 0.0],
+        'drive': {'speed': -8.9, 'start_angle': 2.9},
+    })  # fmt: skip
+    outcome = judged(Draft(scene, revolutions=1.1))
+    assert outcome.ok, outcome.reason
+    assert outcome.figures['residual'] < 1e-11
+
+
 def judged(draft, refusals=()):
     """The outcome of a case that is made so."""
 
