@@ -8,6 +8,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.bench.grid import FAMILIES, Family, GridCase, grid, run_case
 from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
+from mechanism_sim.bench.grid.jams import jams, solutions
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.audit import Audit
 
@@ -42,7 +43,7 @@ def test_a_case_is_the_same_in_any_part_of_the_grid():
 
 
 def test_the_noise_of_a_gap_does_not_rule_the_steps():
-    """A rough pin that starts to roll: errors were taken back at the rate of ever shorter steps."""
+    """A rough pin that starts to roll: errors were taken back faster with every shorter step."""
     rough = {'radial': 2e-3, 'restitution': 0.05, 'friction': 'rough', 'pin_radius': 5e-3}
     scene = variant('four_bar_clearance', {
         'joints.coupler_rocker.clearance': rough, 'gravity': [0.0, 0.0],
@@ -129,3 +130,28 @@ def test_the_command(tmp_path):
         done = run('bench', 'grid', *arguments)
         assert done.returncode == 2
         assert said in done.stderr
+
+
+@pytest.mark.parametrize('friction', [0.3, 0.9])
+def test_one_contact_never_jams_for_good(friction):
+    """Painleve's rod: no force holds it above mu = Ann/Ant, but an impact that stops it does."""
+    A, b = np.array([[1.0, 2.0], [2.0, 5.0]]), np.array([-1.0, 0.0])
+    v = np.array([0.0, 1.0])
+    found = list(solutions(A, b, np.array([1.0]), [friction]))
+    assert len(found) == (1 if friction < 0.5 else 0)
+    if found:
+        normal, tangential = found[0]
+        assert normal == pytest.approx(1.0 / (1.0 - 2.0 * friction))
+        assert tangential == pytest.approx(-friction * normal)
+    assert not jams(A, b, v, [friction])
+
+
+def test_two_contacts_that_wedge_jam():
+    """No force, and no impulse, presses either contact without pressing the other in."""
+    A = np.array([
+        [1.0, -3.0, 0.0, 0.0], [-3.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0],
+    ])  # fmt: skip
+    b, v = np.array([-1.0, -1.0, 0.0, 0.0]), np.zeros(4)
+    assert jams(A, b, v, [0.5, 0.5])
+    assert not jams(A, -b, v, [0.5, 0.5])
+    assert not jams(np.eye(4), b, v, [0.5, 0.5])

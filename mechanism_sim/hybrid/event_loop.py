@@ -24,7 +24,7 @@ from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.hybrid.system import ContactTerms, System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
 from mechanism_sim.planar.drive import DriveLaw, Law
 
@@ -134,6 +134,11 @@ class EventLoop:
         """Time [s] up to which the solution is known."""
         tau = self._pending.tau if self._pending else self._ta.time
         return self._base.at(tau)
+
+    @property
+    def contact_terms(self) -> ContactTerms:
+        """The gaps at the present state."""
+        return self._contacts.terms()
 
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one of its coordinate from ``law.valid_from`` on.

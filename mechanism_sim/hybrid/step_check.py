@@ -25,9 +25,7 @@ class StepCheck:
     limit : [rad/s] change of a rate within a step that a defect may make
     """
 
-    def __init__(
-        self, system: System, integrator: hy.taylor_adaptive_dbl, limit: float
-    ) -> None:
+    def __init__(self, system: System, integrator: hy.taylor_adaptive_dbl, limit: float) -> None:
         self._accelerations, self._ta = system.accelerations, integrator
         f = len(system.free)
         size = np.where(system.angular, 1.0, system.mechanism.size)
