@@ -122,11 +122,11 @@ def compliant(random: Random, law: str, friction: bool) -> Scene:
     e = float(pick(random, (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)))
     if law == 'film':
         contact = {
-            'law': law, 'viscosity': decades(random, -1.5, -0.3),
+            'law': law, 'viscosity': decades(random, -1.5, -0.7),
             'width': float(random.uniform(0.01, 0.03)),
             'radius': float(random.uniform(5e-3, 0.015)),
         }  # fmt: skip
-        return {'radial': decades(random, -4.7, -3.7), 'restitution': e, 'contact': contact}
+        return {'radial': decades(random, -4.2, -3.7), 'restitution': e, 'contact': contact}
     exponent, stiffness = pick(random, SOFT)
     contact = {'law': law, 'stiffness': decades(random, *stiffness), 'exponent': exponent}
     keys = {

@@ -66,7 +66,7 @@ def _slot(random: Random, k: int) -> Draft:
 
 
 def _play(random: Random) -> Scene:
-    return {'radial': decades(random, -5.5, -3.3), 'restitution': pick(random, RESTITUTIONS)}
+    return {'radial': decades(random, -5.5, -3.3), 'restitution': pick(random, RESTITUTIONS[:-1])}
 
 
 def _loose(random: Random, k: int) -> Draft:
