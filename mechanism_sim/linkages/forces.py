@@ -203,6 +203,7 @@ class AppliedForce(_Element):
     def _term(self, frames: Frames, part: str, given: float | str, x: Jet, y: Jet) -> Term:
         if not isinstance(given, str):
             return frames.parameters(f'{self.key}.{part}', given)
+        frames.formulas.add(self.name)
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
         for name in formula.names(given) - known.keys() - {'t'}:
             if all(name != body.name for body in self.mechanism.bodies):
