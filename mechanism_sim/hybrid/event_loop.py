@@ -51,7 +51,8 @@ class _Pending(NamedTuple):
     tau: float  #: [s] where it begins
     h: float  #: [s]
     guard: int | None  #: that ended it
-    taken: tuple[float, float]  #: with which stabilisation [1/s] and longest step [s]
+    #: with which stabilisation [1/s], longest step [s] and stride [s]
+    taken: tuple[float, float, float]
     origin: Array | None  #: the state at its start, if it was projected then
 
 
@@ -149,7 +150,9 @@ class EventLoop:
         self._go_on()
         h, step = self._singular.begin()
         self._tape.next.reshape(-1)[:] = step.terms
-        self._pending = _Pending(self._ta.time - h, h, None, (0.0, self._max_step), step.origin)
+        self._pending = _Pending(
+            self._ta.time - h, h, None, (0.0, self._max_step, 0.0), step.origin
+        )
         return True
 
     @property
@@ -207,7 +210,7 @@ class EventLoop:
         enter_tau, enter_length = tape.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
         watched, watch = bool(self._system.guards), self._guard_series
-        near = self._nearness
+        near, stride = self._nearness, self._singular.stride
         quick = (lone or not watched) and not timed and self._check is None
         stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
         quickest = self._quickest
@@ -228,7 +231,7 @@ class EventLoop:
                         end = tau + h
                         if pars[fired] or not end <= stop or watch[1] < _NEAR * h * abs(watch[2]):
                             break
-                        if near[1] + AHEAD * h * near[2] < 0.0:
+                        if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
                             break
                         slot[:] = coefficients
                         enter_tau(tau)
@@ -249,7 +252,7 @@ class EventLoop:
                     h = step(reach, True)[1]
                     if self._check is not None:
                         h = self._checked(tau, h, self._check)
-                taken = (alpha, reach)
+                taken = (alpha, reach, stride)
                 guard = self._system.fired(pars) if pars[fired] else None
                 if lone:
                     if watch[1] < _NEAR * h * abs(watch[2]):
@@ -261,13 +264,14 @@ class EventLoop:
                             h, guard = self._look_again(tau, h, guard)
                 elif watched:
                     h, guard = self._look_again(tau, h, guard)
-                crossing, ahead = None, False
-                if near[1] + AHEAD * h * near[2] < 0.0 and reach is longest:
-                    h, guard, crossing, ahead = self._singular.approach(tau, h, guard, alpha)
+                crossing = None
+                if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
+                    h, guard, crossing = self._singular.approach(tau, h, guard)
+                    stride = self._singular.stride
                 if not h > 0.0 and guard is None:
                     raise self._breakdown(tau)
                 slots[count][:] = crossing.terms if crossing else coefficients
-                if guard is None and not ahead and (h < reach or reach is longest):
+                if guard is None and (h < reach or reach is longest):
                     alpha = pars[stabilisation] = min(1.0 / h, quickest)
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
@@ -500,8 +504,9 @@ class EventLoop:
         """
         contacts, state, tau = self._contacts, self._ta.state, float(self._ta.time)
         alpha, horizon = self._pars[self._stabilisation], contacts.horizon
+        stride = self._singular.stride
         if self._pending:
-            tau, (alpha, horizon) = self._pending.tau, self._pending.taken
+            tau, (alpha, horizon, stride) = self._pending.tau, self._pending.taken
             began = self._pending.origin
             state = self._ta.tc[:, 0] if began is None else began
         touches = self._touches.follow(self._tape.motion())[0] if self._touches else ()
@@ -525,6 +530,7 @@ class EventLoop:
             self._last_event,
             self._simultaneous,
             self.events,
+            stride,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -551,6 +557,7 @@ class EventLoop:
         self._go_on()
         self._directions[:] = array('d', s.directions)
         self._since = s.since
+        self._singular.stride = s.stride
 
     # --- the solution -------------------------------------------------------------------------
 

@@ -34,6 +34,12 @@ grow with the inverse square of the way to the position.
 BEYOND = 1.2
 """Length of that step by the way to the position. The errors grow as its powers."""
 
+_TANGENT = 1.6
+"""Times that the tangent of the distance's root may put a singular position too far away."""
+
+_SLOWER = 0.9
+"""Part of a stride that the next may be shorter by nature."""
+
 _TOUCHES = 1e-5
 """Least distance relative to that at the start of a step which counts as zero."""
 
@@ -55,6 +61,7 @@ _BLIND = 0.1
 """Of a step across a singular position: nearer to the position forces are not computed."""
 
 _PLACES = np.linspace(0.0, 1.0, 65)
+_SOON = _PLACES[1] * 2.0 ** np.arange(-20.0, 0.0)
 
 
 def time_of_touch(distance: Array, within: float) -> float | None:
@@ -112,6 +119,10 @@ class SingularPositions:
     integrator : of that system
     contacts : of the same run
     index : of the state whose derivative is the distance from singular positions
+
+    Attributes
+    ----------
+    stride : length of regular steps [s], not of those that events or singular positions cut short
     """
 
     def __init__(
@@ -122,48 +133,55 @@ class SingularPositions:
         self._contacts = contacts
         self._index = index
         self._widest = 0.0
+        self.stride = 0.0
         size = system.mechanism.size
         self._scale = np.array([1.0 if angular else size for angular in system.angular])
 
     def approach(
-        self, tau: float, h: float, guard: int | None, alpha: float
-    ) -> tuple[float, int | None, Crossing | None, bool]:
+        self, tau: float, h: float, guard: int | None
+    ) -> tuple[float, int | None, Crossing | None]:
         """End the last step before a singular position, or lead it beyond.
 
         Parameters
         ----------
         tau, h, guard : start and length [s] of the step, and the guard that ended it
-        alpha : rate of stabilisation in it [1/s], the reciprocal of the last regular step
 
         Returns
         -------
-        Length and guard of the step that is to be taken; what it is if it leads across; whether a
-        singular position is ahead, so that this is no regular step.
+        Length and guard of the step that is to be taken, and what it is if it leads across.
 
         Raises
         ------
         RunError
             If the way beyond is not decided.
         """
+        self.stride = stride = max(h, _SLOWER * self.stride)
+        zone = ZONE * stride
         integrated = self._ta.tc[self._index]
         distance = integrated[1:] * np.arange(1.0, len(integrated)) / WATCH_SCALE
         self._widest = max(self._widest, distance[0])
-        stride = max(h, 1.0 / alpha if alpha else 0.0)
-        zone = ZONE * stride
+        if -2.0 * distance[0] < _TANGENT * (stride + zone) * distance[1]:
+            return h, guard, None
         touch = time_of_touch(distance, stride + zone)
-        if touch is None:
-            if distance[0] < _NARROW * self._widest:
-                raise self.undecided()
-            return h, guard, None, False
-        if touch > 1.25 * zone:
+        narrow = distance[0] < _NARROW * self._widest
+        if touch is not None and touch > 1.25 * zone:
             if touch - zone < h:
                 self._return_to(tau)
                 h = self._ta.step(touch - zone, True)[1]
                 guard = self._system.fired(self._ta.pars)
-            return h, guard, None, True
-        origin = self._ta.tc[: 2 * len(self._system.free), 0].copy()
-        h, guard, terms = self._cross(tau, touch, alpha)
-        return h, guard, Crossing(terms, origin), True
+        elif touch is not None:
+            origin = self._ta.tc[: 2 * len(self._system.free), 0].copy()
+            crossed = self._cross(tau, touch)
+            if crossed is not None:
+                h, guard, terms = crossed
+                return h, guard, Crossing(terms, origin)
+            if not narrow:  # where the motion is fast, nearer by
+                self._ta.state[: len(origin)] = origin
+                h = self._ta.step(min(h, 0.5 * touch), True)[1]
+                return h, self._system.fired(self._ta.pars), None
+        if narrow:
+            raise self.undecided()
+        return h, guard, None
 
     @property
     def is_here(self) -> bool:
@@ -194,10 +212,13 @@ class SingularPositions:
         while speed and before > _FIRST * 0.01 / speed:
             try:
                 from_there = self._origin(wanted, before, now)
-                h, _, terms = self._cross(now - before, before, 0.0)
-            except (RunError, np.linalg.LinAlgError):
+                crossed = self._cross(now - before, before)
+            except np.linalg.LinAlgError:
+                crossed = None
+            if crossed is None:
                 before *= 0.5
                 continue
+            h, _, terms = crossed
             series = np.asarray(terms).reshape(2 * f, -1)
             series = shift_powers(series, np.full(2 * f, before))
             reached = series[:, 0].reshape(2, f) - wanted
@@ -237,8 +258,8 @@ class SingularPositions:
             self._ta.reset_cooldowns()
 
     def _cross(
-        self, tau: float, touch: float, alpha: float
-    ) -> tuple[float, int | None, memoryview[float]]:
+        self, tau: float, touch: float
+    ) -> tuple[float, int | None, memoryview[float]] | None:
         """Take a step across a singular position at `touch` [s] from its start."""
         h = BEYOND * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
@@ -246,7 +267,7 @@ class SingularPositions:
         self._return_to(tau)
         for _ in range(2):  # the rates are projected where the coordinates were before
             self._contacts.project()
-        ta.pars[index] = 0.0
+        alpha, ta.pars[index] = ta.pars[index], 0.0
         ta.step(h, True)
         ta.pars[index], ta.pars[system.fired_index] = alpha, 0.0
         series = ta.tc[: 2 * f].copy()
@@ -254,7 +275,7 @@ class SingularPositions:
         error = truncate(series[f:], h, self._scale)
         if not error <= _DECIDED * speed:
             self._return_to(tau)
-            raise self.undecided()
+            return None
         series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
 
         def go_to(s: float) -> None:
@@ -273,7 +294,7 @@ class SingularPositions:
         self, go_to: Callable[[float], None], h: float, touch: float
     ) -> tuple[float, int | None]:
         """The first guard beyond its fall along a step across a position, and when [s]."""
-        places = h * _PLACES[1:]
+        places = h * np.concatenate([_SOON, _PLACES[1:]])
         before = 0.0
         for s in places[np.abs(places - touch) > _BLIND * h]:  # forces are not known nearer
             go_to(s)
@@ -301,8 +322,7 @@ class SingularPositions:
         named = [j for j in self._system.mechanism.joints if j.name in joints]
         links = sorted({link for j in named for link in (j.first, j.second)})
         return RunError(
-            f'at t = {self._contacts.time:.9g} s the mechanism is at a singular position where '
-            f'the links of {", ".join(joints) or "its loops"} ({", ".join(links)}) can go on in '
-            'more than one way, and nothing decides which: change a length, the start or the '
-            'drive a little'
+            f'at t = {self._contacts.time:.9g} s the mechanism is at a singular position, where '
+            f'{", ".join(links) or "its links"} can go on in more than one way, and nothing decides '
+            'which: change a length, the start or the drive a little'
         )

@@ -23,6 +23,9 @@ class State:
     closed: tuple[bool, ...]  #: of every gap
 
 
+_TIMES = 'tau', 'stabilisation', 'horizon', 'next_base', 'last_event', 'stride'
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """A run that pauses: with it a run of the same machine continues as if it never had.
@@ -50,6 +53,7 @@ class Snapshot:
     last_event: float  #: [s]
     simultaneous: int  #: events at that time
     events: int
+    stride: float = 0.0  #: [s] of regular steps
 
     @property
     def time(self) -> float:
@@ -63,7 +67,7 @@ class Snapshot:
             'laws': [_law_to_json(law) for law in self.laws],
             'coming': [_law_to_json(law) for law in self.coming],
         }
-        for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
+        for key in _TIMES:
             data[key] = float(data[key]).hex()
         for key in ('state', 'directions', 'approach'):
             data[key] = [float(x).hex() for x in data[key]]
@@ -81,7 +85,7 @@ class Snapshot:
         """
         try:
             data = json.loads(Path(path).read_text(encoding='utf-8'))
-            for key in ('tau', 'stabilisation', 'horizon', 'next_base', 'last_event'):
+            for key in _TIMES:
                 data[key] = float.fromhex(data[key])
             data['base'] = Fraction(data['base'])
             for key in ('state', 'directions', 'approach'):
