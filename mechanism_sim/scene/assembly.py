@@ -328,14 +328,19 @@ def _said(kinematics: Kinematics, q: Array, which: Iterable[int]) -> str:
 
 
 def _sides(mechanism: Mechanism, closing: str) -> dict[str, float]:
-    """The links of a loop, with the distances of their joints [m]; no numbers if any slides."""
+    """The links of a loop, with the distances of their joints [m].
+
+    No numbers if any slides, or where loose joints leave a part of the loop on no tree.
+    """
     last, carried = mechanism.joint(closing), mechanism.tree_joints
 
     def way(link: str) -> list[str]:
         return [link, *way(mechanism.parent(link))] if link in carried else [link]
 
     up, down = way(last.first), way(last.second)
-    top = next(i for i, link in enumerate(up) if link in down)
+    top = next((i for i, link in enumerate(up) if link in down), None)
+    if top is None:
+        return dict.fromkeys((*up, *down), math.nan)
     down = down[: down.index(up[top])][::-1]
     joints = [last, *(carried[link] for link in (*up[:top], *down)), last]
     turning = all(isinstance(j, Revolute) for j in joints)

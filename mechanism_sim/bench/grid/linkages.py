@@ -18,7 +18,7 @@ from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
 
 SPAN = 0.3  # [s] of a run
-REFUSED = 'too many', 'cannot move', 'follow from the others'
+REFUSED = 'too many', 'cannot move', 'follow from the others', 'cannot follow its drive'
 
 Poses = dict[str, NDArray[np.float64]]
 """Place and angle (x, y, angle) of every link."""
@@ -231,11 +231,11 @@ def _prescribed_or_free(random: Random, k: int) -> Draft:
     scene, poses, freedom = linkage(
         random, size=1.0 if k % 3 else float(10.0 ** random.uniform(-2.0, 1.0))
     )
-    return Draft(driven(random, scene, poses, freedom), duration=SPAN)
+    return _timed(driven(random, scene, poses, freedom))
 
 
 def _with_gears(random: Random, _k: int) -> Draft:
-    return Draft(driven(random, *geared(random, *linkage(random))), duration=SPAN)
+    return _timed(driven(random, *geared(random, *linkage(random))))
 
 
 def _loose(random: Random, k: int) -> Draft:
@@ -249,7 +249,12 @@ def _loose(random: Random, k: int) -> Draft:
                 'clearance': clearance(random, friction=k % 4 == 3, finest=-5.0),
             }
     scene['start'] = 'seated' if k % 3 else 'centred'
-    return Draft(scene, duration=SPAN)
+    return _timed(scene)
+
+
+def _timed(scene: Scene) -> Draft:
+    """So that `check` looks whether the drives can go on for as long as the run."""
+    return Draft({**scene, 'duration': SPAN}, duration=SPAN)
 
 
 FAMILIES = (

@@ -82,6 +82,8 @@ def _loose(random: Random, k: int) -> Draft:
                 'contact': {'law': LAWS[k // 3 % 4], 'stiffness': decades(random, 7.5, 10.0)},
             }  # fmt: skip
         keys['radial'] *= small
+        # elastic bounces that loads damp get ever smaller without an end
+        keys['restitution'] = min(keys['restitution'], 0.95)
         if 'pin_radius' in keys:
             keys['pin_radius'] *= small
         scene['joints'][joint]['clearance'] = keys

@@ -148,10 +148,12 @@ def _rattle(random: Random, k: int) -> Draft:
     )  # fmt: skip
 
 
+UNFIT = ('reach inside the base circle',)  # internal gears of too few teeth
+
 FAMILIES = (
-    Family('train', 32, _ideal),
-    Family('train_backlash', 32, _loose),
+    Family('train', 32, _ideal, UNFIT),
+    Family('train_backlash', 32, _loose, UNFIT),
     Family('train_rattle', 40, _rattle, (), 4),
-    Family('train_elastic', 24, _elastic),
-    Family('train_compliant', 16, _compliant),
+    Family('train_elastic', 24, _elastic, UNFIT),
+    Family('train_compliant', 16, _compliant, UNFIT),
 )
