@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import heyoka as hy
 import numpy as np
@@ -101,6 +101,10 @@ def truncate(coefficients: Array, h: float, scale: Array) -> float:
     last = int(np.argmin(np.where(np.isfinite(pairs), pairs, np.inf)))
     coefficients[:, last + 1 :] = 0.0
     return float(pairs[last])
+
+
+_Beyond: TypeAlias = 'tuple[float, int | None, memoryview[float]]'
+"""Length [s] of a step across, the guard that ended it, and its coefficients."""
 
 
 class Crossing(NamedTuple):
@@ -321,8 +325,9 @@ class SingularPositions:
         joints = self._contacts.singular_joints()
         named = [j for j in self._system.mechanism.joints if j.name in joints]
         links = sorted({link for j in named for link in (j.first, j.second)})
+        said = ', '.join(links) or 'its links'
         return RunError(
             f'at t = {self._contacts.time:.9g} s the mechanism is at a singular position, where '
-            f'{", ".join(links) or "its links"} can go on in more than one way, and nothing decides '
-            'which: change a length, the start or the drive a little'
+            f'{said} can go on in more than one way, and nothing decides which: change a length, '
+            'the start or the drive a little'
         )

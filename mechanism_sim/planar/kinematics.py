@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.mechanism import Mechanism
@@ -64,14 +63,14 @@ class Kinematics:
     @cached_property
     def _position(self) -> Known:
         eq = self._equations
-        values = [dense(jet.value) for jet in eq.relation_jets]
-        rows = [dense(x) for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
+        values = [jet.value for jet in eq.relation_jets]
+        rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
         return Known(eq.frames, [values, rows], [*eq.frames.q.values()])
 
     @cached_property
     def _curvature(self) -> Known:
         eq = self._equations
-        curvatures = [dense(jet.curvature) for jet in eq.relation_jets]
+        curvatures = [jet.curvature for jet in eq.relation_jets]
         return Known(eq.frames, [curvatures], [*eq.frames.q.values(), *eq.frames.v.values()])
 
     @cached_property

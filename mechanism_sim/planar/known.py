@@ -42,9 +42,15 @@ class Known:
                 compiled.function(places, coordinates), parameters, [len(places)]
             )
         symbols = [x for s in self._switches for x in s.symbols]
-        expressions = [dense(x) for group in groups for x in group]
+        terms = [x for group in groups for x in group]
+        # a Jacobian of many links is mostly structural zeros, which take long to compile
+        sparse = 2 * sum(x is None for x in terms) > len(terms)
+        self._rows = [i for i, x in enumerate(terms) if not (sparse and x is None)]
+        expressions = [dense(terms[i]) for i in self._rows]
         function = compiled.function(expressions, [*variables, *symbols])
-        self._function = Evaluation(function, parameters, [len(group) for group in groups])
+        sizes = [len(expressions)] if sparse else [len(group) for group in groups]
+        self._function = Evaluation(function, parameters, sizes)
+        self._ends = np.cumsum([len(group) for group in groups]) if sparse else None
 
     def __call__(self, inputs: Array, rows: Array | None = None) -> list[Array]:
         """The groups of results, (size, N) each, at values (v, N) of the variables.
@@ -55,7 +61,12 @@ class Known:
             if rows is None:
                 rows = _values(self._switches, self._places(inputs[: self._count])[0])
             inputs = np.concatenate([inputs, rows])
-        return self._function(inputs)
+        found = self._function(inputs)
+        if self._ends is None:
+            return found
+        every = np.zeros((self._ends[-1], inputs.shape[1]))
+        every[self._rows] = found[0]
+        return np.split(every, self._ends[:-1])
 
 
 class Edges:
