@@ -69,7 +69,7 @@ def _figures(windows: int) -> list[Figure]:
     label = f'N = {windows}: '
     drift = books.residual / np.ptp([books.initial, 0.0]) if books else math.nan
     return [
-        Figure(label + 'times in a line', abs(angle) // math.pi),
+        Figure(label + 'times in a line', abs(angle) // math.pi + 1.0),
         Figure(label + 'angle after 10 s', float(end['position.rod0'][0]) - angle, 1e-8, 'rad'),
         Figure(label + 'rate after 10 s', float(end['velocity.rod0'][0]) - rate, 1e-8, 'rad/s'),
         Figure(label + 'rods from being parallel', apart, 1e-12, 'rad'),
