@@ -44,7 +44,7 @@ class Known:
         symbols = [x for s in self._switches for x in s.symbols]
         terms = [x for group in groups for x in group]
         # a Jacobian of many links is mostly structural zeros, which take long to compile
-        sparse = 2 * sum(x is None for x in terms) > len(terms)
+        sparse = len(terms) > 2 * sum(x is not None for x in terms) > 0
         self._rows = [i for i, x in enumerate(terms) if not (sparse and x is None)]
         expressions = [dense(terms[i]) for i in self._rows]
         function = compiled.function(expressions, [*variables, *symbols])
