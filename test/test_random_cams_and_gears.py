@@ -8,11 +8,13 @@ import math
 
 import numpy as np
 import pytest
-from absolute import differences
-from random_cams import UNFIT, asked_for, cam, pressed
-from random_trains import train
+from absolute import cross, differences, turned
 
 import mechanism_sim as ms
+from mechanism_sim.bench.grid.cams import UNFIT, cam, pressed
+from mechanism_sim.bench.grid.trains import train
+from mechanism_sim.cams.followers import Oscillating, OscillatingFlat
+from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.linkage import LinkageScene
@@ -28,6 +30,70 @@ def books(solution):
     assert abs(e.residual) < 1e-10 * scale
     assert solution.max_penetration < 1e-12
     assert solution.max_closure_error < 1e-13
+
+
+def asked_for(machine, angle, speed):
+    """What the follower of `cam` does and needs at an angle of its shaft turning at a speed.
+
+    From its law, its pressure angle and virtual power alone.
+
+    Returns
+    -------
+    place, velocity and acceleration of the follower; the cam's force on it [N] and its moment
+    about its point; the torque of the drive
+    """
+    plan = machine.plan
+    pair = next(j for j in plan.joints if isinstance(j, CamPair))
+    body = next(b for b in plan.bodies if b.name == 'follower')
+    load = machine.scene.loads['push'].force
+    x = pair.sense * angle + pair.phase
+    u, u1, u2 = (float(pair.cam.law(x, k)) for k in range(3))
+    rate = speed * pair.sense
+    touch = pair.cam.at(x)
+    centre = np.array(pair.centre)
+
+    def world(v):
+        return np.array(pair.world(tuple(v)))
+
+    pitch, contact = (world(turned(-x, p[:, 0])) for p in (touch.pitch, touch.profile))
+    follower, gravity = pair.cam.follower, np.array(plan.gravity)
+    guide = next(j for j in plan.joints if j.name == 'guide')
+    if isinstance(follower, Oscillating | OscillatingFlat):
+        sign = pair.swing
+        lowest = follower.lowest(pair.cam.base_radius)
+        place = sign * (lowest + u) - pair.arm_angle + pair.direction + math.pi
+        pivot = np.array(guide.on_first)
+        own = np.array(guide.on_second)
+        cog, tip = (turned(place, np.array(p) - own) for p in (body.cog, pair.on_second))
+        inertia = body.inertia + body.mass * float(cog @ cog)
+        moment = inertia * sign * (u2 * rate**2)
+        moment -= body.mass * cross(cog, gravity) + cross(tip, load)
+        arm = centre + pitch - pivot
+        way = sign * np.array([-arm[1], arm[0]])
+        needed, size = sign * moment, math.hypot(*arm)
+        way, point = way / size, pivot + tip
+    else:
+        sign, size = 1.0, 1.0
+        way = world((1.0, 0.0))
+        turn = guide.angle
+        tip = turned(turn, np.array(pair.on_second) - np.array(guide.on_second))
+        place = float(way @ (centre + pitch - np.array(guide.on_first) - tip))
+        if not getattr(follower, 'roller', None) and hasattr(follower, 'tilt'):
+            # the face passes through the point of contact, the point of the follower is beside
+            at = np.array(guide.on_first) + tip
+            n = world((math.cos(follower.tilt), math.sin(follower.tilt)))
+            place = float(n @ (centre + contact - at)) / float(n @ way)
+        needed = body.mass * u2 * rate**2 - float(way @ (body.mass * gravity + np.array(load)))
+        point = np.array(guide.on_first) + tip + place * way
+    pressure = float(touch.pressure_angle[0])
+    normal = turned(pair.mirror * pressure, way)
+    force = needed / size / math.cos(pressure) * normal
+    about = cross(centre + contact - point, force)
+    return (
+        (place, sign * u1 * rate, sign * u2 * rate**2),
+        (*force, about),
+        needed * u1 * pair.sense,
+    )
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3, 5, 9, 13, 14])

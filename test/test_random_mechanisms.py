@@ -5,9 +5,9 @@ import copy
 import numpy as np
 import pytest
 from absolute import differences
-from random_mechanisms import driven, geared, linkage
 
 import mechanism_sim as ms
+from mechanism_sim.bench.grid.linkages import driven, geared, linkage
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.linkage import LinkageScene

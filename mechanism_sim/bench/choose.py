@@ -9,7 +9,7 @@ from mechanism_sim.bench.hard import Case, cases
 from mechanism_sim.bench.problem import Problem, problems
 from mechanism_sim.errors import InputError, nearest
 
-SCALING, MIDDLEWARE = 'scaling', 'middleware'
+SCALING, MIDDLEWARE, GRID = 'scaling', 'middleware', 'grid'
 
 
 def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], set[str]]:
@@ -22,13 +22,16 @@ def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], set[str]]:
     """
     hard, known = {case.name: case for case in cases()}, problems()
     tables = (SCALING, MIDDLEWARE)
-    words = ('hard', *tables, *known, *hard)
+    words = ('hard', GRID, *tables, *known, *hard)
     for name in names:
         if name not in words:
             raise InputError(
                 f"there is no problem or case '{name}'{nearest(name, words)}; known are: "
-                f'{", ".join((*known, *tables))}, hard (all cases), {", ".join(hard)}'
+                f'{", ".join((*known, *tables))}, grid, hard (all cases), {", ".join(hard)}'
             )
+    if GRID in names and set(names) != {GRID}:
+        other = next(n for n in names if n != GRID)
+        raise InputError(f"the grid is run by itself: leave out '{other}'")
     chosen = list(hard.values()) if 'hard' in names else [hard[n] for n in names if n in hard]
     others = [n for n in dict.fromkeys(names) if n in known or n in tables]
     if chosen and others:

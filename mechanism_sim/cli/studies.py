@@ -77,7 +77,7 @@ def add(command: Command) -> None:
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
-        help='problems; scaling; middleware; hard, or hard cases; nothing lists what there is',
+        help='problems; scaling; middleware; grid; hard, or hard cases; nothing lists all',
     )  # fmt: skip
     sub.add_argument('--output', metavar='DIR', help='folder for picture, JSON and table')
     sub.add_argument(
@@ -89,6 +89,12 @@ def add(command: Command) -> None:
     )
     sub.add_argument(
         '--markdown', metavar='FILE', help='write the hard cases as a page of Markdown'
+    )
+    sub.add_argument('--only', metavar='NAME,...', help='of the grid: these families or cases')
+    sub.add_argument('--sample', type=int, metavar='N', help='of the grid: so many cases, drawn')
+    sub.add_argument('--seed', type=int, metavar='K', help='of the grid: another one')
+    sub.add_argument(
+        '--workers', type=int, metavar='N', help='of the grid: processes; one for each core'
     )
 
 
@@ -216,6 +222,8 @@ def _bench(options: argparse.Namespace) -> int:
             print(bench.listing(listed))
         return 0
     problems, cases, tables = choose.choose(options.names)
+    if choose.GRID in options.names:
+        return _bench_grid(options)
     if cases:
         return _bench_hard(options, cases)
     methods = choose.methods(problems, options.methods)
@@ -263,3 +271,31 @@ def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
     if options.json:
         print_json(hard.to_json(outcomes))
     return 0 if all(outcome.ok for outcome in outcomes) else 1
+
+
+def _bench_grid(options: argparse.Namespace) -> int:
+    import os  # noqa: PLC0415
+
+    from mechanism_sim.bench.grid import SEED, grid, run_grid, write_scenes  # noqa: PLC0415
+    from mechanism_sim.report import grid as report  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    only = [name.strip() for name in (options.only or '').split(',') if name.strip()]
+    for name in ('sample', 'workers'):
+        if getattr(options, name) is not None and getattr(options, name) < 1:
+            raise InputError(f'--{name} must be at least 1')
+    cases = grid(SEED if options.seed is None else options.seed, only, options.sample)
+    if options.output:
+        write_scenes(cases, Path(options.output))
+    outcomes, workers = [], options.workers or len(os.sched_getaffinity(0))
+    with progress.count('bench grid', len(cases), quiet=options.json) as show:
+        for outcome in run_grid(cases, min(workers, len(cases))):
+            outcomes.append(outcome)
+            show(len(outcomes), sum(o.ok is False for o in outcomes))
+            if outcome.ok is False and not options.json:
+                print(report.render(outcome), flush=True)
+    if options.json:
+        print_json(report.to_json(outcomes))
+    else:
+        print(report.summary(outcomes))
+    return 0 if all(outcome.ok is not False for outcome in outcomes) else 1

@@ -333,6 +333,10 @@ class Contacts:
     def _change(self, gap: int, mode: Mode) -> None:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
 
+    def terms(self) -> ContactTerms:
+        """The gaps at the present state."""
+        return self._terms()
+
     def _terms(self) -> ContactTerms:
         out = self._at_present(self._system.contact_function)
         return self._system.contact_terms(out.tolist())

@@ -203,7 +203,9 @@ class Dynamics:
     def _drawn(self, jet: Jet, stabilised: bool) -> Term:
         """What draws a closed gap back to zero within about a step: Baumgarte's method.
 
-        Its rate alpha is set by the event loop to the reciprocal of the last step.
+        Its rate alpha is set by the event loop to the reciprocal of the last step, up to a bound:
+        alpha^2 times the rounding of a gap must not rule the accelerations, for then steps get
+        shorter, alpha grows, and so on to no step at all.
         """
         if not stabilised:
             return None

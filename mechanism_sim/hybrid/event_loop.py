@@ -23,7 +23,8 @@ from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.snapshot import Snapshot, State
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.hybrid.step_check import StepCheck
+from mechanism_sim.hybrid.system import ContactTerms, System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
 from mechanism_sim.hybrid.touches import Touch, Touches
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -31,9 +32,10 @@ from mechanism_sim.planar.drive import DriveLaw, Law
 _MAX_SIMULTANEOUS = 100
 _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
-_DRAWN = 1e-8  # [s] within less what is off by a rounding would be drawn back by large forces
 _ROW = 64  # steps after which the directions of the drives are computed anew
 _NEAR = 0.05  # of a step: roots nearer to its start may get lost
+_QUICKEST = 1e3  # times the fastest drive: rate at which errors of gaps and loops are taken back
+_DEFECT = 1e3  # times the error of a step that its polynomials may be off the equations
 
 
 STEP_SCALE = 0.1
@@ -89,6 +91,10 @@ class EventLoop:
         known = [fastest] if fastest else driven or turning
         fastest = max((1.0, *map(abs, known)))
         self._ta = system.integrator(rtol, STEP_SCALE * fastest, compact)
+        steep = system.equations.frames.formulas
+        limit = _DEFECT * rtol * STEP_SCALE * fastest
+        self._quickest = _QUICKEST * fastest
+        self._check = StepCheck(system, self._ta, limit) if steep else None
         f, width = len(system.free), self._ta.order + 1
         self._state, self._pars = self._ta.state[: 2 * f], floats(self._ta.pars)
         series = floats(self._ta.tc)
@@ -131,6 +137,11 @@ class EventLoop:
         tau = self._pending.tau if self._pending else self._ta.time
         return self._base.at(tau)
 
+    @property
+    def contact_terms(self) -> ContactTerms:
+        """The gaps at the present state."""
+        return self._contacts.terms()
+
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
 
@@ -170,8 +181,9 @@ class EventLoop:
         enter_tau, enter_length = tape.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
         watched, watch = bool(self._system.guards), self._guard_series
-        quick = (lone or not watched) and not timed
+        quick = (lone or not watched) and not timed and self._check is None
         stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
+        quickest = self._quickest
         longest, reach = self._max_step, min(self._max_step, contacts.horizon)
         limit, next_base, pending = self._base.local(until), self._next_base, self._pending
         tau, count = ta.time, len(lengths)
@@ -192,7 +204,7 @@ class EventLoop:
                         slot[:] = coefficients
                         enter_tau(tau)
                         enter_length(h)
-                        tau, alpha = end, 1.0 / h
+                        tau, alpha = end, min(1.0 / h, quickest)
                         pars[stabilisation] = alpha
                     else:
                         self._since += row - count
@@ -206,6 +218,8 @@ class EventLoop:
                     if timed:
                         ta.time = tau
                     h = step(reach, True)[1]
+                    if self._check is not None:
+                        h = self._checked(tau, h, self._check)
                 taken = (alpha, reach)
                 guard = self._fired() if pars[fired] else None
                 if lone:
@@ -222,7 +236,7 @@ class EventLoop:
                     raise self._breakdown(tau)
                 slots[count][:] = coefficients
                 if guard is None and (h < reach or reach is longest):
-                    alpha = pars[stabilisation] = 1.0 / max(h, _DRAWN)
+                    alpha = pars[stabilisation] = min(1.0 / h, quickest)
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
             else:
@@ -288,6 +302,14 @@ class EventLoop:
             If the joint has no gap.
         """
         self._contacts.change_restitution(joint, restitution)
+
+    def _checked(self, tau: float, h: float, check: StepCheck) -> float:
+        """Length of a step, taken anew until no formula turned steep within it unseen."""
+        while h > _SHORTEST * self._max_step and not check.holds(tau, h):
+            self._fired()
+            self._back_to(tau)
+            h = self._step(_SHORTER * h, True)[1]
+        return h
 
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
         """Length and guard of a step, taken anew where it overlooked an event.

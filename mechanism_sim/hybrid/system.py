@@ -355,6 +355,11 @@ class System:
         return self._on_now([*self._guards, *rates, *places])
 
     @cached_property
+    def accelerations(self) -> hy.cfunc_dbl:
+        """Of the free coordinates, as the integrator has them; of the same vector as `watch`."""
+        return self._on_now(self.dynamics.stabilised.a)
+
+    @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
         """Terms of the gaps, to be read by `contact_terms`; of the same vector as `watch`."""
         d, rows = self.dynamics, self.dynamics.rows

@@ -194,6 +194,7 @@ class AppliedForce:
     def _term(self, frames: Frames, part: str, given: float | str, x: Jet, y: Jet) -> Term:
         if not isinstance(given, str):
             return frames.parameters(f'{self.name}.{part}', given)
+        frames.formulas.add(self.name)
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
         for name in formula.names(given) - known.keys() - {'t'}:
             link = name.removesuffix('_rate')

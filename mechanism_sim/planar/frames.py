@@ -58,6 +58,8 @@ class Frames:
         ``COORDINATE.turns``, the whole turns that its symbol leaves out.
     switches : dict
         What changes from one part of the cycle to another, by name.
+    formulas : set
+        Names of the loads that formulas give, which may be steep anywhere.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Frames:
         self.a = {n: hy.make_vars(f'{n}_acceleration') for n in coordinates}
         self.outside: dict[str, hy.expression] = {}
         self.switches: dict[str, Switch | Table] = {}
+        self.formulas: set[str] = set()
 
     @property
     def time(self) -> hy.expression:

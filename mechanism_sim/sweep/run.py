@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.sweep.plan import Plan, Run
-from mechanism_sim.sweep.row import DONE, Task, Value
+from mechanism_sim.sweep.row import DONE, Task, Value, compute
 from mechanism_sim.sweep.shards import Shard, name_of, shards, windows_in
 from mechanism_sim.sweep.store import Journal, journal_of, write_table
 from mechanism_sim.sweep.workers import on_cluster, on_this_machine
@@ -98,7 +98,9 @@ def sweep(
         finished = kept = len(unique) - len(tasks)
         failed = sum(map(_failed, journal.rows.values()))
         cores = len(os.sched_getaffinity(0))
-        source = on_cluster(tasks, dask) if dask else on_this_machine(tasks, workers or cores)
+        source = (
+            on_cluster(tasks, dask) if dask else on_this_machine(tasks, workers or cores, compute)
+        )
         try:
             with closing(source) as results:
                 for one in results:

@@ -6,16 +6,22 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from typing import TypeVar
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.sweep.row import Finished, Task, compute
 
+Work = TypeVar('Work')
+Result = TypeVar('Result')
 
-def on_this_machine(tasks: Sequence[Task], workers: int) -> Generator[Finished, None, None]:
-    """Rows as they are finished, by so many processes that live until the end.
+
+def on_this_machine(
+    tasks: Sequence[Work], workers: int, work: Callable[[Work], Result]
+) -> Generator[Result, None, None]:
+    """Results as they are finished, by so many processes that live until the end.
 
     What a process has compiled serves all its runs that differ in numbers only. Closing the
     iterator ends the processes at once.
@@ -37,7 +43,7 @@ def on_this_machine(tasks: Sequence[Task], workers: int) -> Generator[Finished, 
         # Processes inherit what is blocked: Ctrl-C is for the parent, which ends them.
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            futures = [pool.submit(compute, task) for task in tasks]
+            futures = [pool.submit(work, task) for task in tasks]
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         for future in as_completed(futures):

@@ -6,12 +6,22 @@ assembled, and the poses are the guess. No dimension is special.
 
 from __future__ import annotations
 
-import numpy as np
-from absolute import turned
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned
+from mechanism_sim.bench.grid.four_bars import NOT_PRESSED, clearance
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
+
+SPAN = 0.3  # [s] of a run
+REFUSED = 'too many', 'cannot move', 'follow from the others'
+
+Poses = dict[str, NDArray[np.float64]]
+"""Place and angle (x, y, angle) of every link."""
 
 FORMULAS = (
     '2*sin(7*t)', '-0.5*vx', '-0.5*vy - 0.1*vy**3', '1 - 3*x', '0.3/(1 + y*y)', 'exp(-x)',
@@ -19,7 +29,7 @@ FORMULAS = (
 )  # fmt: skip
 
 
-def linkage(random, size=1.0):
+def linkage(random: Random, size: float = 1.0) -> tuple[Scene, Poses, int]:
     """A scene as a dictionary without drives, and the poses (x, y, angle) of its links.
 
     Parameters
@@ -29,7 +39,7 @@ def linkage(random, size=1.0):
     """
     count = int(random.integers(2, 7))
     poses = {GROUND: np.zeros(3)}
-    links = {GROUND: {'points': {}}}
+    links: Scene = {GROUND: {'points': {}}}
     for i in range(count):
         poses[f'l{i}'] = np.array([*random.uniform(-size, size, 2), random.uniform(-3.0, 3.0)])
         inertia = float(random.uniform(0.02, 0.3)) * size**2
@@ -39,15 +49,15 @@ def linkage(random, size=1.0):
             'inertia': inertia,
             'cog': random.uniform(-0.5 * size, 0.5 * size, 2).tolist(),
         }
-    joints = {}
+    joints: Scene = {}
 
-    def point(link, world):
+    def point(link: str, world: NDArray[np.float64]) -> str:
         x, y, angle = poses[link]
         points = links[link]['points']
         points[f'p{len(points)}'] = turned(-angle, world - np.array([x, y])).tolist()
         return f'{link}.p{len(points) - 1}'
 
-    def tie(a, b, kind):
+    def tie(a: str, b: str, kind: str) -> None:
         at = 0.5 * (poses[a][:2] + poses[b][:2]) + random.uniform(-0.7 * size, 0.7 * size, 2)
         along = float(random.uniform(-3.0, 3.0))
         shift = size * random.uniform(-1.0, 1.0) * np.array([np.cos(along), np.sin(along)])
@@ -71,7 +81,7 @@ def linkage(random, size=1.0):
         # sooner to a link than to the ground: longer loops
         ends = [names[int(random.integers(0, i))], names[i]]
         random.shuffle(ends)
-        tie(*ends, random.choice(kinds, p=shares))
+        tie(ends[0], ends[1], str(random.choice(kinds, p=shares)))
     freedom = count
     while freedom > 1 and random.random() < 0.8:
         kind = random.choice(['slot', *kinds], p=[0.3, 0.5, 0.2])
@@ -82,9 +92,9 @@ def linkage(random, size=1.0):
             if random.random() < 0.3:
                 break
             continue
-        tie(*pair, kind)
+        tie(pair[0], pair[1], str(kind))
         freedom -= 1 if kind == 'slot' else 2
-    scene = {
+    scene: Scene = {
         'title': 'by chance',
         'mechanism': 'linkage',
         'links': links,
@@ -113,7 +123,7 @@ def linkage(random, size=1.0):
     for k in range(int(random.integers(0, 3))):
         link = str(random.choice(names[1:]))
 
-        def formula():
+        def formula() -> str:
             c, d = random.choice(names[1:], 2)
             return str(random.choice(FORMULAS)).format(c=c, d=d)
 
@@ -126,9 +136,10 @@ def linkage(random, size=1.0):
     return scene, poses, freedom
 
 
-def geared(random, scene, poses, freedom):
+def geared(random: Random, scene: Scene, poses: Poses, freedom: int) -> tuple[Scene, Poses, int]:
     """The same with gears, or a gear and a rack, on links that have a common carrier."""
-    sliding, turning = [], []
+    sliding: list[Any] = []
+    turning: list[Any] = []
     for joint in scene['joints'].values():
         kind, (one, other) = next(iter(joint.items()))
         for carrier, moved in ((one, other), (other, one)):
@@ -137,9 +148,9 @@ def geared(random, scene, poses, freedom):
                 turning.append(ends)
             elif kind == 'prismatic' and carrier == one:
                 sliding.append((*ends, joint['axis']))
-    gears = {}
+    gears: Scene = {}
 
-    def world(reference):
+    def world(reference: str) -> NDArray[np.float64]:
         link, name = reference.split('.')
         return poses[link][:2] + turned(poses[link][2], scene['links'][link]['points'][name])
 
@@ -168,7 +179,7 @@ def geared(random, scene, poses, freedom):
     return {**scene, 'joints': joints, 'gears': gears}, poses, freedom
 
 
-def driven(random, scene, poses, freedom):
+def driven(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scene:
     """The same with drives: as many prescribed ones as there are freedoms, or fewer.
 
     Others are moved by a torque or a force, or by nothing.
@@ -177,17 +188,18 @@ def driven(random, scene, poses, freedom):
     values = _coordinates(scene, poses)
     prescribed = freedom if random.random() < 0.5 else int(random.integers(0, freedom))
     chosen = [str(x) for x in random.permutation(names)[: max(prescribed, 1)]]
-    drives = {}
+    drives: Scene = {}
     for k, c in enumerate(chosen):
         straight = values[c][1]
         rate = float(random.uniform(-2.0, 2.0))
-        drive = drives[c] = {'speed': f'{rate} m/s' if straight else f'{rate} rad/s'}
+        drive: Scene = {'speed': f'{rate} m/s' if straight else f'{rate} rad/s'}
         if k >= prescribed:
             drive['force' if straight else 'torque'] = {
                 'constant': float(random.uniform(-1.0, 1.0)),
                 'per_position' if straight else 'per_angle': float(random.uniform(-1.0, 0.0)),
                 'per_speed': float(random.uniform(-1.0, 0.0)),
             }
+        drives[c] = drive
     scene = {**scene, 'drives': drives}
     guess = {}
     for c, (value, straight) in _coordinates(scene, poses).items():
@@ -197,7 +209,7 @@ def driven(random, scene, poses, freedom):
     return {**scene, 'guess': guess}
 
 
-def _coordinates(scene, poses):
+def _coordinates(scene: Scene, poses: Poses) -> dict[str, tuple[float, bool]]:
     """The coordinates of the tree that the program finds, at the poses; which are straight."""
     tree = linkage_plan('by chance', LinkageScene.model_validate(scene)).ideal
     found = {}
@@ -213,3 +225,35 @@ def _coordinates(scene, poses):
         way = turned(poses[j.first][2] + j.axis, (1.0, 0.0))
         found[c] = float((places[1] - places[0]) @ way), True
     return found
+
+
+def _prescribed_or_free(random: Random, k: int) -> Draft:
+    scene, poses, freedom = linkage(
+        random, size=1.0 if k % 3 else float(10.0 ** random.uniform(-2.0, 1.0))
+    )
+    return Draft(driven(random, scene, poses, freedom), duration=SPAN)
+
+
+def _with_gears(random: Random, _k: int) -> Draft:
+    return Draft(driven(random, *geared(random, *linkage(random))), duration=SPAN)
+
+
+def _loose(random: Random, k: int) -> Draft:
+    scene = driven(random, *linkage(random))
+    pins = [n for n, j in scene['joints'].items() if 'revolute' in j]
+    if pins:
+        chosen = [str(n) for n in random.permutation(pins)[: 1 if k % 2 else 2]]
+        for n in chosen:
+            scene['joints'][n] = {
+                **scene['joints'][n],
+                'clearance': clearance(random, friction=k % 4 == 3, finest=-5.0),
+            }
+    scene['start'] = 'seated' if k % 3 else 'centred'
+    return Draft(scene, duration=SPAN)
+
+
+FAMILIES = (
+    Family('linkage', 48, _prescribed_or_free, REFUSED),
+    Family('linkage_gears', 24, _with_gears, REFUSED),
+    Family('linkage_loose', 36, _loose, (*REFUSED, *NOT_PRESSED)),
+)

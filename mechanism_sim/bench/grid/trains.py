@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import math
 
-from absolute import turned
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned, variant
+from mechanism_sim.bench.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
 
 MODULE = 2e-3
 
 
-def train(random, kind='ideal'):
+def train(random: Random, kind: str = 'ideal') -> Scene:
     """A scene as a dictionary.
 
     `kind` is 'ideal'; 'loose' gives one mesh a backlash, 'soft' makes one elastic.
     """
     carried = random.random() < 0.5
     carrier = 'arm' if carried else 'ground'
-    links = {'ground': {'points': {}}}
-    joints, gears, loads = {}, {}, {}
+    links: Scene = {'ground': {'points': {}}}
+    joints: Scene = {}
+    gears: Scene = {}
+    loads: Scene = {}
     if carried:
         links['arm'] = {'points': {}, **body(random)}
         joints['arm_shaft'] = {'revolute': ['ground', 'arm']}
@@ -80,7 +83,9 @@ def train(random, kind='ideal'):
             }
         if random.random() < 0.3:
             chosen['error'] = {'amplitude': 1e-6, 'eccentricity': [5e-6, 3e-6]}
-    drives = {'l0': {'speed': float(random.choice([1.0, -1.0]) * random.uniform(10.0, 60.0))}}
+    drives: Scene = {
+        'l0': {'speed': float(random.choice([1.0, -1.0]) * random.uniform(10.0, 60.0))}
+    }
     if random.random() < 0.4:
         drives['l0']['torque'] = {'constant': 1.0, 'per_speed': -0.02}
     if carried and random.random() < 0.6:
@@ -94,10 +99,59 @@ def train(random, kind='ideal'):
     }  # fmt: skip
 
 
-def body(random):
+def body(random: Random) -> Scene:
     """What a link weighs."""
     return {
         'mass': float(random.uniform(0.2, 2.0)),
         'inertia': float(random.uniform(1e-4, 2e-3)),
         'cog': random.uniform(-0.01, 0.01, 2).tolist(),
     }
+
+
+def _ideal(random: Random, _k: int) -> Draft:
+    return Draft(train(random, 'ideal'), duration=0.2)
+
+
+def _loose(random: Random, _k: int) -> Draft:
+    return Draft(train(random, 'loose'), duration=0.2)
+
+
+def _elastic(random: Random, _k: int) -> Draft:
+    return Draft(train(random, 'soft'), duration=0.1)
+
+
+def _compliant(random: Random, k: int) -> Draft:
+    scene = train(random, 'loose')
+    for joint in scene['joints'].values():
+        if 'backlash' in joint:
+            joint['backlash']['restitution'] = max(joint['backlash']['restitution'], 0.3)
+            joint['backlash']['contact'] = {
+                'law': LAWS[k % 4],
+                'stiffness': decades(random, 6.0, 9.0),
+                'exponent': 1.5,
+            }
+    return Draft(scene, duration=0.1)
+
+
+def _rattle(random: Random, k: int) -> Draft:
+    """A pinion at any speed, a wheel that is shaken: backlash of 1 um to 1 mm."""
+    keys, extent = drive(random, ('constant', 'ramp', 'smooth', 'torque')[k % 4], (0.7, 2.3))
+    torque = f'{random.uniform(0.5, 4.0)}*sin({random.uniform(50.0, 300.0)}*t) - 0.02*wheel_rate'
+    backlash = {'width': decades(random, -6.0, -3.0), 'restitution': pick(random, RESTITUTIONS),
+                'hypothesis': pick(random, RIGID)}  # fmt: skip
+    return Draft(
+        variant('gear_rattle', {
+            'drive': {'coordinate': 'pinion', **keys}, 'joints.mesh.backlash': backlash,
+            'loads.shaking.torque': torque,
+        }),
+        **extent,
+    )  # fmt: skip
+
+
+FAMILIES = (
+    Family('train', 32, _ideal),
+    Family('train_backlash', 32, _loose),
+    Family('train_rattle', 40, _rattle, (), 4),
+    Family('train_elastic', 24, _elastic),
+    Family('train_compliant', 16, _compliant),
+)

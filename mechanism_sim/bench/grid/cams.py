@@ -1,4 +1,4 @@
-"""Cams and gear trains made by chance, as scenes, and what a cam's follower asks for.
+"""Cams and gear trains made by chance, as scenes, .
 
 Cams stand anywhere, turn either way, and lift in any direction; trains have any numbers of teeth.
 """
@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from absolute import cross, turned
+from numpy.typing import NDArray
 
-from mechanism_sim.cams.followers import Oscillating, OscillatingFlat
-from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned, variant
+from mechanism_sim.bench.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
 
 CURVES = (
     'cycloidal', 'harmonic', 'four_spline', 'modified_trapezoid', 'modified_sine',
@@ -25,7 +25,7 @@ UNFIT = (
 )  # fmt: skip
 
 
-def law(random, lift):
+def law(random: Random, lift: float) -> Scene:
     """Keys of a law: rises, dwells and returns of all curves, or points, round a whole turn."""
     first = float(random.uniform(0.0, 6.0))
     if random.random() < 0.2:
@@ -43,7 +43,7 @@ def law(random, lift):
     levels[0] = levels[-1] = 0.0
     if count == 2:
         levels[1] = lift
-    segments = []
+    segments: list[Scene] = []
     for i, rise in enumerate(np.diff(levels).tolist()):
         part = {'from': float(starts[2 * i]), 'to': float(ends[2 * i]), 'rise': rise,
                 'curve': str(random.choice(CURVES))}  # fmt: skip
@@ -53,7 +53,7 @@ def law(random, lift):
     return {'segments': segments}
 
 
-def cam(random, contact=None):
+def cam(random: Random, contact: Scene | None = None) -> Scene:
     """A scene as a dictionary: a camshaft at constant speed and one follower.
 
     `contact` are keys of the joint such as `lift_off`.
@@ -64,7 +64,7 @@ def cam(random, contact=None):
     groove = 'groove' in (contact or {})
     kind = 'roller' if groove else str(random.choice(['knife', 'roller', 'flat']))
     swings, own = random.random() < 0.5, random.uniform(-0.02, 0.02, 2)
-    joint = {
+    joint: Scene = {
         'cam': ['shaft.axis', 'follower.tip'], 'follower': kind, 'base_radius': base,
         'phase': float(random.uniform(-4.0, 4.0)), **(contact or {}),
         'sense': 'counterclockwise' if sense == 1 else 'clockwise',
@@ -73,7 +73,7 @@ def cam(random, contact=None):
         joint['roller'] = float(random.uniform(0.005, 0.01))
     guess, axis = {}, random.uniform(-0.01, 0.01, 2).tolist()
 
-    def world(x, y):
+    def world(x: float, y: float) -> NDArray[np.float64]:
         return turned(direction, (x, -sense * y))
 
     if swings:
@@ -88,7 +88,7 @@ def cam(random, contact=None):
         joint['law'] = law(random, float(random.uniform(0.1, 0.3)))
         pivot = centre + world(a, 0.0)
         tip = own + turned(arm_angle, (arm, 0.0))
-        guide = {'revolute': ['ground.guide', 'follower.pin']}
+        guide: Scene = {'revolute': ['ground.guide', 'follower.pin']}
         place = 0.9 * math.atan2(reach, a)
         guess['follower'] = float(
             math.remainder(-sense * side * place - arm_angle + direction + math.pi, 2.0 * math.pi)
@@ -124,7 +124,7 @@ def cam(random, contact=None):
     }  # fmt: skip
 
 
-def pressed(scene, spring, damping=0.0):
+def pressed(scene: Scene, spring: float, damping: float = 0.0) -> Scene:
     """The scene with a force that presses the follower against its cam (N or N m, 1/place)."""
     scene = {**scene, 'loads': {**scene['loads']}}
     if 'revolute' in scene['joints']['guide']:
@@ -141,65 +141,82 @@ def pressed(scene, spring, damping=0.0):
     return scene
 
 
-def asked_for(machine, angle, speed):
-    """What the follower of `cam` does and needs at an angle of its shaft turning at a speed.
-
-    From its law, its pressure angle and virtual power alone.
-
-    Returns
-    -------
-    place, velocity and acceleration of the follower; the cam's force on it [N] and its moment
-    about its point; the torque of the drive
-    """
-    plan = machine.plan
-    pair = next(j for j in plan.joints if isinstance(j, CamPair))
-    body = next(b for b in plan.bodies if b.name == 'follower')
-    load = machine.scene.loads['push'].force
-    x = pair.sense * angle + pair.phase
-    u, u1, u2 = (float(pair.cam.law(x, k)) for k in range(3))
-    rate = speed * pair.sense
-    touch = pair.cam.at(x)
-    centre = np.array(pair.centre)
-
-    def world(v):
-        return np.array(pair.world(tuple(v)))
-
-    pitch, contact = (world(turned(-x, p[:, 0])) for p in (touch.pitch, touch.profile))
-    follower, gravity = pair.cam.follower, np.array(plan.gravity)
-    guide = next(j for j in plan.joints if j.name == 'guide')
-    if isinstance(follower, Oscillating | OscillatingFlat):
-        sign = pair.swing
-        lowest = follower.lowest(pair.cam.base_radius)
-        place = sign * (lowest + u) - pair.arm_angle + pair.direction + math.pi
-        pivot = np.array(guide.on_first)
-        own = np.array(guide.on_second)
-        cog, tip = (turned(place, np.array(p) - own) for p in (body.cog, pair.on_second))
-        inertia = body.inertia + body.mass * float(cog @ cog)
-        moment = inertia * sign * (u2 * rate**2)
-        moment -= body.mass * cross(cog, gravity) + cross(tip, load)
-        arm = centre + pitch - pivot
-        way = sign * np.array([-arm[1], arm[0]])
-        needed, size = sign * moment, math.hypot(*arm)
-        way, point = way / size, pivot + tip
+def _driven(random: Random, scene: Scene, k: int) -> Draft:
+    """The scene with its shaft at another speed, on a ramp, or moved by a torque."""
+    factor = float(10.0 ** random.uniform(-1.0, 1.0))
+    speed = scene['drive']['speed'] * factor
+    way = ('constant', 'constant', 'ramp', 'torque')[k % 4]
+    if way == 'torque':
+        scene['drive'] |= {
+            'speed': speed, 'flywheel': 0.01,
+            'torque': {'constant': float(np.copysign(0.05, speed)), 'per_speed': -0.0005},
+        }  # fmt: skip
+    elif way == 'ramp':
+        turn = 2.0 * math.pi / abs(speed)
+        del scene['drive']['speed']
+        scene['drive']['profile'] = {'points': [[0.0, 0.1 * speed], [turn, speed]]}
     else:
-        sign, size = 1.0, 1.0
-        way = world((1.0, 0.0))
-        turn = guide.angle
-        tip = turned(turn, np.array(pair.on_second) - np.array(guide.on_second))
-        place = float(way @ (centre + pitch - np.array(guide.on_first) - tip))
-        if not getattr(follower, 'roller', None) and hasattr(follower, 'tilt'):
-            # the face passes through the point of contact, the point of the follower is beside
-            at = np.array(guide.on_first) + tip
-            n = world((math.cos(follower.tilt), math.sin(follower.tilt)))
-            place = float(n @ (centre + contact - at)) / float(n @ way)
-        needed = body.mass * u2 * rate**2 - float(way @ (body.mass * gravity + np.array(load)))
-        point = np.array(guide.on_first) + tip + place * way
-    pressure = float(touch.pressure_angle[0])
-    normal = turned(pair.mirror * pressure, way)
-    force = needed / size / math.cos(pressure) * normal
-    about = cross(centre + contact - point, force)
-    return (
-        (place, sign * u1 * rate, sign * u2 * rate**2),
-        (*force, about),
-        needed * u1 * pair.sense,
-    )
+        scene['drive']['speed'] = speed
+        return Draft(scene, revolutions=2.3)
+    return Draft(scene, duration=4.0 * math.pi / abs(speed))
+
+
+def _ideal(random: Random, k: int) -> Draft:
+    return _driven(random, cam(random), k)
+
+
+def _loaded(random: Random, scene: Scene) -> Scene:
+    swings = 'revolute' in scene['joints']['guide']
+    force = random.uniform(0.05, 2.0) if swings else random.uniform(2.0, 40.0)
+    return pressed(scene, float(force), float(pick(random, (0.0, 0.01 if swings else 1.0))))
+
+
+def _lift_off(random: Random, k: int) -> Draft:
+    keys = {'restitution': pick(random, RESTITUTIONS), 'hypothesis': pick(random, RIGID)}
+    return _driven(random, _loaded(random, cam(random, {'lift_off': keys})), k)
+
+
+def _soft_lift_off(random: Random, k: int) -> Draft:
+    law = LAWS[k % 4]
+    keys = {
+        'restitution': float(random.uniform(0.1, 1.0)),
+        'contact': {'law': law, 'stiffness': decades(random, 7.0, 9.5), 'exponent': 1.5},
+    }
+    return _driven(random, _loaded(random, cam(random, {'lift_off': keys})), 0)
+
+
+def _groove(random: Random, k: int) -> Draft:
+    keys = {'clearance': decades(random, -6.0, -3.3), 'restitution': pick(random, RESTITUTIONS)}
+    if k % 4 == 3:
+        keys['contact'] = {'law': LAWS[k // 4 % 4], 'stiffness': decades(random, 7.0, 9.0)}
+        keys['restitution'] = max(keys['restitution'], 0.1)
+    return _driven(random, cam(random, {'groove': keys}), 0 if k % 4 == 3 else k)
+
+
+def _valve(random: Random, k: int) -> Draft:
+    """The package's valve from far below its lift-off to three times that speed, and both ways."""
+    keys, extent = drive(random, ('constant', 'constant', 'ramp', 'smooth')[k % 4], (1.5, 3.0))
+    return Draft(
+        variant('valve_train', {
+            'drive': {'coordinate': 'camshaft', **keys},
+            'joints.contact.lift_off': {'restitution': pick(random, RESTITUTIONS)},
+            'joints.contact.law.segments': [
+                {'from': 0.0, 'to': 1.5, 'rise': 0.006, 'curve': CURVES[k % 7]},
+                {'from': float(random.uniform(1.5, 2.5)), 'to': 4.2, 'rise': -0.006,
+                 'curve': CURVES[(k + 3) % 7]},
+            ],
+            'joints.contact.base_radius': 0.05, 'springs.spring.free_length': 0.15,
+            'springs.spring.stiffness': f'{decades(random, 3.0, 4.5)} N/m',
+            'links.ground.points.seat': [0.0, 0.2],
+        }),
+        **extent,
+    )  # fmt: skip
+
+
+FAMILIES = (
+    Family('cam', 32, _ideal, UNFIT),
+    Family('cam_lift_off', 48, _lift_off, UNFIT),
+    Family('cam_valve', 40, _valve, UNFIT, 4),
+    Family('cam_groove', 32, _groove, UNFIT),
+    Family('cam_compliant', 16, _soft_lift_off, UNFIT),
+)

@@ -1,0 +1,14 @@
+"""A seeded grid of valid runs over everything a scene may say, each of which must come through.
+
+A case is drawn from a family; it runs for a few turns, and then there must be no exception, no
+early end but a jam that a second route confirms, no number that is not finite, no penetration,
+and no energy that does not add up.
+"""
+
+from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
+from mechanism_sim.bench.grid.run import FAMILIES, SEED, grid, run_grid, write_scenes
+
+__all__ = [
+    'FAMILIES', 'SEED', 'Family', 'GridCase', 'Outcome', 'grid', 'run_case', 'run_grid',
+    'write_scenes',
+]  # fmt: skip

@@ -1,0 +1,116 @@
+"""Whether a run that ended in a jam had to: every mode of every contact is tried.
+
+The engine solves complementarity problems by pivoting. Here each combination of modes is a set of
+linear equations, whose solution is held against the inequalities of Coulomb and Signorini: first
+for forces, then for an impact without collision and the forces after it (Glocker, Pfeiffer 1995,
+Nonlinear Dyn. 7:471).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.scene import Machine
+
+Array = NDArray[np.float64]
+
+_NEAR = 1e-9  # of the size, and of the fastest speed: what touches, and what does not slip
+_BEFORE = 1e-9  # of the time: how long before the jam the state is taken
+_SLACK = 1e-9  # of the largest term: rounding of an inequality
+
+
+def confirmed(machine: Machine, error: RunError) -> bool:
+    """Whether no mode of contact is consistent where a run ended because contacts jam."""
+    said = re.search(r'at t = ([-+.\de]+) s.*jam', str(error))
+    if not said or not machine.dynamic:
+        return False
+    run = machine.start()
+    if not isinstance(run, EventLoop):
+        return False
+    at = float(said[1])
+    run.advance(at - _BEFORE * max(at, 1e-3), final=True)
+    terms, count = run.contact_terms, len(machine.system.gaps)
+    near, speed = _NEAR * machine.mechanism.size, machine.fastest * machine.mechanism.size
+    touching = [i for i in range(count) if run.state.closed[i] or abs(terms.value[i]) < near]
+    rows = [*touching, *(count + i for i in touching)]
+    A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
+    b = np.array([terms.free_acceleration[r] for r in rows])
+    v = np.array([terms.rate[r] for r in rows])
+    v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
+    friction = [min(machine.system.gaps[i].friction, 1e4) for i in touching]
+    return jams(A, b, v, friction)
+
+
+def jams(A: Array, b: Array, v: Array, friction: Sequence[float]) -> bool:
+    """Whether neither forces nor an impact without collision let m touching contacts go on.
+
+    Parameters
+    ----------
+    A : (2m, 2m) rates of normals, then tangents, per unit impulse [1/kg]
+    b : (2m,) their accelerations without contact forces [m/s^2]
+    v : (2m,) their rates [m/s]
+    friction : (m,) Coulomb's coefficients
+    """
+    m = len(friction)
+    slip = np.sign(v[m:])
+    if any(True for _ in solutions(A, b, slip, friction)):
+        return False
+    for impulse in solutions(A, v, np.zeros(m), friction):
+        after = v + A @ impulse
+        after[np.abs(after) < _SLACK * max(1e-300, np.abs(v).max())] = 0.0
+        if impulse[:m].max() > 0.0 and any(
+            True for _ in solutions(A, b, np.sign(after[m:]), friction)
+        ):
+            return False
+    return True
+
+
+def solutions(A: Array, b: Array, slip: Array, friction: Sequence[float]) -> Iterator[Array]:
+    """All forces (2m,) for which ``A f + b`` obeys Signorini and Coulomb, mode by mode.
+
+    A contact without slip may stick, or begin to slide either way against its friction.
+    """
+    m = len(friction)
+    choices = [('open', 1.0, -1.0, 'stick') if not s else ('open', s) for s in slip]
+    for modes in product(*choices):
+        M, right = np.eye(2 * m), np.zeros(2 * m)
+        for i, mode in enumerate(modes):
+            if mode == 'open':
+                continue
+            M[i], right[i] = A[i], -b[i]
+            if mode == 'stick':
+                M[m + i], right[m + i] = A[m + i], -b[m + i]
+            else:
+                M[m + i, i] = float(mode) * friction[i]
+        try:
+            f: Array = np.linalg.solve(M, right).astype(np.float64)
+        except np.linalg.LinAlgError:
+            continue
+        if _obeys(A @ f + b, f, modes, slip, friction, np.abs(A) @ np.abs(f) + np.abs(b)):
+            yield f
+
+
+def _obeys(
+    a: Array, f: Array, modes: Sequence[str | float], slip: Array, friction: Sequence[float],
+    terms: Array,
+) -> bool:  # fmt: skip
+    m = len(friction)
+    small, weak = _SLACK * terms, _SLACK * np.abs(f).max(initial=0.0)
+    for i, mode in enumerate(modes):
+        t = m + i
+        if mode == 'open':
+            good = a[i] >= -small[i]
+        elif mode == 'stick':
+            good = f[i] >= -weak and abs(f[t]) <= friction[i] * f[i] + weak
+        else:
+            good = f[i] >= -weak and (bool(slip[i]) or float(mode) * a[t] >= -small[t])
+        if not good:
+            return False
+    return True

@@ -1,0 +1,155 @@
+"""Machines of the package: Geneva wheels, racks, slots, springs and loads, loose joints."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
+from mechanism_sim.bench.grid.four_bars import (
+    LAWS,
+    NOT_PRESSED,
+    RESTITUTIONS,
+    clearance,
+    decades,
+    drive,
+    pick,
+)
+from mechanism_sim.catalogue import scene_names
+
+WAYS = ('constant', 'ramp', 'smooth', 'torque', 'motor')
+# pins that may be loose, with a speed [rad/s] of the drive that suits the machine
+LOOSE = (
+    ('slider_crank', ('crank_rod', 'rod_piston', 'ground_crank'), 60.0),
+    ('slider_crank_offset', ('crank_rod',), 40.0),
+    ('quick_return', ('arm_rod', 'rod_ram'), 8.0),
+    ('windshield_wiper', ('crank_coupler', 'coupler_left_rocker', 'ground_right_rocker'), 10.0),
+    ('film_advance', ('crank_coupler', 'coupler_rocker'), 100.0),
+)
+
+
+def _geneva(random: Random, k: int) -> Draft:
+    """A wheel of three to eight slots, its pin ideal or with play."""
+    slots, radius = 3 + k % 6, 0.05
+    keys, extent = drive(random, WAYS[k // 6 % 5], (0.5, 1.8))
+    keys['start_angle'] = math.pi + float(random.uniform(-0.3, 0.3))
+    scene = variant('geneva', {
+        'links.ground.points.wheel_centre': [radius / math.sin(math.pi / slots), 0.0],
+        'joints.crank_wheel.slots': slots, 'drive': keys,
+        'guess.wheel': math.pi - math.pi / slots,
+        'gravity': [0.0, pick(random, (0.0, -9.81))],
+    })  # fmt: skip
+    if k % 2:
+        scene['joints']['crank_wheel']['clearance'] = _play(random)
+        scene['start'] = pick(random, ('seated', 'centred'))
+    return Draft(scene, **extent)
+
+
+def _rack(random: Random, k: int) -> Draft:
+    keys, extent = drive(random, WAYS[k % 5], (0.3, 1.5))
+    keys['start_angle'] = math.pi / 2.0
+    scene = variant('linear_intermittent', {'drive': keys})
+    if k % 2:
+        scene['joints']['crank_rack']['clearance'] = _play(random)
+    return Draft(scene, **extent)
+
+
+def _slot(random: Random, k: int) -> Draft:
+    """A Scotch yoke or a quick return, its pin ideal or with play in its slot."""
+    name, joint = (('scotch_yoke', 'crank_yoke'), ('quick_return', 'crank_arm'))[k // 2 % 2]
+    keys, extent = drive(random, WAYS[k // 4 % 5], (0.5, 2.0))
+    scene = variant(name, {'drive': keys, 'gravity': [0.0, pick(random, (0.0, -9.81))]})
+    if k % 2:
+        scene['joints'][joint]['clearance'] = _play(random)
+        scene['start'] = pick(random, ('seated', 'centred'))
+    return Draft(scene, **extent)
+
+
+def _play(random: Random) -> Scene:
+    return {'radial': decades(random, -5.5, -3.3), 'restitution': pick(random, RESTITUTIONS)}
+
+
+def _loose(random: Random, k: int) -> Draft:
+    """A package machine, one or two of its pins loose: rigid, with friction, or compliant."""
+    name, pins, speed = LOOSE[k // 12 % len(LOOSE)]
+    scene = variant(name, {'gravity': [0.0, pick(random, (0.0, -9.81))]})
+    small = 1e-2 if name == 'film_advance' else 1.0
+    for joint in [str(x) for x in random.permutation(pins)[: 1 + (k % 4 == 3)]]:
+        keys = clearance(random, friction=k % 3 == 1, finest=-5.0)
+        if k % 3 == 2:
+            keys = {
+                'radial': keys['radial'], 'restitution': max(0.1, keys['restitution']),
+                'contact': {'law': LAWS[k // 3 % 4], 'stiffness': decades(random, 7.5, 10.0)},
+            }  # fmt: skip
+        keys['radial'] *= small
+        if 'pin_radius' in keys:
+            keys['pin_radius'] *= small
+        scene['joints'][joint]['clearance'] = keys
+    scene['start'] = pick(random, ('seated', 'centred'))
+    pace = speed * decades(random, -0.7, 0.3) * pick(random, (1.0, -1.0))
+    scene['drive'] = {k: x for k, x in scene['drive'].items() if k not in ('speed', 'torque')}
+    scene['drive']['speed'] = pace
+    return Draft(scene, revolutions=1.2)
+
+
+def _loads(random: Random, k: int) -> Draft:
+    """A slider-crank under loads that begin and end, formulas, springs and dampers."""
+    keys, extent = drive(random, WAYS[k % 5], (0.5, 2.0))
+    begin = float(random.uniform(-3.0, 3.0))
+    torque = f'{random.uniform(0.0, 1.0)}*sin({random.uniform(5.0, 60.0)}*t)'
+    loads: dict[str, Any] = {
+        'stroke': {
+            'at': 'piston', 'force': [float(random.uniform(-300.0, 300.0)), 0.0],
+            'during': {'coordinate': 'crank', 'from': begin,
+                       'to': begin + float(random.uniform(0.1, 3.0))},
+        },
+        'drag': {'at': 'piston', 'force': [f'-{random.uniform(0.0, 30.0)}*vx', 0.0]},
+        'shaking': {
+            'at': 'rod', 'torque': torque,
+            'force': ['2*cos(crank)', f'-{random.uniform(0.0, 3.0)}*vy'],
+            'frame': pick(random, ('world', 'link')),
+        },
+    }  # fmt: skip
+    springs = {
+        'return': {
+            'between': ['ground.hook', 'piston'], 'stiffness': f'{decades(random, 1.0, 3.5)} N/m',
+            'damping': f'{random.uniform(0.0, 5.0)} N s/m',
+            'free_length': float(random.uniform(0.05, 0.3)),
+        },
+    }  # fmt: skip
+    scene = variant('slider_crank', {
+        'drive': {'coordinate': 'crank', **keys}, 'loads': loads, 'springs': springs,
+        'links.ground': {'points': {'hook': [0.6, 0.05]}},
+    })  # fmt: skip
+    if k % 3 == 2:
+        scene['joints']['rod_piston']['clearance'] = clearance(random, finest=-5.0)
+    return Draft(scene, **extent)
+
+
+SHOWN = tuple(n for n in scene_names() if n != 'thesis')
+
+
+def _package(random: Random, k: int) -> Draft:
+    """A scene of the package as it is, or with its drive at another speed."""
+    name = SHOWN[k % len(SHOWN)]
+    scene = variant(name, {})
+    if k < len(SHOWN) or 'drive' not in scene or not isinstance(scene['drive'].get('speed'), str):
+        return Draft(scene)
+    if {'torque', 'force', 'motor'} & scene['drive'].keys():
+        return Draft(scene)
+    number, _, unit = scene['drive']['speed'].partition(' ')
+    factor = decades(random, -1.0, 0.5)
+    scene['drive'] = {**scene['drive'], 'speed': f'{float(number) * factor!r} {unit}'}
+    if 'duration' in scene:
+        return Draft({k: x for k, x in scene.items() if k != 'duration'})
+    return Draft(scene)
+
+
+FAMILIES = (
+    Family('geneva', 36, _geneva),
+    Family('rack', 15, _rack),
+    Family('slot', 40, _slot, (), 20),
+    Family('loads', 30, _loads, NOT_PRESSED),
+    Family('loose', 60, _loose, NOT_PRESSED),
+    Family('package', 2 * len(SHOWN), _package),
+)

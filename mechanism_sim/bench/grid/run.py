@@ -1,0 +1,100 @@
+"""The whole grid, parts of it, and their runs on all cores."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from mechanism_sim.bench.grid import cams, four_bars, linkages, machines, trains
+from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.sweep.workers import on_this_machine
+
+SEED = 19
+_CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
+
+FAMILIES: tuple[Family, ...] = tuple(
+    family
+    for module in (four_bars, machines, linkages, cams, trains)
+    for family in module.FAMILIES
+)
+
+
+def grid(seed: int = SEED, only: Sequence[str] = (), sample: int | None = None) -> list[GridCase]:
+    """Cases of the grid: all, those of some families or names, and of these a sample.
+
+    Raises
+    ------
+    InputError
+        For a name that is neither a family nor a case.
+    """
+    cases = [GridCase(f, k, seed) for f in FAMILIES for k in _numbers(f)]
+    names = {f.name for f in FAMILIES} | {case.name for case in cases}
+    for name in only:
+        if name not in names:
+            raise InputError(
+                f"the grid has no family or case '{name}'{nearest(name, names)}; families: "
+                f'{", ".join(f.name for f in FAMILIES)}'
+            )
+    if only:
+        cases = [case for case in cases if case.name in only or case.family.name in only]
+    if sample is not None and sample < len(cases):
+        chosen = np.random.default_rng(seed).permutation(len(cases))[:sample]
+        cases = [cases[i] for i in sorted(chosen.tolist())]
+    return cases
+
+
+def _numbers(family: Family) -> list[int]:
+    """Of its cases, one structure after the other."""
+    return sorted(range(family.count), key=lambda k: k % family.structures)
+
+
+def run_grid(cases: Sequence[GridCase], workers: int) -> Iterator[Outcome]:
+    """Outcomes as they come, by so many processes; by this one alone for a single worker.
+
+    Raises
+    ------
+    RunError
+        If a process dies.
+    """
+    if workers == 1:
+        yield from map(run_case, cases)
+        return
+    chunks = [
+        part[i : i + _CHUNK]
+        for _, group in groupby(cases, lambda case: case.family.name)
+        for part in ([*group],)
+        for i in range(0, len(part), _CHUNK)
+    ]
+    for outcomes in on_this_machine(chunks, workers, run_chunk):
+        yield from outcomes
+
+
+def run_chunk(cases: Sequence[GridCase]) -> list[Outcome]:
+    """Outcomes of neighbouring cases."""
+    return [run_case(case) for case in cases]
+
+
+def write_scenes(cases: Sequence[GridCase], folder: Path) -> None:
+    """Write the scene of every case as ``NAME.yaml``, with its length in the first line.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for case in cases:
+            scene, revolutions, duration = case.draft()
+            length = f'--duration {duration!r}' if duration else f'--revolutions {revolutions!r}'
+            asked = length if duration or revolutions else ''
+            head = f'# mechanism-sim solve {case.name}.yaml {asked}\n'
+            text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
+            (folder / f'{case.name}.yaml').write_text(head + text, encoding='utf-8')
+    except OSError as error:
+        raise InputError(f"--output: '{folder}' cannot be written: {error.strerror}") from error

@@ -1,0 +1,157 @@
+"""The grid of valid runs: a sample of it, and that it would see what it looks for."""
+
+import numpy as np
+import pytest
+import yaml
+from running import run, run_json
+
+import mechanism_sim as ms
+from mechanism_sim.bench.grid import FAMILIES, Family, GridCase, grid, run_case
+from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
+from mechanism_sim.bench.grid.jams import jams, solutions
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.audit import Audit
+
+# of each family so many neighbours, whose equations have one structure: little is compiled
+SAMPLE = {
+    'four_bar_ideal': 3, 'four_bar_rigid': 6, 'four_bar_friction': 4, 'geneva': 2, 'slot': 2,
+    'loads': 1, 'package': 6, 'cam': 2, 'train': 2, 'train_rattle': 3,
+}  # fmt: skip
+CASES = [c for name, count in SAMPLE.items() for c in grid(only=[name])[:count]]
+
+
+@pytest.mark.parametrize('case', CASES, ids=lambda case: case.name)
+def test_a_case_comes_through(case):
+    outcome = run_case(case)
+    assert outcome.ok is not False, f'{outcome.kind}: {outcome.reason}'
+
+
+def test_the_grid_is_large_and_of_every_kind():
+    cases = grid()
+    assert len(cases) >= 1000
+    assert len({case.name for case in cases}) == len(cases)
+    assert {case.family.name for case in cases} == {f.name for f in FAMILIES}
+
+
+def test_a_case_is_the_same_in_any_part_of_the_grid():
+    few = grid(sample=7)
+    alone = [grid(only=[case.name])[0] for case in few]
+    assert [c.draft() for c in few] == [c.draft() for c in alone]
+    assert [c.name for c in grid(seed=4, sample=7)] != [c.name for c in few]
+    (other,) = grid(seed=4, only=[few[0].name])
+    assert other.draft() != few[0].draft()
+
+
+def test_the_noise_of_a_gap_does_not_rule_the_steps():
+    """A rough pin that starts to roll: errors were taken back faster with every shorter step."""
+    rough = {'radial': 2e-3, 'restitution': 0.05, 'friction': 'rough', 'pin_radius': 5e-3}
+    scene = variant('four_bar_clearance', {
+        'joints.coupler_rocker.clearance': rough, 'gravity': [0.0, 0.0],
+        'drive': {'speed': -8.9, 'start_angle': 2.9},
+    })  # fmt: skip
+    outcome = judged(Draft(scene, revolutions=1.1))
+    assert outcome.ok, outcome.reason
+    assert outcome.figures['residual'] < 1e-11
+
+
+def judged(draft, refusals=()):
+    """The outcome of a case that is made so."""
+
+    def make(*_):
+        if isinstance(draft, Exception):
+            raise draft
+        return draft
+
+    return run_case(GridCase(Family('mine', 1, make, refusals), 0, 0))
+
+
+def test_what_goes_wrong_is_told_apart(monkeypatch):
+    nothing = judged(ZeroDivisionError('nothing'))
+    assert (nothing.ok, nothing.kind) == (False, 'exception')
+    assert 'ZeroDivisionError' in nothing.reason
+    scene = variant('four_bar_clearance', {'links.crank.length': 9.0})
+    assert judged(Draft(scene)).kind == 'refused'
+    assert judged(Draft(scene)).ok is False
+    assert judged(Draft(scene), ('cannot be assembled',)).ok is None
+    scene = variant('slider_crank', {})
+    assert judged(Draft(scene, revolutions=1.0)).ok
+
+    def ends(*_):
+        raise RunError('it broke')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Audit, 'judge', ends)
+        assert judged(Draft(scene)).kind == 'ended early'
+    with monkeypatch.context() as patch:
+        add = Audit.add
+
+        def wasteful(self, motion, impacts):
+            work = add(self, motion, impacts)
+            self.drive_work += 1e-6
+            return work
+
+        patch.setattr(Audit, 'add', wasteful)
+        assert judged(Draft(scene)).kind == 'energy'
+
+
+def test_what_is_exchanged_is_the_integral_of_power():
+    """Of a slider-crank with a drag: the drive gives and takes, densely sampled."""
+    machine = ms.load_scene('slider_crank', {
+        'loads': {'drag': {'at': 'piston', 'force': ['-20*vx', 0]}},
+    })  # fmt: skip
+    solution = ms.simulate(machine)
+    t = np.linspace(0.0, solution.duration, 200_001)
+    values = solution.sample(t)
+    drive = np.abs(values['drive_torque'] * values['velocity.crank'])
+    drag = 20.0 * values['velocity.piston'] ** 2
+    wanted = np.trapezoid(drive + drag, t) + values['energy.kinetic'].max()
+    found = exchanged_energy(solution, values['energy.kinetic'])
+    # each step counts with its sum, so that a step over a change of sign counts a little less
+    assert 0.98 * wanted < found < wanted * (1.0 + 1e-6)
+
+
+def test_the_command(tmp_path):
+    names = [c.name for c in grid(only=['train'])[:2]]
+    content = run_json(
+        'bench', 'grid', '--only', ','.join(names), '--workers', '1', '--output', str(tmp_path)
+    )
+    assert [(c['name'], c['ok'], c['reason']) for c in content['cases']] == [
+        (name, True, '') for name in names
+    ]
+    assert (content['runs'], content['failed'], content['drafts']) == (2, 0, 2)
+    scene = tmp_path / f'{names[0]}.yaml'
+    assert 'solve' in scene.read_text().splitlines()[0]
+    assert yaml.safe_load(scene.read_text()) == grid(only=names[:1])[0].draft().scene
+    for arguments, said in (
+        (('--only', 'trian'), "did you mean 'train'"),
+        (('--sample', '0'), '--sample must be at least 1'),
+        (('hard',), "leave out 'hard'"),
+    ):
+        done = run('bench', 'grid', *arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+
+
+@pytest.mark.parametrize('friction', [0.3, 0.9])
+def test_one_contact_never_jams_for_good(friction):
+    """Painleve's rod: no force holds it above mu = Ann/Ant, but an impact that stops it does."""
+    A, b = np.array([[1.0, 2.0], [2.0, 5.0]]), np.array([-1.0, 0.0])
+    v = np.array([0.0, 1.0])
+    found = list(solutions(A, b, np.array([1.0]), [friction]))
+    assert len(found) == (1 if friction < 0.5 else 0)
+    if found:
+        normal, tangential = found[0]
+        assert normal == pytest.approx(1.0 / (1.0 - 2.0 * friction))
+        assert tangential == pytest.approx(-friction * normal)
+    assert not jams(A, b, v, [friction])
+
+
+def test_two_contacts_that_wedge_jam():
+    """No force, and no impulse, presses either contact without pressing the other in."""
+    A = np.array([
+        [1.0, -3.0, 0.0, 0.0], [-3.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0],
+    ])  # fmt: skip
+    b, v = np.array([-1.0, -1.0, 0.0, 0.0]), np.zeros(4)
+    assert jams(A, b, v, [0.5, 0.5])
+    assert not jams(A, -b, v, [0.5, 0.5])
+    assert not jams(np.eye(4), b, v, [0.5, 0.5])
