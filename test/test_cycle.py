@@ -478,6 +478,26 @@ def test_static_forces_of_the_book_follow_from_the_moment_alone():
     assert guide == pytest.approx(-F32 * np.sin(th3), abs=1e-9)
 
 
+def test_static_forces_keep_what_depends_on_speed():
+    """Without weights the drive supplies what the loads take: torque times speed is their power.
+
+    The wiper's blades drag with 3 N s/m; a slider is held back on its way out only. Evaluated at
+    rest the first torque would be 0 and the second half of what it is.
+    """
+    wiper = ms.cycle(ms.load_scene('windshield_wiper', {'gravity': [0, 0]}), 24, static=True)
+    drag = sum(3.0 * (0.45 * wiper[f'velocity.{side}_rocker']) ** 2 for side in ('left', 'right'))
+    assert wiper['drive_torque'] * wiper['velocity.crank'] == pytest.approx(drag, abs=1e-12)
+    assert drag.max() > 10.0
+    load = {'loads.work': {'at': 'piston', 'force': ['-200*(1 + tanh(1000*vx))', '0 N']}}
+    pump = ms.cycle(ms.load_scene('slider_crank', {'gravity': [0, 0], **load}), 36, static=True)
+    r, l, th, w = 0.05, 0.2, pump['position.crank'], 20.0 * np.pi  # noqa: E741 - as in the books
+    slope = -r * np.sin(th) - r * r * np.sin(th) * np.cos(th) / np.sqrt(
+        l**2 - (r * np.sin(th)) ** 2
+    )
+    held = 200.0 * (1.0 + np.tanh(1000.0 * w * slope))
+    assert pump['drive_torque'] == pytest.approx(held * slope, abs=1e-9)
+
+
 def test_static_forces_need_an_ideal_machine():
     with pytest.raises(InputError, match='static forces need masses'):
         ms.cycle(ms.load_scene('four_bar_clearance'), static=True)

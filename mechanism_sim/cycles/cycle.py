@@ -23,7 +23,7 @@ from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.sampling import table
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene import Level, Machine, simulate, span
 
 Array = NDArray[np.float64]
@@ -31,6 +31,12 @@ Array = NDArray[np.float64]
 _OF_MOTION = ('energy.kinetic', 'energy.drive_work', 'energy.dissipated')
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
+
+# eight instants, in steps, and the weights with which a polynomial through them gives what is
+# between the middle ones, or one step before the first
+_BESIDE = np.arange(-3.5, 4.0)
+_BETWEEN = np.array([-5.0, 49.0, -245.0, 1225.0, 1225.0, -245.0, 49.0, -5.0]) / 2048.0
+_BEYOND = np.array([8.0, -28.0, 56.0, -70.0, 56.0, -28.0, 8.0, -1.0])
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
@@ -52,7 +58,7 @@ class Cycle:
     machine, solution : what was run
     t : (N + 1,) [s] evenly spaced
     repeats : whether it is a whole number of turns of a drive at constant speed
-    static : whether forces are those at rest in each position, without those of inertia
+    static : whether forces are without those of inertia
     """
 
     machine: Machine
@@ -99,10 +105,35 @@ class Cycle:
         return Forces(self.machine, self.local)
 
     def at(self, t: Array) -> dict[str, Array]:
-        """The columns at any instants (K,) of the cycle."""
+        """The columns at any instants (K,) of the cycle.
+
+        Where forces in joints have no limit they are NaN. What the frame gets from all of them
+        has one, which comes from instants beside.
+        """
+        columns = self._columns(t)
+        lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
+        if lost.size:
+            step = 0.003 * (self.machine.period if self.repeats else self.duration)
+            curve, at = self.solution.motion.curve, t[lost, None]
+            beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))
+            for sign, outside in (
+                (1.0, beside[:, 0] < curve.start[0]),
+                (-1.0, beside[:, -1] > curve.end),
+            ):
+                beside[outside] = at[outside] + sign * step * np.arange(1.0, 9.0)
+                weights[outside] = _BEYOND
+            near = self._columns(beside.ravel())
+            for name in columns:
+                if name.startswith('shaking_'):
+                    columns[name][lost] = (near[name].reshape(-1, 8) * weights).sum(axis=1)
+        return columns
+
+    def _columns(self, t: Array) -> dict[str, Array]:
         samples = self.solution.samples(t)
         if self.static:
-            samples = samples._replace(observed=self._at_rest(samples.observed, samples.t))
+            motion = self.solution.motion
+            seen = self.machine.statics.observe(motion, *motion.curve.find(samples.t))
+            samples = samples._replace(observed=seen)
         o = samples.observed
         columns = table(self.machine.physics, samples)
         if self.static:  # of the motion as it is
@@ -114,15 +145,6 @@ class Cycle:
         if self.machine.physics.has_forces:
             columns |= self._forces.columns(samples.t, o)
         return columns
-
-    def _at_rest(self, o: Observation, t: Array) -> Observation:
-        """The same motion, with the forces that act if it is so slow as to be at rest."""
-        forces, still = self.machine.inverse_dynamics, np.zeros_like(o.position)
-        outside = np.array([t if x == 'time' else still[0] for x in forces.outside])
-        seen = forces(o.position, still, still, outside.reshape(-1, len(t)))
-        driven = [self.machine.physics.coordinates.index(c) for c in self.machine.physics.driven]
-        power = (seen.drive_torque * o.velocity[driven]).sum(axis=0)
-        return seen._replace(velocity=o.velocity, acceleration=o.acceleration, drive_power=power)
 
     def plot(self, *names: str, **how: Any) -> Any:
         """Plot columns by name, or an overview, over the angle of a steady drive.
@@ -138,12 +160,29 @@ class Cycle:
         return plotting.plot(self, *names, **how)
 
     def extremes(self) -> dict[str, Extremes]:
-        """Least and greatest value of each column, and when, finer than the samples."""
+        """Least and greatest value of each column that has them, and when, finer than samples."""
         return self._extremes
 
     @cached_property
+    def no_limits(self) -> list[NoLimit]:
+        """Instants of the cycle at which forces grow beyond all bounds, and are left out."""
+        physics = self.machine.statics if self.static else self.machine.physics
+        begin, end = self.t[0], self.t[-1]
+        found = physics.no_limits(self.solution.motion)
+        return [x for x in found if begin <= x.t <= end or x.is_at(begin) or x.is_at(end)]
+
+    @cached_property
+    def unbounded(self) -> set[str]:
+        """The columns that have no value at these instants, and therefore no extremes."""
+        if not self.no_limits:
+            return set()
+        seen = self.at(np.clip([x.t for x in self.no_limits], self.t[0], self.t[-1]))
+        return {name for name, x in seen.items() if not np.isfinite(x).all()}
+
+    @cached_property
     def _extremes(self) -> dict[str, Extremes]:
-        return find_extremes(self.at, self.table(), f'position.{self.drive}')
+        known = {name: x for name, x in self.table().items() if name not in self.unbounded}
+        return find_extremes(self.at, known, f'position.{self.drive}')
 
     def swings(self) -> dict[str, Swing]:
         """How far each coordinate goes, and how long there and back, by coordinate."""
@@ -196,7 +235,8 @@ def cycle(
     duration : [s] instead, where the drive has no constant speed; that of the scene if not
     points : whose paths are wanted, ``LINK.POINT``
     local : forces on each link along and across it too
-    static : forces without those of inertia ([V] 3.5.1), as if it moved ever so slowly
+    static : forces without those of inertia ([V] 3.5.1): weights stay, and what loads, dampers and
+        friction owe to the speed
 
     Raises
     ------

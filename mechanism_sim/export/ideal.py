@@ -94,7 +94,7 @@ class Ideal:
     @cached_property
     def _start(self) -> tuple[Array, Array]:
         """Coordinates of the machine's ideal mechanism at the start, and their rates (n,)."""
-        four_bar = self.machine.plan.four_bar
+        four_bar = self.machine.closed_form
         if four_bar is None:
             return self.machine.assembly.q, self.machine.assembly.v
         angle, speed = (np.array([x]) for x in self.machine.start_of_crank)

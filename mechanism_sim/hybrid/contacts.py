@@ -196,7 +196,7 @@ class Contacts:
         if any(closed) and self._system.compliant:
             self._seat()
         if any(closed) or self._system.relations:
-            self._project()
+            self.project()
         self.settle()
         self.mode_changes = [
             ModeChange(self.time, name, Mode(mode), Mode.UNKNOWN)
@@ -239,12 +239,12 @@ class Contacts:
                 raise RunError(f'{error} (t = {self.time:.9g} s)') from error
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations:  # another closure may hold from now on
-                self._project()
+                self.project()
             if any(self.closed(i) for i in range(len(before))):
                 if self._system.frictional or self._jumps:  # a gap may close faster from now on
                     self.settle()
                 else:
-                    self._project()
+                    self.project()
         elif self._system.compliant:
             self._touch(gap)
         elif not guard.friction:
@@ -341,8 +341,19 @@ class Contacts:
         out = self._at_present(self._system.contact_function)
         return self._system.contact_terms(out.tolist())
 
-    def _project(self) -> None:
-        self._state[:] = floats(self._at_present(self._system.projection))
+    def singular_joints(self, distance: float = 1e-6) -> list[str]:
+        """The joints whose closures depend on those before them, to the root of a distance."""
+        distances = iter(self._at_present(self._system.projection)[2 * self._f :].tolist())
+        found = []
+        for relation in self._system.relations:
+            rows = relation.values(self._system.equations.frames)
+            if not all([next(distances) > distance for _ in rows]):  # noqa: C419 - all are taken
+                found.append(relation.name)
+        return found
+
+    def project(self) -> None:
+        """Bring loops and closed contacts to zero in value and rate."""
+        self._state[:] = floats(self._at_present(self._system.projection))[: 2 * self._f]
 
     # --- impacts ------------------------------------------------------------------------------
 
@@ -540,7 +551,7 @@ class Contacts:
         )
         if len(before) > 1 or self._system.frictional:
             self._book_rest(terms, found)
-        self._project()
+        self.project()
         parting = [i for i in resting if i not in found]
         if parting:
             self._separate(parting)

@@ -8,6 +8,7 @@ known; everything is solved for the free ones.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import heyoka as hy
@@ -19,7 +20,9 @@ from mechanism_sim.numerics.symbolic import (
     Vector,
     add,
     dense,
+    div,
     dot,
+    factorise,
     mul,
     neg,
     solve_general,
@@ -102,6 +105,7 @@ class Dynamics:
         self.presses = [p.reserve(f'{g.name}.presses') for g in gaps if g.law]
         self.margin = p.reserve('release.margin') if self.compliant else hy.expression(0.0)
         self.tangent = {i: gaps[i].slip(eq.frames) for i in self.frictional}
+        self.relations = tuple(relations)
         self.relation = eq.relation_jets
         none = Jet(None, {}, None, None)
         tangents = [self.tangent.get(i, none) for i in range(len(gaps))]
@@ -187,6 +191,29 @@ class Dynamics:
             add(x, *(mul(column[i], f) for column, f in zip(columns, factors, strict=True)))
             for i, x in enumerate(start)
         ]
+
+    @cached_property
+    def distances(self) -> list[Term]:
+        """How far each loop closure is from depending on those before it, 0 to 1.
+
+        The pivot of a row of ``G M^-1 G^T`` over the sum of the diagonal of its joint's rows. It
+        vanishes quadratically where G is not of full rank: at a singular position.
+        """
+        _, pivots = factorise(self._S)
+        found: list[Term] = []
+        for relation in self.relations:
+            first = len(found)
+            rows = range(first, first + len(relation.values(self.equations.frames)))
+            size = add(*(self._S[k][k] for k in rows))
+            found += [div(pivots[k], size) for k in rows]
+        return found
+
+    @property
+    def distance(self) -> Term:
+        """The harmonic sum of `distances`; None without closures."""
+        if not self.relation:
+            return None
+        return 1.0 / dense(add(*(1.0 / dense(x) for x in self.distances)))
 
     def closing(self, off: Vector) -> Vector:
         """The shift of the free coordinates that takes `off` from what the closures say."""

@@ -22,9 +22,10 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.singular import AHEAD, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
-from mechanism_sim.hybrid.system import ContactTerms, System
+from mechanism_sim.hybrid.system import Array, ContactTerms, System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
 from mechanism_sim.hybrid.touches import Touch, Touches
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -38,6 +39,8 @@ _QUICKEST = 1e3  # times the fastest drive: rate at which errors of gaps and loo
 _DEFECT = 1e3  # times the error of a step that its polynomials may be off the equations
 
 
+_UNWATCHED = (0.0, 1.0, 0.0)
+
 STEP_SCALE = 0.1
 """Rate relative to that of the fastest drive whose relative error is `rtol`."""
 
@@ -49,6 +52,7 @@ class _Pending(NamedTuple):
     h: float  #: [s]
     guard: int | None  #: that ended it
     taken: tuple[float, float]  #: with which stabilisation [1/s] and longest step [s]
+    origin: Array | None  #: the state at its start, if it was projected then
 
 
 class EventLoop:
@@ -100,9 +104,11 @@ class EventLoop:
         series = floats(self._ta.tc)
         self._coefficients = series[: 2 * f * width]
         watch = 2 * f + 1  # after the state and the constant
-        self._guard_series = series[watch * width :] if system.lone else (0.0, 1.0, 0.0)
+        self._guard_series = series[watch * width :] if system.lone else _UNWATCHED
+        near = watch + system.lone  # then the distance from singular positions
+        self._nearness = series[near * width :] if system.relations else _UNWATCHED
         self._turning = [system.prescribed.index(c) for c in system.turning]
-        self._directions = floats(self._ta.state)[watch + system.lone :]
+        self._directions = floats(self._ta.state)[near + bool(system.relations) :]
         self._step = self._ta.step
         self._stabilisation = system.stabilisation_index
         self._state[:] = [*state.q, *state.v]
@@ -117,14 +123,34 @@ class EventLoop:
             rtol,
             fastest * system.mechanism.size,
         )
+        self._singular = SingularPositions(system, self._ta, self._contacts, near)
         self._start_base()
         self._touches = Touches(system) if system.compliant else None
         self._pending: _Pending | None = None
         self._since = 0  # steps since the directions were computed
         self._last_event = float('-inf')
         self._simultaneous = 0
-        self._contacts.start(state.closed)
+        self._begin(state)
+
+    def _begin(self, state: State) -> None:
+        """Resolve the contacts at the start, or leave a singular position."""
+        if not self._leave_singular():
+            self._contacts.start(state.closed)
+            self._go_on()
+
+    def _leave_singular(self) -> bool:
+        """Take the first step from a singular position; False if there is none here."""
+        if not self._singular.is_here:
+            return False
+        if self._system.gaps:
+            raise self._singular.undecided()
+        if self._system.switches:
+            self._contacts.set_switches()
         self._go_on()
+        h, step = self._singular.begin()
+        self._tape.next.reshape(-1)[:] = step.terms
+        self._pending = _Pending(self._ta.time - h, h, None, (0.0, self._max_step), step.origin)
+        return True
 
     @property
     def steps(self) -> int:
@@ -181,6 +207,7 @@ class EventLoop:
         enter_tau, enter_length = tape.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
         watched, watch = bool(self._system.guards), self._guard_series
+        near = self._nearness
         quick = (lone or not watched) and not timed and self._check is None
         stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
         quickest = self._quickest
@@ -200,6 +227,8 @@ class EventLoop:
                         h = step(longest, True)[1]
                         end = tau + h
                         if pars[fired] or not end <= stop or watch[1] < _NEAR * h * abs(watch[2]):
+                            break
+                        if near[1] + AHEAD * h * near[2] < 0.0:
                             break
                         slot[:] = coefficients
                         enter_tau(tau)
@@ -221,7 +250,7 @@ class EventLoop:
                     if self._check is not None:
                         h = self._checked(tau, h, self._check)
                 taken = (alpha, reach)
-                guard = self._fired() if pars[fired] else None
+                guard = self._system.fired(pars) if pars[fired] else None
                 if lone:
                     if watch[1] < _NEAR * h * abs(watch[2]):
                         if watch[1] < 0.0 and not contacts.flying:
@@ -232,18 +261,23 @@ class EventLoop:
                             h, guard = self._look_again(tau, h, guard)
                 elif watched:
                     h, guard = self._look_again(tau, h, guard)
+                crossing, ahead = None, False
+                if near[1] + AHEAD * h * near[2] < 0.0 and reach is longest:
+                    h, guard, crossing, ahead = self._singular.approach(tau, h, guard, alpha)
                 if not h > 0.0 and guard is None:
                     raise self._breakdown(tau)
-                slots[count][:] = coefficients
-                if guard is None and (h < reach or reach is longest):
+                slots[count][:] = crossing.terms if crossing else coefficients
+                if guard is None and not ahead and (h < reach or reach is longest):
                     alpha = pars[stabilisation] = min(1.0 / h, quickest)
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
             else:
-                tau, h, guard, taken = pending
+                tau, h, guard, taken, _ = pending
             end = tau + h
             if end > limit or self._coming:
-                pending = self._pending = _Pending(tau, h, guard, taken)
+                if pending is None:
+                    origin = crossing.origin if crossing else None
+                    pending = self._pending = _Pending(tau, h, guard, taken, origin)
                 change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
                 if change <= limit and change < end:
                     self._cut(change)
@@ -306,7 +340,7 @@ class EventLoop:
     def _checked(self, tau: float, h: float, check: StepCheck) -> float:
         """Length of a step, taken anew until no formula turned steep within it unseen."""
         while h > _SHORTEST * self._max_step and not check.holds(tau, h):
-            self._fired()
+            self._system.fired(self._pars)
             self._back_to(tau)
             h = self._step(_SHORTER * h, True)[1]
         return h
@@ -322,16 +356,9 @@ class EventLoop:
         while fallen is not None and h > _SHORTEST * self._max_step:
             self._back_to(tau)
             h = self._step(_SHORTER * h, True)[1]
-            guard = self._fired()
+            guard = self._system.fired(self._pars)
             fallen = self._overlooked(guard)
         return h, guard if fallen is None or guard is not None else fallen
-
-    def _fired(self) -> int | None:
-        """The guard that ended the last step, told once."""
-        index = self._system.fired_index
-        guard = int(self._pars[index]) - 1
-        self._pars[index] = 0.0
-        return guard if guard >= 0 else None
 
     def _overlooked(self, guard: int | None) -> int | None:
         """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""
@@ -347,6 +374,10 @@ class EventLoop:
             self._ta.reset_cooldowns()
 
     def _breakdown(self, tau: float) -> RunError:
+        if self._system.relations:
+            self._back_to(tau)
+            if self._contacts.singular_joints():
+                return self._singular.undecided()
         return RunError(
             f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
             'became infinite; the mechanism may be at a singular position'
@@ -459,8 +490,7 @@ class EventLoop:
         self._contacts.impacts, self._contacts.horizon = [], math.inf
         if self._touches:
             self._touches.restart()
-        self._contacts.start(state.closed)
-        self._go_on()
+        self._begin(state)
 
     def snapshot(self) -> Snapshot:
         """What it takes to go on as if there had been no pause.
@@ -471,7 +501,8 @@ class EventLoop:
         alpha, horizon = self._pars[self._stabilisation], contacts.horizon
         if self._pending:
             tau, (alpha, horizon) = self._pending.tau, self._pending.taken
-            state = self._ta.tc[:, 0]
+            began = self._pending.origin
+            state = self._ta.tc[:, 0] if began is None else began
         touches = self._touches.follow(self._tape.motion())[0] if self._touches else ()
         return Snapshot(
             '',
@@ -515,6 +546,7 @@ class EventLoop:
         self._next_base = s.next_base
         self._last_event, self._simultaneous = s.last_event, s.simultaneous
         self.events = s.events
+        self._leave_singular()
         self._go_on()
         self._directions[:] = array('d', s.directions)
         self._since = s.since

@@ -8,10 +8,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.hybrid.crossings import Crossings
 from mechanism_sim.hybrid.system import Array, System, TouchTerms
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
-from mechanism_sim.planar.inverse_dynamics import Account, Observation
+from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 
 
 class Physics(Protocol):
@@ -59,6 +60,9 @@ class Physics(Protocol):
         open where loops close.
         """
 
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """Instants at which forces grow beyond all bounds; there they are NaN."""
+
 
 class DynamicPhysics:
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
@@ -77,8 +81,40 @@ class DynamicPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        seen = self.system.observe(*self._state(motion, segments, dt))
+        seen = self._observe(motion, segments, dt)
         return seen._replace(position=motion.curve.at(segments, dt).T)
+
+    def _observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
+        """The same, near singular positions with the limits of accelerations and forces."""
+        seen = self.system.observe(*self._state(motion, segments, dt))
+        crossings = self._crossings(motion, segments)
+        if not crossings or not crossings.segments.size:
+            return seen
+        each, since = instants(motion.curve, segments, dt)
+        near = np.flatnonzero(crossings.near(each, since))
+        if near.size:
+            found = crossings.limits(each[near], since[near], lambda k, t: _stacked(
+                self.system.observe(*self._state(motion, k, t))
+            ))  # fmt: skip
+            sizes = [np.size(x[..., 0]) for x in _limited(seen)]
+            for field, rows in zip(
+                _limited(seen), np.split(found, np.cumsum(sizes)[:-1]), strict=True
+            ):
+                field[..., near] = rows.reshape(*field.shape[:-1], near.size)
+        power = (seen.drive_torque * seen.velocity[self.system.driven_index]).sum(axis=0)
+        return seen._replace(drive_power=power)
+
+    def _crossings(self, motion: Motion, segments: NDArray[np.intp]) -> Crossings | None:
+        """Which of the segments lead across singular positions."""
+        system = self.system
+        if not system.relations:
+            return None
+        free = [system.coordinates.index(c) for c in system.free]
+        return Crossings(
+            motion, segments, free, lambda k, t: system.distance(motion.curve.local(k, t).T)
+        )
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """What books are kept of."""
@@ -126,6 +162,44 @@ class DynamicPhysics:
         values = self.system.gap_values(q)
         gaps = self.system.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
+
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        crossings = self._crossings(motion, np.arange(len(motion)))
+        if not crossings or not crossings.segments.size:
+            return []
+        segments, dt = crossings.segments, crossings.touch
+        seen = self.observe(motion, segments, dt)
+        found = []
+        for k, (segment, since) in enumerate(zip(segments, dt, strict=True)):
+            forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
+            joints = tuple(j for j, force in forces if not np.isfinite(force).all())
+            if joints and since <= motion.curve.duration[segment]:
+                drive = float(seen.position[self.system.driven_index[0], k])
+                found.append(NoLimit(float(motion.curve.start[segment] + since), drive, joints))
+        return found
+
+
+def _limited(seen: Observation) -> tuple[Array, ...]:
+    """What is not determined at singular positions."""
+    return (
+        seen.acceleration, seen.normal_force, seen.friction_force, seen.reaction,
+        seen.reaction_moment, seen.drive_torque,
+    )  # fmt: skip
+
+
+def _stacked(seen: Observation) -> Array:
+    """The same in rows (M, N)."""
+    return np.concatenate([x.reshape(-1, x.shape[-1]) for x in _limited(seen)])
+
+
+def instants(
+    curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+) -> tuple[NDArray[np.intp], Array]:
+    """The segment of every instant, and the time since its start [s], in the order of samples."""
+    if isinstance(dt, Nodes):
+        dt = np.outer(curve.duration[segments], dt.fractions)
+    return np.repeat(segments, dt.size // max(len(segments), 1)), dt.ravel()
 
 
 def outside(

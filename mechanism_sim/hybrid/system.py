@@ -39,6 +39,9 @@ SLIP_SCALE = 1e-3
 """[s] The same for tangential velocities."""
 
 
+WATCH_SCALE = 1e-30
+"""Keeps what is integrated only to be watched out of the choice of steps."""
+
 JAM_SCALE = 1e-6
 """[s^4/m^2] The same for squares of accelerations."""
 
@@ -176,6 +179,12 @@ class System:
         ]
         self.torque_index = [[p.names[f'{c}.torque.{k}'] for k in range(3)] for c in self.powered]
 
+    def fired(self, parameters: Array | memoryview[float]) -> int | None:
+        """The guard that ended the last step, by these runtime parameters; told once."""
+        guard = int(parameters[self.fired_index]) - 1
+        parameters[self.fired_index] = 0.0
+        return guard if guard >= 0 else None
+
     @property
     def lone(self) -> bool:
         """Whether there is one gap, and no friction in it: the case that is made fastest."""
@@ -207,7 +216,8 @@ class System:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
         State: free coordinates, their rates, a constant that only sets the step, of a lone contact
-        a state whose derivative is its guard, then cosine and sine of the angles in `turning`,
+        a state whose derivative is its guard, with closures one whose derivative is the distance
+        from singular positions, then cosine and sine of the angles in `turning`,
         which cost less as solutions of a linear equation than as functions. heyoka ties its order
         p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term is about
         `tol` of the largest state variable. Four orders more than it would take for `rtol` make
@@ -226,13 +236,16 @@ class System:
         frames = self.equations.frames
         a = [dense(x) for x in self.dynamics.stabilised.a]
         rates = [frames.v[c] for c in self.turning]
-        driven = self._driven([*self._by_directions([*a, *self._guards]), *rates])
-        n, m = len(a), len(self._guards)
-        a, guards, rates = driven[:n], driven[n : n + m], driven[n + m :]
+        near = [self.dynamics.distance] if self.relations else []
+        driven = self._driven([*self._by_directions([*a, *self._guards, *near]), *rates])
+        n, m, k = len(a), len(self._guards), len(near)
+        a, guards, near = driven[:n], driven[n : n + m], driven[n + m : n + m + k]
+        rates = driven[n + m + k :]
         motion = [(frames.q[c], frames.v[c]) for c in self.free]
         motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
-        # too small to matter: its Taylor series tells the guard at the start of a step for nothing
-        watch = [(hy.make_vars('watch'), 1e-30 * guards[0])] if self.lone else []
+        # too small to matter: their Taylor series tell what they watch for nothing
+        watch = [(hy.make_vars('watch'), WATCH_SCALE * guards[0])] if self.lone else []
+        watch += [(hy.make_vars('singularity'), WATCH_SCALE * x) for x in near]
         directions: list[tuple[hy.expression, hy.expression]] = []
         for (cosine, sine), rate in zip(self._direction_symbols, rates, strict=True):
             directions += [(cosine, -(rate * sine)), (sine, rate * cosine)]
@@ -405,8 +418,8 @@ class System:
     def projection(self) -> hy.cfunc_dbl:
         """The state with loops and closed gaps brought to zero, in value and rate.
 
-        Along M^-1 J^T; what sticks loses its tangential velocity too. Of the same vector as
-        `watch`.
+        Along M^-1 J^T; what sticks loses its tangential velocity too. Behind it come the distances
+        of the closures from depending on each other. Of the same vector as `watch`.
         """
         d, frames = self.dynamics, self.equations.frames
         outputs: list[Term] = []
@@ -435,7 +448,7 @@ class System:
                 add(symbol[c], shift[i], *(mul(W[i], x) for W, x in zip(d.response, impulses)))  # noqa: B905 - of positions only the normal rows
                 for i, c in enumerate(self.free)
             ]
-        return self._on_now(outputs)
+        return self._on_now([*outputs, *(d.distances if d.relation else [])])
 
     @cached_property
     def _terms(self) -> dict[str, list[Term]]:
@@ -649,7 +662,20 @@ class System:
     def _gap_values(self) -> Known:
         frames = self.equations.frames
         values = [jet.value for jet in self.dynamics.normal]
-        return Known(frames, [values], list(frames.q.values()))
+        return Known(frames, [values], self._positions)
+
+    @property
+    def _positions(self) -> list[hy.expression]:
+        return list(self.equations.frames.q.values())
+
+    @cached_property
+    def _distance(self) -> Known:
+        return Known(self.equations.frames, [[self.dynamics.distance]], self._positions)
+
+    def distance(self, q: Array) -> Array:
+        """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
+        found: Array = self._distance(q)[0][0]
+        return found
 
     def gap_values(self, q: Array) -> Array:
         """The gaps (m, N) [m] in their own measure at coordinates q (n, N)."""

@@ -8,7 +8,9 @@ import numpy as np
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.four_bar import Array, FourBar
+from mechanism_sim.linkages.passage import Passage
 from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.planar import branch
 from mechanism_sim.planar.kinematics import Kinematics
 
 
@@ -27,8 +29,22 @@ class IdealMotion(Protocol):
     def sliding(self) -> list[int]:
         """Which of them are displacements."""
 
-    def follow(self, last: Array, driven: Array) -> Array:
-        """Coordinates (n, N) a little after `last` (n,), for driven ones (p, N).
+    def follow(
+        self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
+    ) -> tuple[Array, Array | None]:
+        """Coordinates a little after others.
+
+        Parameters
+        ----------
+        last : (n,)
+        times : (N,) [s] since then
+        driven : (p, N) the driven coordinates then
+        now : (3, p) the driven coordinates, their rates and accelerations at `last`
+        slope : (n,) what an earlier call gave for `last`
+
+        Returns
+        -------
+        q (n, N), and near a singular position the direction (n,) of the branch at the last one.
 
         Raises
         ------
@@ -36,8 +52,17 @@ class IdealMotion(Protocol):
             If the loops cannot be closed there.
         """
 
-    def motion(self, near: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """The same with rates and accelerations, for those of the driven coordinates (p, N).
+    def motion(
+        self, near: Array, v: Array, a: Array, along: tuple[Array, Array] | None = None
+    ) -> tuple[Array, Array, Array, Passage | None]:
+        """Coordinates, rates and accelerations (n, N) near others.
+
+        Parameters
+        ----------
+        near : (n, N)
+        v, a : (p, N) rates and accelerations of the driven coordinates
+        along : rates and accelerations (n, N) of all, near enough to tell branches apart where
+            the position is singular
 
         Raises
         ------
@@ -59,17 +84,21 @@ class FourBarMotion:
     def __init__(self, linkage: FourBar) -> None:
         self.linkage = linkage
 
-    def follow(self, last: Array, driven: Array) -> Array:
+    def follow(
+        self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
+    ) -> tuple[Array, Array | None]:
         """Coordinates (3, N) a little later, by whole turns next to those before."""
         q = np.array([driven[0], *self.linkage.positions(driven[0])])
         joined = np.unwrap(np.column_stack([last[1:], q[1:]]), axis=1)
-        return np.vstack([driven, joined[:, 1:]])
+        return np.vstack([driven, joined[:, 1:]]), None
 
-    def motion(self, near: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """The same with rates and accelerations."""
+    def motion(
+        self, near: Array, v: Array, a: Array, along: tuple[Array, Array] | None = None
+    ) -> tuple[Array, Array, Array, Passage | None]:
+        """Coordinates, rates and accelerations; change points are not for closed forms."""
         q, rates, accelerations = self.linkage.motion(near[0], v[0], a[0])
         q[1:] += TWO_PI * np.round((near[1:] - q[1:]) / TWO_PI)
-        return q, rates, accelerations
+        return q, rates, accelerations, None
 
     def left_open(self, q: Array) -> float:
         """How far the coupler's end is from the rocker's [m]."""
@@ -90,26 +119,89 @@ class LinkageMotion:
         names = kinematics.mechanism.displacements
         self.sliding = [i for i, c in enumerate(self.coordinates) if c in names]
 
-    def follow(self, last: Array, driven: Array) -> Array:
-        """Coordinates (n, N) a little later, from where the last ones point."""
+    def follow(
+        self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
+    ) -> tuple[Array, Array | None]:
+        """Coordinates (n, N) a little later: from where the last ones point, or on their branch.
+
+        Raises
+        ------
+        RunError
+            If the loops cannot be closed, or the last position is singular and no slope is given.
+        """
+        try:
+            q, failed = self._ahead(last, driven), None
+            seen = np.column_stack([last, q])
+        except RunError as error:
+            q, failed, seen = last[:, None], error, last[:, None]
+        if not self.kinematics.nearly_singular(seen, branch.NEAR).any():
+            if failed:
+                raise failed
+            return q, None
+        drive = self._parameter(now[:, :, None])[0]
+        if slope is None and self.kinematics.independence(last[:, None])[0] > branch.SINGULAR:
+            slope = self.kinematics.rates(last[:, None], drive[1])[:, 0]
+        found = None
+        if slope is not None:
+            shift = times if len(now[0]) > 1 else driven[0] - now[0]
+            reach = np.abs(shift).max(keepdims=True)
+            found = branch.follow(self.kinematics, last[:, None], slope[:, None], drive, reach)
+            place, rates, _ = (x[:, 0] for x in found.at(shift[None]))
+            place[self.driven] = driven
+            open_by = self.kinematics.left_open(place).max()
+            if found.found[0] and open_by <= branch.OPEN * self.kinematics.rounding:
+                return place, rates[:, -1]
+            shift = shift[0]
+        ends = self.kinematics.independence(q[:, -1:])[0] > branch.SINGULAR
+        known = slope is not None and ends and self._continues(last, q, slope * shift)
+        if failed or not known:
+            raise failed or RunError(
+                f'the mechanism comes to a singular position at {self._said(now[0])}, and the '
+                'branch on which it goes on is not decided'
+            )
+        return q, None
+
+    def _continues(self, last: Array, q: Array, way: Array) -> bool:
+        """Whether the first of positions (n, N) lies in the direction of the last one's motion.
+
+        Newton's method may find another branch than that on which it came.
+        """
+        scale = self.kinematics.scale
+        off = np.linalg.norm((q[:, 0] - last - way) / scale)
+        return bool(off <= 0.5 * np.linalg.norm(way / scale) + 1e-9)
+
+    def _ahead(self, last: Array, driven: Array) -> Array:
+        """Coordinates (n, N) that close the loops, from where the last ones (n,) point."""
         shift = driven - last[self.driven, None]
         slopes = self.kinematics.rates(
             np.repeat(last[:, None], len(self.driven), axis=1), np.eye(len(self.driven))
         )
-        near = last[:, None] + slopes @ shift
+        near = last[:, None] + np.nan_to_num(slopes) @ shift
         near[self.driven] = driven
         return self._closed(near)
+
+    def _parameter(self, driven: Array) -> tuple[Array, Array, Array]:
+        """What branches are followed along: the driven coordinate; time, if there are several.
+
+        Parameters
+        ----------
+        driven : (3, p, N) the driven coordinates, their rates and accelerations
+
+        Returns
+        -------
+        The same (3, p, N) by the parameter, and its own rate and acceleration (N,).
+        """
+        if len(self.driven) > 1:
+            return driven, np.ones(driven.shape[2]), np.zeros(driven.shape[2])
+        still = np.zeros_like(driven[0])
+        return np.array([driven[0], still + 1.0, still]), driven[1, 0], driven[2, 0]
 
     def _closed(self, near: Array) -> Array:
         """Coordinates (n, N) that close all loops, near others."""
         q, left = self.kinematics.positions(near)
         if left.any():
             k = int(np.argmax(left))
-            driven = ', '.join(
-                f'{self.coordinates[i]} = {near[i, k]:.6g} m' if i in self.sliding
-                else f'{self.coordinates[i]} = {np.degrees(near[i, k]):.6g} deg'
-                for i in self.driven
-            )  # fmt: skip
+            driven = self._said(near[self.driven, k])
             off = np.abs(self.kinematics.closure(q[:, k : k + 1])[0][0])
             joint = self.kinematics.rows[int(np.argmax(off))]
             raise RunError(
@@ -118,12 +210,56 @@ class LinkageMotion:
             )
         return q
 
-    def motion(self, near: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """The same with rates and accelerations."""
-        q = self._closed(near)
-        rates = self.kinematics.rates(q, v)
-        return q, rates, self.kinematics.accelerations(q, rates, a)
+    def _said(self, driven: Array) -> str:
+        """The driven coordinates (p,) for people."""
+        return ', '.join(
+            f'{self.coordinates[i]} = {x:.6g} m' if i in self.sliding
+            else f'{self.coordinates[i]} = {np.degrees(x):.6g} deg'
+            for i, x in zip(self.driven, driven, strict=True)
+        )  # fmt: skip
+
+    def motion(
+        self, near: Array, v: Array, a: Array, along: tuple[Array, Array] | None = None
+    ) -> tuple[Array, Array, Array, Passage | None]:
+        """Coordinates, rates and accelerations, by Newton's method or on their branch."""
+        kinematics, passage = self.kinematics, None
+        q, rates, accelerations = near.copy(), np.empty_like(near), np.empty_like(near)
+        rest = np.ones(near.shape[1], dtype=bool)
+        near_singular = kinematics.nearly_singular(near, branch.NEAR)
+        if along is not None and near_singular.any():
+            index = np.flatnonzero(near_singular)
+            drive, pace, bend = self._parameter(
+                np.array([near[self.driven][:, index], v[:, index], a[:, index]])
+            )
+            slope = _slope(along[0][:, index], along[1][:, index], pace, bend)
+            found = branch.follow(kinematics, near[:, index], slope, drive)
+            # where no branch is known, and none is needed: at rest
+            lost = kinematics.independence(near[:, index]) < branch.SINGULAR
+            kept = found.found | lost
+            index, found, pace, bend = index[kept], found[kept], pace[kept], bend[kept]
+            if index.size:
+                place, first, second = (x[:, :, 0] for x in found.at(np.zeros((len(index), 1))))
+                exact = place, first * pace, second * pace**2 + first * bend
+                fitted = near[:, index], along[0][:, index], along[1][:, index]
+                for into, x, y in zip((q, rates, accelerations), exact, fitted, strict=True):
+                    into[:, index] = np.where(found.found, x, y)
+                rest[index] = False
+                passage = Passage(kinematics, index, found, pace, bend)
+        if rest.any():
+            q[:, rest] = self._closed(near[:, rest])
+            rates[:, rest] = kinematics.rates(q[:, rest], v[:, rest])
+            accelerations[:, rest] = kinematics.accelerations(
+                q[:, rest], rates[:, rest], a[:, rest]
+            )
+        return q, rates, accelerations, passage
 
     def left_open(self, q: Array) -> float:
         """Largest distance from zero of a closure [m]."""
         return float(np.abs(self.kinematics.closure(q)[0]).max(initial=0.0))
+
+
+def _slope(rates: Array, accelerations: Array, pace: Array, bend: Array) -> Array:
+    """Derivatives (n, N) by a parameter from those by time, also where it turns round."""
+    moving = pace**2 >= 1e-8 * np.abs(bend)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return np.where(moving, rates / pace, accelerations / bend)

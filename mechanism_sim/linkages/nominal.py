@@ -22,6 +22,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.ideal import IdealMotion
+from mechanism_sim.linkages.passage import Passage, with_limits
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
@@ -31,17 +32,23 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
     shift_powers,
 )
+from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, Observation
+from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import Mechanism
 
 _NODES = chebyshev_nodes(15)
+_ENDED = np.array([*_NODES, 1.0])
 _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
 _SHORTEST = 2.0**-20
 _LONGEST = 0.1
+_SEARCHED = 33  # places in a piece where singular positions are looked for
+_ROUNDS = 4  # in which they are found to rounding
+_LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
+_END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
 
@@ -55,6 +62,7 @@ class NominalRun:
     first : configuration (n,) at the start, or near it
     size : [m] of the mechanism
     edges : at which pieces end: something begins or ceases to act there
+    slope : direction (n,) in which the motion begins, if the first configuration is singular
 
     Attributes
     ----------
@@ -70,6 +78,7 @@ class NominalRun:
         size: float,
         edges: Edges | None = None,
         start: float = 0.0,
+        slope: Array | None = None,
     ) -> None:
         self.steps = 0
         self.events = 0
@@ -84,6 +93,7 @@ class NominalRun:
         self._pieces: list[tuple[float, float, NDArray[np.int64], Array]] = []
         self._turns = np.zeros(len(first), dtype=np.int64)
         self._last = np.array(first, dtype=float)
+        self._slope = slope
         self._share = 0.5  # of the greatest length of a piece
 
     def change_law(self, law: Law) -> None:
@@ -130,12 +140,14 @@ class NominalRun:
         """
         if until <= self.time:
             return None
-        kept = self.time, self.steps, self._turns.copy(), self._last.copy(), self._share
+        kept = (
+            self.time, self.steps, self._turns.copy(), self._last.copy(), self._share, self._slope
+        )  # fmt: skip
         while self.time < until:
             end = self.time + self._share * self._width()
             self._add(min([end, *(law.valid_from for law in self._coming)]))
         motion, *_ = self.drain()
-        self.time, self.steps, self._turns, self._last, self._share = kept
+        self.time, self.steps, self._turns, self._last, self._share, self._slope = kept
         motion.curve.duration[-1] = until - motion.curve.start[-1]
         return motion
 
@@ -157,7 +169,8 @@ class NominalRun:
             shortest = self._share < _SHORTEST
             try:
                 h = self._before_switch(h)
-                values = self._values(h * _NODES)
+                values, slope = self._followed(h * _ENDED)
+                values = values[:, :-1]
             except RunError:  # too far for Newton's method, or for the mechanism
                 if shortest:
                     raise
@@ -179,6 +192,7 @@ class NominalRun:
         self.steps += 1
         self.time = end if h == end - self.time else self.time + h
         self._last = coefficients @ h ** np.arange(len(_NODES))
+        self._slope = slope
         whole = np.where(self._turning, np.trunc(self._last / TWO_PI), 0.0)
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole
@@ -190,7 +204,7 @@ class NominalRun:
             return h
         follow = {*edges.coordinates} - {*self._ideal.driven}
         place = self._values if follow else self._driven
-        times = h * np.array([*_NODES, 1.0])
+        times = h * _ENDED
         q = place(times)
         edges.check(q)
         present = edges.present(q[:, 0])
@@ -212,7 +226,18 @@ class NominalRun:
 
     def _values(self, times: Array) -> Array:
         """The coordinates at times [s] from now: (n, N)."""
-        return self._ideal.follow(self._last, self._driven(times)[self._ideal.driven])
+        return self._followed(times)[0]
+
+    def _followed(self, times: Array) -> tuple[Array, Array | None]:
+        """The same, and the direction of the branch at the last of them if need be."""
+        q = self._driven(times)
+        now = np.zeros((3, len(self._laws)))
+        for row, law in enumerate(self._laws):
+            _, local = law.about(Fraction(self.time))
+            now[: len(local), row] = local[:3]
+        now[2] *= 2.0
+        driven = q[self._ideal.driven]
+        return self._ideal.follow(self._last, times, driven, now, self._slope)
 
     def _driven(self, times: Array) -> Array:
         """The same, zero for those that follow."""
@@ -238,9 +263,11 @@ class NominalRun:
     def snapshot(self) -> Snapshot:
         """What it takes to go on."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
+        slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
-            '', Fraction(0), self.time, turns, tuple(self._last.tolist()), (), 0, (), (), (), (),
-            self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0, 0,
+            '', Fraction(0), self.time, turns, (*self._last.tolist(), *slope), (), 0, (), (), (),
+            (), self._share, math.inf, 0.0, tuple(self._laws), tuple(self._coming), -math.inf, 0,
+            0,
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -248,7 +275,9 @@ class NominalRun:
         self.time = snapshot.tau
         self._laws = [law for law in snapshot.laws if isinstance(law, DriveLaw)]
         self._coming = deque(law for law in snapshot.coming if isinstance(law, DriveLaw))
-        self._last, self._share = np.array(snapshot.state), snapshot.stabilisation
+        n = len(self._last)
+        self._last, slope = np.array(snapshot.state[:n]), np.array(snapshot.state[n:])
+        self._slope, self._share = slope if slope.size else None, snapshot.stabilisation
         self._turns = np.array([snapshot.turns[c] for c in self._ideal.coordinates])
         self._pieces.clear()
 
@@ -287,16 +316,32 @@ class NominalPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
-        curve, driven = motion.curve, self._ideal.driven
-        fitted = curve.at(segments, dt).T
-        rates = [curve.at(segments, dt, d).T[driven] for d in (1, 2)]
-        q, v, a = self._ideal.motion(fitted, *rates)
+        return self._observe(motion, segments, dt)
+
+    def _observe(
+        self,
+        motion: Motion,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+        limited: bool = True,
+    ) -> Observation:
+        """The same; the limits of forces in joints, which take time, on request."""
+        curve = motion.curve
+        q, v, a, passage = self._motion(curve, segments, dt)
         if self._forces is not None:
-            known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
-            for row, name in zip(known, self._forces.outside, strict=True):
-                if name != 'time':
-                    row[:] = 0.0  # the angles have all their turns
-            return self._forces(q, v, a, known)
+            seen = self._forces(q, v, a, self._outside(curve, segments, dt))
+            if passage is None:
+                return seen
+            near = passage.index
+            segment, since = _each(curve, segments, dt)
+            segment, since = segment[near], since[near]
+            known = self._outside(curve, segment, since)
+            required = self._forces.required(q[:, near], v[:, near], a[:, near], known)
+
+            def sampled(part: Passage, which: NDArray[np.intp], share: float) -> Observation:
+                return self._sampled(part, curve, segment[which], since[which], share)
+
+            return with_limits(seen, sampled if limited else None, required, passage)
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         return Observation(
@@ -304,12 +349,116 @@ class NominalPhysics:
             unknown, unknown, unknown,
         )  # fmt: skip
 
+    def _motion(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> tuple[Array, Array, Array, Passage | None]:
+        """Coordinates, rates and accelerations, exact beside the fitted ones."""
+        driven = self._ideal.driven
+        fitted, *along = (curve.at(segments, dt, d).T for d in range(3))
+        v, a = along
+        return self._ideal.motion(fitted, v[driven], a[driven], (v, a))
+
+    def _outside(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Array:
+        """What loads ask for beside the motion."""
+        assert self._forces is not None  # noqa: S101 - nobody asks otherwise
+        known = outside(self._forces.outside, self.coordinates, curve, segments, dt)
+        for row, name in zip(known, self._forces.outside, strict=True):
+            if name != 'time':
+                row[:] = 0.0  # the angles have all their turns
+        return known
+
+    def _sampled(
+        self,
+        passage: Passage,
+        curve: PiecewisePolynomial,
+        segments: NDArray[np.intp],
+        dt: Array,
+        share: float,
+    ) -> Observation:
+        """The machine (K S) at S instants around each of a passage, in a share of its width.
+
+        Law of the drive and rows of switches are those of the instant itself on both sides. Where
+        the drive nearly rests, it is the positions that differ, and not the times.
+        """
+        assert self._forces is not None  # noqa: S101 - nobody asks otherwise
+        indices = self._ideal.driven
+        still = share * passage.duration > _LONG
+        beside = np.where(still, 0.0, share * passage.duration)[:, None] * SAMPLES
+        times = dt[:, None] + beside
+        law = [curve.local(segments, times, d).T[indices] for d in range(3)]
+        driven = np.array(law).reshape(3, -1, *times.shape)
+        if len(indices) == 1:
+            now = np.array([curve.local(segments, dt, d).T[indices] for d in range(3)])[..., None]
+            width = share * passage.branch.width[:, None]
+            away = width * SAMPLES * np.where(passage.pace < 0.0, -1.0, 1.0)[:, None]
+            still |= (np.abs(driven[0, 0] - now[0, 0] - away) > 0.5 * width).any(axis=1)
+            driven[:, 0, still] = now[:, 0, still]
+            driven[0, 0, still] += away[still]
+            times[still] = dt[still, None]
+        driven[0] += TWO_PI * curve.turns[segments][:, indices].T[:, :, None]
+        q, v, a = passage.states(beside, driven)
+        middle = np.repeat(passage.branch.middle, times.shape[1], axis=1)
+        return self._forces(q, v, a, self._outside(curve, segments, times), middle)
+
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        curve, count = motion.curve, len(motion)
+        if self._forces is None or not count:
+            return []
+        segments = np.repeat(np.arange(count), _SEARCHED)
+        dt = np.outer(curve.duration, np.linspace(0.0, 1.0, _SEARCHED)).ravel()
+        found: list[NoLimit] = []
+        for turn in range(_ROUNDS):
+            _, _, _, passage = self._motion(curve, segments, dt)
+            if passage is None:
+                return found
+            segments, dt, sure = segments[passage.index], dt[passage.index], passage.branch.found
+            if turn == 0:
+                found += self._resting(curve, segments[~sure], dt[~sure])
+            with np.errstate(divide='ignore', invalid='ignore'):
+                dt = dt + passage.root / passage.pace
+            within = np.clip(dt, 0.0, curve.duration[segments])
+            inside = sure & (np.abs(within - dt) <= _END * curve.duration[segments])
+            segments, dt = segments[inside], within[inside]
+            if not dt.size:
+                return found
+        seen = self.observe(motion, segments, dt)
+        for k in np.argsort(curve.start[segments] + dt):
+            forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
+            joints = tuple(j for j, force in forces if np.isnan(force).any())
+            t = float(curve.start[segments[k]] + dt[k])
+            one = NoLimit(t, float(seen.position[self._ideal.driven[0], k]), joints)
+            if joints and not any(one.is_at(other.t) for other in found):
+                found.append(one)
+        return sorted(found)
+
+    def _resting(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
+    ) -> list[NoLimit]:
+        """Since when the drive has rested, of instants in order at which no branch is known."""
+        places = curve.at(segments, dt)[:, self._ideal.driven[0]]
+        first = np.flatnonzero(np.abs(np.diff(places, prepend=np.inf)) > 1e-9)
+        begun = curve.start[segments] + dt
+        return [NoLimit(float(begun[k]), float(places[k]), self.joints, True) for k in first]
+
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """There are none: (0, N)."""
         return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """What books are kept of, and how far the interpolated motion leaves the loops open."""
-        seen = self.observe(motion, segments, dt)
+        limited = len(self.driven) > 1  # one drive's torque follows without
+        seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)
+
+
+def _each(
+    curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+) -> tuple[NDArray[np.intp], Array]:
+    """The segment of every instant, and the time since its start [s], in the order of samples."""
+    if isinstance(dt, Nodes):
+        dt = np.outer(curve.duration[segments], dt.fractions)
+    return np.repeat(segments, dt.size // max(len(segments), 1)), dt.ravel()

@@ -81,7 +81,7 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     skeleton = skeleton_of(machine, observed.position)
     low, high = bounds(skeleton, skeleton.placed(observed.position))
     forces = np.hypot(*observed.reaction.swapaxes(0, 1)) if machine.physics.has_forces else [0.0]
-    return Preview(machine, found, skeleton, low, high, float(np.max(forces, initial=0.0)))
+    return Preview(machine, found, skeleton, low, high, float(np.nanmax(forces, initial=0.0)))
 
 
 @dataclass(frozen=True)

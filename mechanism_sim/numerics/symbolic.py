@@ -66,14 +66,8 @@ def solve_symmetric(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:
     -------
     One solution vector for each right-hand side.
     """
+    L, D = factorise(A)
     n = len(A)
-    L: Matrix = [[None] * n for _ in range(n)]
-    D: Vector = [None] * n
-    for j in range(n):
-        D[j] = add(A[j][j], *(neg(mul(mul(L[j][k], L[j][k]), D[k])) for k in range(j)))
-        for i in range(j + 1, n):
-            s = add(A[i][j], *(neg(mul(mul(L[i][k], L[j][k]), D[k])) for k in range(j)))
-            L[i][j] = div(s, D[j])
     solutions = []
     for b in columns:
         y: Vector = []
@@ -84,6 +78,25 @@ def solve_symmetric(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:
             x[i] = add(x[i], *(neg(mul(L[k][i], x[k])) for k in range(i + 1, n)))
         solutions.append(x)
     return solutions
+
+
+def factorise(A: Matrix) -> tuple[Matrix, Vector]:
+    """``A = L D L^T`` of a symmetric positive definite matrix.
+
+    Returns
+    -------
+    L : (n, n) below its diagonal of ones
+    D : (n,) pivots
+    """
+    n = len(A)
+    L: Matrix = [[None] * n for _ in range(n)]
+    D: Vector = [None] * n
+    for j in range(n):
+        D[j] = add(A[j][j], *(neg(mul(mul(L[j][k], L[j][k]), D[k])) for k in range(j)))
+        for i in range(j + 1, n):
+            s = add(A[i][j], *(neg(mul(mul(L[i][k], L[j][k]), D[k])) for k in range(j)))
+            L[i][j] = div(s, D[j])
+    return L, D
 
 
 def solve_general(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:

@@ -240,11 +240,14 @@ def stage_of(machine: Machine, observed: Observation) -> Stage:
     stage = Stage(machine, skeleton, low, high, 0.0)
     if not stage.joints:
         return stage
-    usual = float(np.percentile(np.hypot(*observed.reaction.swapaxes(0, 1)).max(axis=0), _RARELY))
+    sizes = np.hypot(*observed.reaction.swapaxes(0, 1)).max(axis=0)
+    known = np.isfinite(sizes)  # forces may have no limit at a singular position
+    usual = float(np.percentile(sizes[known], _RARELY)) if known.any() else 0.0
     if not usual:
         return stage
     longest = _LONGEST * skeleton.size
     tips = stage.tips(observed, longest / usual, longest)
+    tips = tips[:, :, known]
     low, high = np.minimum(low, tips.min(axis=(0, 2))), np.maximum(high, tips.max(axis=(0, 2)))
     return Stage(machine, skeleton, low, high, longest / usual)
 

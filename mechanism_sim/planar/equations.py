@@ -28,7 +28,8 @@ class Equations:
     Attributes
     ----------
     M : (n, n) mass matrix, [kg m^2] for angles
-    bias : (n,) velocity products and gravity, on the left-hand side, [N m] for angles
+    weight : (n,) minus the generalised forces of gravity, [N m] for angles
+    bias : (n,) velocity products and weight, on the left-hand side, likewise
     gap_jets : (m,) gaps with their derivatives [m]
     relation_jets : every component of every relation, likewise
     """
@@ -47,7 +48,11 @@ class Equations:
         self.frames = Frames(self.coordinates, self.parameters)
         self._arms = {b.name: mechanism.point(b.name, b.cog) for b in mechanism.bodies}
         self.M = [[self._inertia(f, g) for g in self.coordinates] for f in self.coordinates]
-        self.bias = [add(self._velocity_product(f), self._weight(f)) for f in self.coordinates]
+        self.weight = [self._weight(f) for f in self.coordinates]
+        self.bias = [
+            add(self._velocity_product(f), weight)
+            for f, weight in zip(self.coordinates, self.weight, strict=True)
+        ]
         self.gap_jets = [gap.value(self.frames) for gap in self.gaps]
         self.relation_jets = [v for r in self.relations for v in r.values(self.frames)]
 

@@ -10,7 +10,6 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.evaluation import COLUMNS
 from mechanism_sim.numerics.symbolic import add, neg
 from mechanism_sim.planar.equations import Equations
@@ -41,6 +40,19 @@ class Observation(NamedTuple):
     potential_energy: Array  #: (N,) [J]
 
 
+class NoLimit(NamedTuple):
+    """An instant at which forces grow beyond all bounds, or from which on they are not known."""
+
+    t: float  #: [s]
+    drive: float  #: position of the first drive [rad, m]
+    joints: tuple[str, ...]  #: whose forces do
+    rests: bool = False  #: the drive rests in a singular position, and forces are not determined
+
+    def is_at(self, t: float) -> bool:
+        """Whether it is at a time but for rounding."""
+        return abs(self.t - t) <= 1e-9 * max(abs(t), 1e-3)
+
+
 class Account(NamedTuple):
     """What books are kept of, at N instants: m joints with clearance."""
 
@@ -63,6 +75,8 @@ class InverseDynamics:
     relations : its cut joints
     driven : names of the coordinates with a drive
     elements : springs, dampers and loads
+    inertia : whether ``M a`` and the velocity products count; statics leaves them out, and nothing
+        else: weights and all that loads owe to speed stay
     """
 
     def __init__(
@@ -71,8 +85,10 @@ class InverseDynamics:
         relations: Sequence[Relation],
         driven: Sequence[str],
         elements: Sequence[ForceElement] = (),
+        inertia: bool = True,
     ) -> None:
         self.mechanism = mechanism
+        self._inertia = inertia
         self.relations = tuple(relations)
         self.elements = tuple(elements)
         self._driven = [mechanism.coordinates.index(c) for c in driven]
@@ -95,10 +111,11 @@ class InverseDynamics:
         """What must be supplied with the closure rows; and the joint forces from the closures'."""
         eq = self.equations
         frames, a = eq.frames, dict(eq.frames.a)
+        accelerated = a if self._inertia else None
         applied = generalised(self._loads, frames, self.mechanism)
         supplied = [
             add(x, neg(applied.get(c)))
-            for c, x in zip(eq.coordinates, generalized_forces(eq, a), strict=True)
+            for c, x in zip(eq.coordinates, generalized_forces(eq, accelerated), strict=True)
         ]
         rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
         closing, cut = [], {}
@@ -107,7 +124,7 @@ class InverseDynamics:
             own = [hy.make_vars(f'{relation.name}_force_{i}') for i in range(count)]
             cut[relation.name] = relation.wrench(frames, own)
             closing += own
-        wrenches = tree_reactions(eq, a, cut, self._loads).values()
+        wrenches = tree_reactions(eq, accelerated, cut, self._loads).values()
         forces = [x for w in wrenches for x in (w.x, w.y)]
         moments = [w.moment for w in wrenches]
         kinetic, potential = energies(eq)
@@ -119,41 +136,42 @@ class InverseDynamics:
         second = Known(frames, [forces, moments, books], [*motion, *closing])
         return first, second
 
-    def __call__(self, q: Array, v: Array, a: Array, outside: Array | None = None) -> Observation:
-        """Forces and energies at N instants.
+    def __call__(
+        self,
+        q: Array,
+        v: Array,
+        a: Array,
+        outside: Array | None = None,
+        switched_at: Array | None = None,
+    ) -> Observation:
+        """Forces and energies at N instants; forces are NaN at a singular position.
 
         Parameters
         ----------
         q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
         outside : (k, N) what is named by `outside`
-
-        Raises
-        ------
-        RunError
-            At a singular position, where the forces are not determined.
+        switched_at : (n, N) positions whose rows of switches hold, if not those of q
         """
         n, count = q.shape
         given = np.zeros((len(self.outside), count)) if outside is None else outside
         if count > COLUMNS:
             blocks = [slice(i, i + COLUMNS) for i in range(0, count, COLUMNS)]
-            parts = [self(q[:, b], v[:, b], a[:, b], given[:, b]) for b in blocks]
+            held = [None if switched_at is None else switched_at[:, b] for b in blocks]
+            parts = [
+                self(q[:, b], v[:, b], a[:, b], given[:, b], h)
+                for b, h in zip(blocks, held, strict=True)
+            ]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
         first, second = self._functions
         closures = n - len(self._driven)
         motion = np.concatenate([q, v, a, given])
-        supplied, rows = first(motion)
-        matrix = np.zeros((count, n, n))
-        matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
-        for k, i in enumerate(self._driven):
-            matrix[:, i, closures + k] = 1.0
-        try:
-            unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
-        except np.linalg.LinAlgError as error:
-            raise RunError(
-                'the forces are not determined: the mechanism is at a singular position, such as '
-                'a dead point'
-            ) from error
-        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]))
+        supplied, rows = first(motion, switched_at)
+        matrix = self._matrix(rows, count)
+        singular = np.linalg.det(matrix) == 0.0
+        matrix[singular] = np.eye(n)
+        unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
+        unknown[:, singular] = np.nan
+        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]), switched_at)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
@@ -168,7 +186,27 @@ class InverseDynamics:
             forces.reshape(joints, 2, count),
             moments,
             torque,
-            (torque * v[self._driven]).sum(axis=0),
+            power(torque, v[self._driven]),
             books[0],
             books[1],
         )
+
+    def required(self, q: Array, v: Array, a: Array, outside: Array) -> Array:
+        """Generalised forces (n, N) that closures and drives together must supply."""
+        supplied: Array = self._functions[0](np.concatenate([q, v, a, outside]))[0]
+        return supplied
+
+    def _matrix(self, rows: Array, count: int) -> Array:
+        """``J^T`` beside the columns of the drives, (N, n, n)."""
+        n = len(self.mechanism.coordinates)
+        closures = n - len(self._driven)
+        matrix = np.zeros((count, n, n))
+        matrix[:, :, :closures] = rows.reshape(closures, n, count).transpose(2, 1, 0)
+        for k, i in enumerate(self._driven):
+            matrix[:, i, closures + k] = 1.0
+        return matrix
+
+
+def power(torque: Array, speed: Array) -> Array:
+    """Power (N,) of drives (p, N) [W]: none at rest, even if the torque is not determined."""
+    return np.asarray(np.where(speed == 0.0, 0.0, torque * speed).sum(axis=0))

@@ -43,9 +43,9 @@ class Kinematics:
         self.held = [self.coordinates.index(c) for c in held]
         self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
         self._relations = tuple(relations)
-        self._size, self._reach = mechanism.size, mechanism.reach
         slides = [c in mechanism.displacements for c in self.coordinates]
-        self._scale = np.where(slides, self._size, 1.0)  # [m], [rad]
+        self.scale = np.where(slides, mechanism.size, 1.0)  # [m], [rad]
+        self.rounding = _ROUNDING * mechanism.reach  # [m] that may be left open
 
     def released(self) -> Kinematics:
         """The same closures with no coordinate held."""
@@ -105,7 +105,6 @@ class Kinematics:
         """
         q = np.array(guess, dtype=float)
         goal = 0.0 if targets is None else targets
-        allowed = _ROUNDING * self._reach
         for _ in range(_ITERATIONS):
             off, J = self.closure(q)
             off = off - goal
@@ -113,12 +112,54 @@ class Kinematics:
             if not np.isfinite(step).all():
                 break
             # no step turns a link by more than half a radian: it would leave its branch
-            reach = np.abs(step / self._scale[self.sought]).max(axis=1, initial=0.0)
+            reach = np.abs(step / self.scale[self.sought]).max(axis=1, initial=0.0)
             q[self.sought] += (step * np.minimum(1.0, 0.5 / np.maximum(reach, 1e-300))[:, None]).T
             if (reach <= 1e-9).all():
                 break
         left = np.abs(self.closure(q)[0] - goal).max(axis=1, initial=0.0)
-        return q, np.where(left <= allowed, 0.0, left)
+        return q, np.where(left <= self.rounding, 0.0, left)
+
+    def left_open(self, q: Array) -> Array:
+        """Largest distance (N,) of a closure from zero [m] at coordinates (n, N)."""
+        return np.asarray(np.abs(self.closure(q)[0]).max(axis=1, initial=0.0))
+
+    def independence(self, q: Array) -> Array:
+        """How well the closures determine the sought coordinates at (n, N): (N,), 1 to 0.
+
+        The least singular value of their Jacobian with columns of length one: with two unknown
+        angles, about the sine of half the angle between their links.
+        """
+        A = self._directions(q)
+        return np.asarray(np.linalg.svd(A, compute_uv=False).min(axis=1, initial=1.0))
+
+    def determinant(self, q: Array) -> Array:
+        """The determinant (N,) of the same matrix, where it is square: it changes sign."""
+        return np.asarray(np.linalg.det(self._directions(q)))
+
+    def nearly_singular(self, q: Array, below: float) -> NDArray[np.bool_]:
+        """Whether (N,) their `independence` is below a bound.
+
+        The squares of all singular values add up to their number: if one of them is s, their
+        product is at most s sqrt(e). That is quicker to know.
+        """
+        A = self._directions(q)
+        if A.shape[1] < A.shape[2]:
+            return np.zeros(len(A), dtype=bool)
+        product = np.sqrt(np.abs(np.linalg.det(A.transpose(0, 2, 1) @ A)))
+        close = product <= 1.7 * below
+        if close.any():
+            close[close] = self.independence(q[:, close]) < below
+        return np.asarray(close)
+
+    def _directions(self, q: Array) -> Array:
+        """The Jacobian (N, r, u) of the sought coordinates, columns of length one.
+
+        Those that vanish do not count as a hundredth of the mechanism's size.
+        """
+        _, J = self.closure(q)
+        A = (J * (self.scale / self.mechanism.size))[:, :, self.sought]
+        directions: Array = A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 0.01)
+        return directions
 
     def rates(self, q: Array, held: Array) -> Array:
         """Rates (n, N) of all coordinates from those of the held ones (p, N).

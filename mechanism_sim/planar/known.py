@@ -43,10 +43,14 @@ class Known:
         function = compiled.function(expressions, [*variables, *symbols])
         self._function = Evaluation(function, parameters, [len(group) for group in groups])
 
-    def __call__(self, inputs: Array) -> list[Array]:
-        """The groups of results, (size, N) each, at values (v, N) of the variables."""
+    def __call__(self, inputs: Array, switched_at: Array | None = None) -> list[Array]:
+        """The groups of results, (size, N) each, at values (v, N) of the variables.
+
+        Rows of switches are those of these coordinates, or of others (n, N).
+        """
         if self._switches:
-            (places,) = self._places(inputs[: self._count])
+            place = inputs[: self._count] if switched_at is None else switched_at
+            (places,) = self._places(place)
             rows = [s.values_at(x) for s, x in zip(self._switches, places, strict=True)]
             inputs = np.concatenate([inputs, *rows])
         return self._function(inputs)

@@ -19,7 +19,7 @@ from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2
 
 def tree_reactions(
     equations: Equations,
-    a: Mapping[str, Term],
+    a: Mapping[str, Term] | None,
     cut: Mapping[str, Wrench],
     loads: Sequence[Load] = (),
 ) -> dict[str, Wrench]:
@@ -27,7 +27,7 @@ def tree_reactions(
 
     Parameters
     ----------
-    a : accelerations by coordinate [rad/s^2, m/s^2]
+    a : accelerations by coordinate [rad/s^2, m/s^2]; None leaves inertia out
     cut : the same in the joints that are cut
     loads : on the links
     """
@@ -72,22 +72,26 @@ def _across(equations: Equations, joint: Prismatic, total: Wrench) -> Wrench:
     return Wrench(mul(size, x.value), mul(size, y.value), total.moment)
 
 
-def _inertia_force(equations: Equations, a: Mapping[str, Term], link: str) -> tuple[Term, Term]:
-    """``m (p_G'' - g)`` of a link [N]."""
+def _inertia_force(
+    equations: Equations, a: Mapping[str, Term] | None, link: str
+) -> tuple[Term, Term]:
+    """``m (p_G'' - g)`` of a link, ``-m g`` without inertia [N]."""
     mechanism, body = equations.mechanism, equations.mechanism.body(link)
     mass = equations.parameters(f'{link}.mass', body.mass)
     position = equations.frames.position(mechanism.point(link, body.cog), f'{link}.cog')
     found = []
     for axis, (jet, g) in enumerate(zip(position, mechanism.gravity, strict=True)):
         gravity = equations.parameters(f'gravity.{axis}', g)
-        p = add(*(mul(s, a[n]) for n, s in jet.gradient.items()), jet.curvature, neg(gravity))
+        p = neg(gravity)
+        if a is not None:
+            p = add(*(mul(s, a[n]) for n, s in jet.gradient.items()), jet.curvature, p)
         found.append(mul(mass, p))
     return found[0], found[1]
 
 
 def _moment_missing(
     equations: Equations,
-    a: Mapping[str, Term],
+    a: Mapping[str, Term] | None,
     link: str,
     inertia_force: tuple[Term, Term],
     hanging: Sequence[tuple[str, Vector2, str, Wrench]],
@@ -110,7 +114,7 @@ def _moment_missing(
 
     frame = mechanism.frame(link)[0]
     spin: Term = None
-    if frame != GROUND:
+    if frame != GROUND and a is not None:
         spin = mul(equations.parameters(f'{link}.inertia', body.inertia), a[frame])
     supplied = []
     for other, at, label, w in hanging:
@@ -122,8 +126,13 @@ def _moment_missing(
     )
 
 
-def generalized_forces(equations: Equations, a: Mapping[str, Term]) -> Vector:
-    """``M a + bias``: what drives, loads, gaps and relations must supply, by coordinate [N m]."""
+def generalized_forces(equations: Equations, a: Mapping[str, Term] | None) -> Vector:
+    """``M a + bias``: what drives, loads, gaps and relations must supply, by coordinate [N m].
+
+    Without inertia (`a` is None) that is minus the generalised force of gravity.
+    """
+    if a is None:
+        return equations.weight
     acceleration = [a[c] for c in equations.coordinates]
     return [
         add(dot(row, acceleration), bias)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
+from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 
 _FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
 _COMPONENTS = ('.x', '.y')
@@ -41,6 +42,7 @@ def render(cycle: Cycle) -> str:
             *_extremes(cycle),
             *_swings(cycle),
             *_drive(cycle),
+            *describe_no_limits(machine, cycle.no_limits),
         ]
     )
 
@@ -125,6 +127,8 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         },
         'rms': {name: _number(cycle.rms(name)) for name in cycle.drive_torques},
         'mean_power': _number(cycle.mean_power) if forces else None,
+        'no_limits': no_limits_to_json(cycle.no_limits),
+        'unbounded': sorted(cycle.unbounded),
     }
 
 

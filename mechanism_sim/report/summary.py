@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+
 import numpy as np
 
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.simulate import Stream
+
+_SENTENCES = 4  # of what repeats
 
 _IMPACT_KEYS = (
     't',
@@ -53,6 +60,7 @@ def to_json(
         'normal_impulse': totals.normal_impulse,
         'largest_impulse': totals.largest_impulse,
         **events,
+        'no_limits': no_limits_to_json(run.no_limits),
         'max_penetration': run.max_penetration,
         'max_closure_error': run.max_closure_error,
         'energy': None
@@ -72,6 +80,32 @@ def _impact(impact: Impact) -> dict[str, object]:
     return {key: getattr(impact, key) for key in _IMPACT_KEYS}
 
 
+def no_limits_to_json(found: list[NoLimit]) -> list[dict[str, object]]:
+    """The instants at which forces have no limit."""
+    return [{'t': x.t, 'drive': x.drive, 'joints': list(x.joints)} for x in found]
+
+
+def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
+    """A sentence for each instant at which forces have no limit, of many for the first ones."""
+    for x in found[:_SENTENCES]:
+        slides = machine.main in machine.mechanism.displacements
+        angle = round(math.degrees(x.drive), 6) % 360.0
+        place = f'{1e3 * x.drive:.6g} mm' if slides else f'{angle:.6g} deg'
+        why = 'have no limit: they grow beyond all bounds'
+        if x.rests:
+            why = 'are not determined while the drive rests'
+        yield (
+            f'at {machine.main} = {place}, t = {x.t:.9g} s, a singular position, the forces in '
+            f'{", ".join(x.joints)} {why}; they are left out'
+        )
+    if len(found) > _SENTENCES:
+        yield f'and at {len(found) - _SENTENCES} more such instants'
+
+
+def _number(x: float) -> float | None:
+    return x if math.isfinite(x) else None
+
+
 def _final(run: Stream) -> dict[str, object]:
     physics = run.machine.physics
     o = run.final
@@ -87,14 +121,14 @@ def _final(run: Stream) -> dict[str, object]:
     }
     if physics.has_forces:
         final['reactions'] = {
-            joint: [float(x) for x in force[:, 0]]
+            joint: [_number(float(x)) for x in force[:, 0]]
             for joint, force in zip(physics.joints, o.reaction, strict=True)
         }
         moments = zip(physics.joints, o.reaction_moment[:, 0].tolist(), strict=True)
-        final['reaction_moments'] = {joint: m for joint, m in moments if m}
-        final['drive_torque'] = float(o.drive_torque[0, 0])
+        final['reaction_moments'] = {joint: _number(m) for joint, m in moments if m}
+        final['drive_torque'] = _number(float(o.drive_torque[0, 0]))
         torques = zip(physics.driven, o.drive_torque[:, 0].tolist(), strict=True)
-        final['drive_torques'] = dict(torques)
+        final['drive_torques'] = {c: _number(x) for c, x in torques}
     return final
 
 
@@ -129,6 +163,7 @@ def render(run: Stream) -> str:
         f'  largest penetration {run.max_penetration:.2g} m, closure error '
         f'{run.max_closure_error:.2g} m'
     )
+    lines += [f'  {line}' for line in describe_no_limits(run.machine, run.no_limits)]
     lines.append(f'  at the end, t = {run.duration:.9g} s')
     for c in run.machine.physics.coordinates:
         q, v, a = (data[k][c] for k in ('position', 'velocity', 'acceleration'))  # type: ignore[index]
@@ -137,11 +172,13 @@ def render(run: Stream) -> str:
     for joint, (x, y) in data.get('reactions', {}).items():  # type: ignore[attr-defined]
         moment = data['reaction_moments'].get(joint)  # type: ignore[attr-defined]
         turning = f' {moment:14.9g} N m' if moment else ''
-        lines.append(f'    {joint:16} {x:14.9g} {y:14.9g} N{turning}')
-    torques: dict[str, float] = data.get('drive_torques', {})  # type: ignore[assignment]
+        force = ' '.join(f'{"no limit" if z is None else f"{z:.9g}":>14}' for z in (x, y))
+        lines.append(f'    {joint:16} {force} N{turning}')
+    torques: dict[str, float | None] = data.get('drive_torques', {})  # type: ignore[assignment]
     for c, torque in torques.items():
         straight = c in run.machine.physics.displacements
         of = f' of {c}' if len(torques) > 1 else ''
         kind, unit = ('force ', 'N') if straight else ('torque', 'N m')
-        lines.append(f'    drive {kind}{of}     {torque:14.9g} {unit}')
+        size = 'not determined' if torque is None else f'{torque:14.9g}'
+        lines.append(f'    drive {kind}{of}     {size} {unit}')
     return '\n'.join(lines)

@@ -12,10 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import change_points
 from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.scene.singular_start import begin, neighbours
 
 if TYPE_CHECKING:
     from mechanism_sim.scene.machine import Machine
@@ -24,6 +28,8 @@ Array = NDArray[np.float64]
 
 _TRIES = 256
 _RANK = 1e-9
+_AT = 1e-3  # [rad] nearer to a change point than this its branches are not told apart
+_AHEAD = 0.05  # [rad] from there they are
 
 
 class Assembly(NamedTuple):
@@ -34,6 +40,7 @@ class Assembly(NamedTuple):
     freedom: int  #: motions left when all drives stand still
     overdriven: int  #: drives that contradict others
     redundant: int  #: closure equations that follow from the others, elastic joints left out
+    slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
 
 
 def assemble(machine: Machine) -> Assembly:
@@ -55,6 +62,8 @@ def assemble(machine: Machine) -> Assembly:
             _, local = law.about(Fraction(0))
             held[c] = (local[0], local[1] if len(local) > 1 else 0.0)
     known = plan.guess | {c: x for c, (x, _) in held.items()}
+    if plan.four_bar:
+        known |= _four_bar_guess(plan.four_bar, *held['crank'])
     guess = np.array([known.get(c, 0.0) for c in ideal.coordinates])
     kinematics = machine.kinematics([c for c in ideal.coordinates if c in held])
     q = closed_near(machine.name, kinematics, guess)
@@ -64,15 +73,48 @@ def assemble(machine: Machine) -> Assembly:
         except RunError as error:
             raise InputError(f'{machine.name}: at the start {error}') from error
     moving = machine.kinematics(plan.prescribed)
-    _, J = moving.closure(q[:, None])
-    # free of units: rows in the longest link, displacements too
-    slides = np.array([c in ideal.displacements for c in ideal.coordinates])
-    scaled = J[0] * np.where(slides, 1.0, 1.0 / ideal.size)
-    hard = scaled[[row not in plan.elastic for row in moving.rows]]
-    rank, full = (_rank(x) for x in (scaled[:, moving.sought], scaled))
+    ranks, hard = _ranks(moving, q, plan.elastic), sum(r not in plan.elastic for r in moving.rows)
+    if ranks[0] < len(moving.sought) or ranks[1] > ranks[0] or ranks[2] < hard:
+        # at this position only, if there is more to them beside it
+        beside = [_ranks(moving, x, plan.elastic) for x in neighbours(moving, q).T]
+        ranks = np.max([ranks, *beside], axis=0)
+    freedom, overdriven = len(moving.sought) - int(ranks[0]), int(ranks[1] - ranks[0])
     rates = {c: w for c, (_, w) in held.items()} | plan.given[1]
-    v = nearest_rates(kinematics, q, ideal.coordinates, rates, {})
-    return Assembly(q, v, len(moving.sought) - rank, full - rank, len(hard) - _rank(hard))
+    v, slope = nearest_rates(kinematics, q, ideal.coordinates, rates, {}), None
+    driven = [*plan.prescribed, *(c for c in plan.powered if c in plan.begins)]
+    along = machine.kinematics(driven)
+    decided = driven and freedom == len(driven) - len(plan.prescribed)
+    if decided and along.independence(q[:, None])[0] < SINGULAR:
+        drive = np.array([[*held[c], 0.0] for c in driven]).T
+        pace = 1.0
+        if len(driven) == 1:  # then it is the parameter itself
+            pace, drive[1] = drive[1, 0], 1.0
+        if pace and drive[1].any():
+            q, slope = begin(machine, along, q, guess, drive, pace)
+            v = pace * slope
+        elif freedom and not machine.clearances:
+            raise InputError(
+                f'{machine.name}: {", ".join(driven)} starts at rest in a singular position: '
+                'nothing decides which way the links go on: start beside it, or with a speed'
+            )
+    return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)
+
+
+def _ranks(kinematics: Kinematics, q: Array, elastic: Sequence[str]) -> Array:
+    """Ranks (3,) of the closures: by sought coordinates, by all, and without elastic joints."""
+    _, J = kinematics.closure(q[:, None])
+    # free of units: rows in the longest link, displacements too
+    scaled = J[0] * kinematics.scale / kinematics.mechanism.size
+    hard = scaled[[row not in elastic for row in kinematics.rows]]
+    return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
+
+
+def _four_bar_guess(linkage: FourBar, angle: float, speed: float) -> dict[str, float]:
+    """Coupler and rocker on the branch of the scene; at a change point on that which follows."""
+    if any(abs(math.remainder(angle - x, TWO_PI)) < _AT for x in change_points(linkage)):
+        angle += math.copysign(_AHEAD, speed)
+    th3, th4 = linkage.positions(np.array(angle))
+    return {'coupler': float(th3), 'rocker': float(th4)}
 
 
 def closed_near(

@@ -6,7 +6,7 @@ import math
 from itertools import combinations
 
 from mechanism_sim.errors import InputError, RunError, nearest
-from mechanism_sim.linkages.grashof import crank_turns
+from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.machine import Level, Machine, Scene
 from mechanism_sim.scene.oscillators import check_oscillators
@@ -69,7 +69,7 @@ def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
             f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is '
             f'not shorter than the three other links together ({others:g} m)'
         )
-    if not machine.torque_driven and not crank_turns(linkage):
+    if not machine.torque_driven and crank_limits(linkage) != (0.0, math.pi):
         raise InputError(
             f'{name}: the crank cannot make a full turn at constant speed ({said}): ground and '
             'crank in line must leave a triangle with coupler and rocker; shorten the crank'

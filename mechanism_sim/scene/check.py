@@ -177,7 +177,7 @@ def _mesh(machine: Machine, mesh: GearMesh, start: Mapping[str, float]) -> str:
 
 def _start(machine: Machine) -> list[float]:
     """Coordinates of the mechanism without clearance at the start."""
-    four_bar = machine.plan.four_bar
+    four_bar = machine.closed_form
     if four_bar is None:
         return [float(x) for x in machine.assembly.q]
     crank = machine.start_of_crank[0]

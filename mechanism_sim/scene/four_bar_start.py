@@ -34,6 +34,12 @@ def four_bar(machine: Machine) -> tuple[dict[str, float], dict[str, float]]:
     # In extended precision: after a few dozen impacts the last digit of the start counts.
     crank = np.array([[angle], [speed], [acceleration]], dtype=np.longdouble)
     q, v, a = (x.astype(float) for x in machine.linkage.motion(*crank))
+    if machine.starts_singular:
+        # at a change point: on the branch that a drive follows
+        q, v = machine.assembly.q[:, None], machine.assembly.v[:, None]
+        if not machine.torque_driven:
+            driven = np.array([[speed]]), np.array([[acceleration]])
+            q, v, a, _ = machine.ideal.motion(q, *driven, (v, np.zeros_like(v)))
     if np.isnan(q).any():
         raise InputError(
             f'{machine.name}: the mechanism cannot be assembled at drive.start_angle = {angle:g} '

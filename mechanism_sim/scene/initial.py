@@ -75,7 +75,7 @@ def _linkage(machine: Machine) -> tuple[Values, Values]:
         columns = [x[:, None] for x in (start.q, start.v)]
         a = np.zeros_like(columns[0])
         if not machine.torque_driven:
-            a = machine.ideal.motion(columns[0], *_driven_rates(machine))[2]
+            _, _, a, _ = machine.ideal.motion(columns[0], *_driven_rates(machine))
         for name, Q in seats(machine, columns[0], columns[1], a).items():
             targets[[i for i, row in enumerate(kinematics.rows) if row == name]] = Q
     placed = closed_near(machine.name, kinematics, q, targets)

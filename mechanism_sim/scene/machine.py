@@ -22,6 +22,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import change_points
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
@@ -223,11 +224,25 @@ class Machine:
             raise InputError(f"{self.name}: there is no 'drive' to start at an angle")
         return replace(self, scene=changed)
 
+    @property
+    def closed_form(self) -> FourBar | None:
+        """The four-bar, if its motion has a closed form."""
+        linkage = self.plan.four_bar
+        return None if linkage is None or change_points(linkage) else linkage
+
+    @property
+    def starts_singular(self) -> bool:
+        """Whether a driven mechanism starts in a singular position."""
+        return self.closed_form is None and self.assembly.slope is not None
+
     @cached_property
     def ideal(self) -> IdealMotion:
-        """The motion of the mechanism without clearance."""
-        if self.plan.four_bar:
-            return FourBarMotion(self.plan.four_bar)
+        """The motion of the mechanism without clearance.
+
+        Closed forms know two branches of a four-bar; through a change point neither goes on.
+        """
+        if self.closed_form:
+            return FourBarMotion(self.closed_form)
         return LinkageMotion(self.kinematics(self.plan.prescribed))
 
     def kinematics(self, held: Sequence[str]) -> Kinematics:
@@ -249,11 +264,17 @@ class Machine:
     @cached_property
     def inverse_dynamics(self) -> InverseDynamics:
         """Forces of the ideal mechanism."""
+        return self._inverse_dynamics(inertia=True)
+
+    @cached_property
+    def statics(self) -> NominalPhysics:
+        """The ideal mechanism with the forces that it has without inertia, at actual speeds."""
+        return NominalPhysics(self.ideal, self.mechanism, self._inverse_dynamics(inertia=False))
+
+    def _inverse_dynamics(self, inertia: bool) -> InverseDynamics:
         ideal = self.plan.ideal
-        driven = self.plan.prescribed
-        return InverseDynamics(
-            ideal, closures(ideal, ideal.cut), driven, self.plan.elements(ideal)
-        )
+        closing, loads = closures(ideal, ideal.cut), self.plan.elements(ideal)
+        return InverseDynamics(ideal, closing, self.plan.prescribed, loads, inertia)
 
     @cached_property
     def system(self) -> System:
@@ -393,8 +414,11 @@ class Machine:
         prescribed = [law for law in laws if isinstance(law, DriveLaw)]
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
-        q = np.zeros(3) if self.plan.four_bar else self.assembly.q
-        return NominalRun(self.ideal, prescribed, q, self.plan.ideal.size, self._edges())
+        q, slope = np.zeros(3), None
+        if isinstance(self.ideal, LinkageMotion):
+            q, slope = self.assembly.q, self.assembly.slope
+        size = self.plan.ideal.size
+        return NominalRun(self.ideal, prescribed, q, size, self._edges(), slope=slope)
 
     def _edges(self) -> Edges | None:
         """Where something begins or ceases to act in the course of an ideal motion."""

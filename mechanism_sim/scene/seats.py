@@ -61,6 +61,12 @@ def joint_forces(machine: Machine, q: Array, v: Array, a: Array) -> Array:
     `a` counts only where the drives are prescribed; a torque sets its own acceleration.
     """
     if not machine.torque_driven:
+        if machine.starts_singular:
+            raise InputError(
+                f'{machine.name}: start = seated, but the forces that press pins on bushings are '
+                'not determined: the start is a singular position, such as a dead point; write '
+                "'start: centred', or start beside it"
+            )
         return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
     system = machine.ideal_system
     rows = []

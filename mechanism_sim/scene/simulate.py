@@ -17,7 +17,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.solution import Piece, Solution, Stats
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.hybrid.totals import Totals
-from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.inverse_dynamics import NoLimit, Observation
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import read_scene
 from mechanism_sim.scene.machine import Machine
@@ -75,6 +75,7 @@ class Stream:
     ----------
     machine : that runs
     totals : counts and sums of its events
+    no_limits : instants so far at which forces grow beyond all bounds
     """
 
     def __init__(
@@ -83,6 +84,7 @@ class Stream:
         wall = time.perf_counter()
         self.machine = machine
         self.totals = Totals()
+        self.no_limits: list[NoLimit] = []
         self._run = machine.resume(resume) if resume else machine.start()
         if self._run.time >= end:
             raise InputError(
@@ -128,6 +130,9 @@ class Stream:
         work = self._audit.add(motion, impacts)
         self._audit.judge(self.machine.allowed_penetration)
         self.totals.add(impacts, changes)
+        for found in physics.no_limits(motion):
+            if not (self.no_limits and found.is_at(self.no_limits[-1].t)):
+                self.no_limits.append(found)
         piece = Piece(physics, motion, Books(work, impacts, *before), impacts, changes)
         if len(motion):
             self._last = piece

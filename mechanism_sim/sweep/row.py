@@ -105,6 +105,7 @@ class Gauge:
         self.clearances, self.has_forces = physics.clearances, physics.has_forces
         self.driven, self.displacements = physics.driven, physics.displacements
         self.observe, self.open_gaps = physics.observe, physics.open_gaps
+        self.no_limits = physics.no_limits
         self._physics, self._since = physics, since
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
@@ -113,6 +114,7 @@ class Gauge:
             seen = self.observe(motion, segments, dt)
             late = motion.curve.start[segments] >= self._since
             force = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
+            force[np.isnan(force)] = np.inf  # it has no limit there
             at = force.reshape(len(force), len(segments), -1)[:, late]
             self.largest_force = max(self.largest_force, float(at.max(initial=0.0)))
         return self._physics.account(motion, segments, dt)

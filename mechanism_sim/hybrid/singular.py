@@ -1,0 +1,308 @@
+"""Passing singular positions of ideal mechanisms, where closures depend on each other.
+
+There ``G M^-1 G^T`` has no inverse, but the motion is analytic: what grows beyond bounds near the
+position are errors of rounding. A step that begins well before it therefore leads beyond it, on
+that part of its Taylor polynomial which rounding has not spoilt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.contacts import Contacts
+from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
+from mechanism_sim.hybrid.tape import floats
+from mechanism_sim.numerics.polynomials import shift_powers
+
+AHEAD = 3.0
+"""Steps ahead in which the tangent of the distance's root may foresee a singular position."""
+
+ZONE = 0.25
+"""Of a regular step: so far before a singular position begins the step that leads beyond it.
+
+Farther away its polynomial would be less exact; nearer, errors of rounding would be larger, which
+grow with the inverse square of the way to the position.
+"""
+
+BEYOND = 1.2
+"""Length of that step by the way to the position. The errors grow as its powers."""
+
+_TOUCHES = 1e-5
+"""Least distance relative to that at the start of a step which counts as zero."""
+
+_DECIDED = 1e-6
+"""Largest error of a step across a singular position relative to the speed."""
+
+_NARROW = 1e-9
+"""Least distance relative to the largest so far at which branches can still be told apart."""
+
+_HERE = 1e-10
+"""Distance below which a motion that starts there starts at a singular position."""
+
+_FIRST = 0.05
+"""[rad, or lengths of the mechanism] before a singular start where its first step begins."""
+
+_ROUNDS = 30
+
+_BLIND = 0.1
+"""Of a step across a singular position: nearer to the position forces are not computed."""
+
+_PLACES = np.linspace(0.0, 1.0, 65)
+
+
+def time_of_touch(distance: Array, within: float) -> float | None:
+    """When a polynomial (p,) of time, positive at 0, touches zero in (0, within] [s]; or None."""
+    distance = distance.copy()
+    truncate(distance[None], within, distance[:1])
+    slope = polynomial.polyder(distance)
+    bend = polynomial.polyder(slope)
+    t = float(within * _PLACES[np.argmin(polynomial.polyval(within * _PLACES, distance))])
+    for _ in range(6):
+        curvature = float(polynomial.polyval(t, bend))
+        if not curvature > 0.0:
+            return None
+        t -= float(polynomial.polyval(t, slope)) / curvature
+    if not 0.0 < t <= within:
+        return None
+    return t if polynomial.polyval(t, distance) < _TOUCHES * distance[0] else None
+
+
+def truncate(coefficients: Array, h: float, scale: Array) -> float:
+    """Set to zero the terms of Taylor polynomials that rounding has spoilt.
+
+    Terms become smaller up to where rounding takes over; the sum ends there.
+
+    Parameters
+    ----------
+    coefficients : (r, p) of r functions of time, by powers; changed
+    h : up to which the polynomials are to serve [s]
+    scale : (r,) sizes of the functions
+
+    Returns
+    -------
+    The error relative to `scale`: the size of the first two terms left out.
+    """
+    terms = np.abs(coefficients / scale[:, None]).max(axis=0) * h ** np.arange(len(coefficients.T))
+    pairs = terms[1:-1] + terms[2:]  # every second term may vanish
+    last = int(np.argmin(np.where(np.isfinite(pairs), pairs, np.inf)))
+    coefficients[:, last + 1 :] = 0.0
+    return float(pairs[last])
+
+
+class Crossing(NamedTuple):
+    """A step across a singular position."""
+
+    terms: memoryview[float]  #: its coefficients
+    origin: Array  #: the state at its start, before it was projected
+
+
+class SingularPositions:
+    """Watches for singular positions ahead of an integrator, and leads it beyond them.
+
+    Parameters
+    ----------
+    system : of equations with closures
+    integrator : of that system
+    contacts : of the same run
+    index : of the state whose derivative is the distance from singular positions
+    """
+
+    def __init__(
+        self, system: System, integrator: hy.taylor_adaptive_dbl, contacts: Contacts, index: int
+    ) -> None:
+        self._system = system
+        self._ta = integrator
+        self._contacts = contacts
+        self._index = index
+        self._widest = 0.0
+        size = system.mechanism.size
+        self._scale = np.array([1.0 if angular else size for angular in system.angular])
+
+    def approach(
+        self, tau: float, h: float, guard: int | None, alpha: float
+    ) -> tuple[float, int | None, Crossing | None, bool]:
+        """End the last step before a singular position, or lead it beyond.
+
+        Parameters
+        ----------
+        tau, h, guard : start and length [s] of the step, and the guard that ended it
+        alpha : rate of stabilisation in it [1/s], the reciprocal of the last regular step
+
+        Returns
+        -------
+        Length and guard of the step that is to be taken; what it is if it leads across; whether a
+        singular position is ahead, so that this is no regular step.
+
+        Raises
+        ------
+        RunError
+            If the way beyond is not decided.
+        """
+        integrated = self._ta.tc[self._index]
+        distance = integrated[1:] * np.arange(1.0, len(integrated)) / WATCH_SCALE
+        self._widest = max(self._widest, distance[0])
+        stride = max(h, 1.0 / alpha if alpha else 0.0)
+        zone = ZONE * stride
+        touch = time_of_touch(distance, stride + zone)
+        if touch is None:
+            if distance[0] < _NARROW * self._widest:
+                raise self.undecided()
+            return h, guard, None, False
+        if touch > 1.25 * zone:
+            if touch - zone < h:
+                self._return_to(tau)
+                h = self._ta.step(touch - zone, True)[1]
+                guard = self._system.fired(self._ta.pars)
+            return h, guard, None, True
+        origin = self._ta.tc[: 2 * len(self._system.free), 0].copy()
+        h, guard, terms = self._cross(tau, touch, alpha)
+        return h, guard, Crossing(terms, origin), True
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the present position is as good as singular."""
+        return bool(self._system.relations) and bool(self._contacts.singular_joints(_HERE))
+
+    def begin(self) -> tuple[float, Crossing]:
+        """Take the first step from a singular position.
+
+        It is the end of a step across the position, which begins a little before it with the
+        coordinates and rates from which its polynomial leads through those of the start.
+
+        Returns
+        -------
+        Its length [s], and the step.
+
+        Raises
+        ------
+        RunError
+            If the rates do not decide how the motion goes on.
+        """
+        ta, f = self._ta, len(self._system.free)
+        state, now = ta.state[: 2 * f], ta.time
+        start = state.copy()
+        wanted = start.reshape(2, f)
+        speed = float((np.abs(wanted[1]) / self._scale).max())
+        before = _FIRST / speed if speed else math.inf
+        while speed and before > _FIRST * 0.01 / speed:
+            try:
+                from_there = self._origin(wanted, before, now)
+                h, _, terms = self._cross(now - before, before, 0.0)
+            except (RunError, np.linalg.LinAlgError):
+                before *= 0.5
+                continue
+            series = np.asarray(terms).reshape(2 * f, -1)
+            series = shift_powers(series, np.full(2 * f, before))
+            reached = series[:, 0].reshape(2, f) - wanted
+            if from_there and np.abs(reached / self._scale).max() <= 1e-9 * max(speed, 1.0):
+                return h - before, Crossing(floats(series), start)
+            before *= 0.5
+        state[:], ta.time = start, now
+        raise self.undecided()
+
+    def _origin(self, wanted: Array, before: float, now: float) -> bool:
+        """Set the state a little earlier from which a motion passes one (2, f) of now."""
+        ta, f = self._ta, len(self._system.free)
+        guess = np.array([wanted[0] - before * wanted[1], wanted[1]])
+        for _ in range(_ROUNDS):
+            ta.state[: 2 * f] = guess.ravel()
+            ta.time = now - before
+            for _ in range(2):
+                self._contacts.project()
+            guess = ta.state[: 2 * f].reshape(2, f).copy()
+            ta.step(before, True)
+            series = ta.tc[: 2 * f].copy()
+            self._return_to(now - before)
+            if not np.isfinite(series).all():
+                return False
+            truncate(series[f:], BEYOND * before, self._scale)
+            series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
+            off = polynomial.polyval(before, series.T).reshape(2, f) - wanted
+            if (np.abs(off) / self._scale).max() <= 1e-14 * (1.0 + np.abs(wanted[1]).max()):
+                break
+            guess -= np.array([off[0] - before * off[1], off[1]])
+        return True
+
+    def _return_to(self, tau: float) -> None:
+        self._ta.state[:] = self._ta.tc[:, 0]
+        self._ta.time = tau
+        if self._system.guards:
+            self._ta.reset_cooldowns()
+
+    def _cross(
+        self, tau: float, touch: float, alpha: float
+    ) -> tuple[float, int | None, memoryview[float]]:
+        """Take a step across a singular position at `touch` [s] from its start."""
+        h = BEYOND * touch
+        ta, system, f = self._ta, self._system, len(self._system.free)
+        state, index = ta.state[: 2 * f], system.stabilisation_index
+        self._return_to(tau)
+        for _ in range(2):  # the rates are projected where the coordinates were before
+            self._contacts.project()
+        ta.pars[index] = 0.0
+        ta.step(h, True)
+        ta.pars[index], ta.pars[system.fired_index] = alpha, 0.0
+        series = ta.tc[: 2 * f].copy()
+        speed = float((np.abs(series[f:, 0]) / self._scale).max())
+        error = truncate(series[f:], h, self._scale)
+        if not error <= _DECIDED * speed:
+            self._return_to(tau)
+            raise self.undecided()
+        series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
+
+        def go_to(s: float) -> None:
+            state[:] = polynomial.polyval(s, series.T)
+            ta.time = tau + s
+
+        end, guard = self._first_event(go_to, h, touch) if system.guards else (h, None)
+        go_to(end)
+        if guard is None:
+            self._contacts.project()
+        if system.guards:
+            ta.reset_cooldowns()
+        return end, guard, floats(series)
+
+    def _first_event(
+        self, go_to: Callable[[float], None], h: float, touch: float
+    ) -> tuple[float, int | None]:
+        """The first guard beyond its fall along a step across a position, and when [s]."""
+        places = h * _PLACES[1:]
+        before = 0.0
+        for s in places[np.abs(places - touch) > _BLIND * h]:  # forces are not known nearer
+            go_to(s)
+            guard = self._contacts.fallen()
+            if guard is not None:
+                return self._bisect(go_to, before, float(s))
+            before = float(s)
+        return h, None
+
+    def _bisect(
+        self, go_to: Callable[[float], None], low: float, high: float
+    ) -> tuple[float, int | None]:
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            go_to(middle)
+            low, high = (middle, high) if self._contacts.fallen() is None else (low, middle)
+        go_to(high)
+        return high, self._contacts.fallen()
+
+    def undecided(self) -> RunError:
+        """At the present state two ways go on."""
+        joints = self._contacts.singular_joints()
+        named = [j for j in self._system.mechanism.joints if j.name in joints]
+        links = sorted({link for j in named for link in (j.first, j.second)})
+        return RunError(
+            f'at t = {self._contacts.time:.9g} s the mechanism is at a singular position where '
+            f'the links of {", ".join(joints) or "its loops"} ({", ".join(links)}) can go on in '
+            'more than one way, and nothing decides which: change a length, the start or the '
+            'drive a little'
+        )

@@ -1,0 +1,313 @@
+"""A motion through positions where its constraints are singular: change points, for example.
+
+There the Jacobian of the sought coordinates loses rank, two branches of the motion meet, and the
+constraints determine neither rates nor forces; a little beside, rounding spoils them (by eps/s^2
+and eps/s^3 at a distance s). But each branch is an analytic curve. It is sampled on both sides,
+where it is well determined, and a polynomial through these samples is the branch in between.
+
+The curve has a parameter u: the coordinate of the drive, or time where there are several drives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from mechanism_sim.planar.kinematics import Kinematics
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: [-] independence of the constraints (`Kinematics.independence`) below which a branch is fitted
+NEAR = 0.05
+#: [-] the same below which a position is singular but for rounding (Newton's method ends at the
+#: root of rounding from a double point)
+SINGULAR = 1e-5
+
+#: times what rounding may leave open where a branch is given by its polynomial
+OPEN = 4.0
+
+_PAIRS = 12
+_DEGREE = 13
+_WIDTH = 0.3  # [rad, or lengths of the mechanism] to either side
+_BEHIND = 1.3  # times as far as it must be known: also behind a singular position at the end
+_HALVINGS = 8
+_TRUSTED = 1.0 / 15.0  # of the width: samples of less independence do not count
+_LOOSE = 1e-4  # of the largest singular value: less leaves a motion free
+_TRIES = 48
+_STEP = 0.02  # [rad, or lengths of the mechanism] from a singular position where branches begin
+_STEEPEST = 20.0  # [-] rate of a link by that of the drive
+_SAME = 1e-6
+_FAR = 0.1  # part of the greatest independence: nearer samples of forces do not count
+_DIFFERENCE = 1e-9  # of a function's size: less is rounding
+_BESIDE = 1e-3  # of the largest of its kind: what is smaller is measured by that
+_ITERATIONS = 20  # of Newton's method for the singular position
+_AT = 1e-9  # of the width: not farther from a singular position is at it
+_ROUNDING = 8.0 * float(np.finfo(float).eps)
+
+# positive Chebyshev points of an even number of them: none in the middle
+_POINTS = np.sin((2.0 * np.arange(1, _PAIRS + 1) - 1.0) * np.pi / (4.0 * _PAIRS))
+_BOTH = np.concatenate([-_POINTS[::-1], _POINTS])
+SAMPLES = _BOTH
+"""Where functions along a branch are sampled, as parts of its width."""
+_BASIS = chebyshev.chebvander(_BOTH, _DEGREE)
+_SLOPE = np.zeros((_DEGREE + 1, _DEGREE + 1))
+for _k in range(1, _DEGREE + 1):
+    _SLOPE[:_k, _k] = chebyshev.chebder(np.eye(_DEGREE + 1)[_k])[:_k]
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Curves of n coordinates through N positions, as Chebyshev polynomials in their parameter.
+
+    Attributes
+    ----------
+    found : (N,) where there is one; elsewhere the numbers mean nothing
+    width : (N,) by how much the parameter may differ from that of the position [rad, m, s]
+    coefficients : (N, n, d + 1)
+    """
+
+    found: Mask
+    width: Array
+    coefficients: Array
+
+    def at(self, shift: Array) -> tuple[Array, Array, Array]:
+        """Coordinates, and their first and second derivatives by the parameter, each (n, N, K).
+
+        Parameters
+        ----------
+        shift : (N, K) of the parameter, from the positions on
+        """
+        values = []
+        basis, coefficients = chebyshev.chebvander(shift / self.width[:, None], _DEGREE), self
+        c = coefficients.coefficients
+        for order in range(3):
+            values.append(np.einsum('tcm,tkm->ctk', c, basis) / self.width[:, None] ** order)
+            c = c @ _SLOPE.T
+        return values[0], values[1], values[2]
+
+    @property
+    def middle(self) -> Array:
+        """The positions (n, N) themselves."""
+        return self.at(np.zeros((len(self.width), 1)))[0][:, :, 0]
+
+    def __getitem__(self, chosen: Mask | NDArray[np.intp]) -> Branch:
+        return Branch(self.found[chosen], self.width[chosen], self.coefficients[chosen])
+
+
+def follow(
+    kinematics: Kinematics, q: Array, slope: Array, drive: Array, reach: Array | None = None
+) -> Branch:
+    """The branches through positions in given directions.
+
+    Parameters
+    ----------
+    q : (n, N) positions on them
+    slope : (n, N) dq/du there, near enough to tell branches apart
+    drive : (3, p, N) the held coordinates and their first and second derivatives by u
+    reach : (N,) how far the branch must be known [u]
+    """
+    count = q.shape[1]
+    scale = kinematics.scale
+    # [rad/u], so that widths are angles or lengths of the mechanism
+    pace = (np.abs(drive[1]) / scale[kinematics.held, None]).max(axis=0)
+    pace = np.maximum(pace, 1e-300)
+    least = np.zeros(count) if reach is None else _BEHIND * reach * pace
+    width = np.maximum(_WIDTH, least) / pace
+    found = Branch(np.zeros(count, bool), width, np.zeros((count, len(q), _DEGREE + 1)))
+    left = np.flatnonzero(np.isfinite(slope).all(axis=0) & (pace > 1e-200))
+    for _ in range(_HALVINGS):
+        if not left.size:
+            break
+        fitted, good = _fitted(
+            kinematics, q[:, left], slope[:, left], drive[:, :, left], width[left], pace[left]
+        )
+        done = left[good]
+        found.found[done], found.coefficients[done] = True, fitted[good]
+        left = left[~good & (0.5 * width[left] * pace[left] >= least[left])]
+        width[left] *= 0.5
+    return found
+
+
+def _fitted(
+    kinematics: Kinematics, q: Array, slope: Array, drive: Array, width: Array, pace: Array
+) -> tuple[Array, Mask]:
+    """Coefficients (N, n, d + 1) of the branches on intervals of given widths, and if they hold.
+
+    Samples are taken in pairs from the middle outwards. What a pair is off the tangent is first
+    guessed from the pair before: its even part grows as the square, its odd part as the cube.
+    """
+    n, count = q.shape
+    sought, scale = kinematics.sought, kinematics.scale
+    samples = np.empty((n, count, 2 * _PAIRS))
+    trust = np.zeros((count, 2 * _PAIRS))
+    even, odd = np.zeros((n, count)), np.zeros((n, count))
+    least = _TRUSTED * width * pace
+    for k, x in enumerate(_POINTS):
+        if k:
+            ratio = x / _POINTS[k - 1]
+            even, odd = even * ratio**2, odd * ratio**3
+        u = np.concatenate([-x * width, x * width])
+        sign = np.repeat([-1.0, 1.0], count)
+        place = np.tile(q + even, 2) + np.tile(slope, 2) * u + sign * np.tile(odd, 2)
+        place[kinematics.held] = _along(np.tile(drive, 2), u)
+        independence = kinematics.independence(place)
+        sure = independence > np.tile(least, 2)
+        if sure.any():
+            closed, open_by = kinematics.positions(place[:, sure])
+            place[:, sure] = closed
+            sure[sure] = open_by == 0.0
+        before, after = place[:, :count], place[:, count:]
+        both = sure[:count] & sure[count:]
+        even = np.where(both, 0.5 * (before + after) - q, even)
+        odd = np.where(both, 0.5 * (after - before) - slope * x * width, odd)
+        samples[:, :, _PAIRS - 1 - k], samples[:, :, _PAIRS + k] = before, after
+        weight = np.where(sure, independence, 0.0)
+        trust[:, _PAIRS - 1 - k], trust[:, _PAIRS + k] = weight[:count], weight[count:]
+    good = (trust > 0.0).sum(axis=1) > _DEGREE + 2
+    best = np.maximum(trust.max(axis=1), 1e-300)
+    trust /= best[:, None]
+    # too few samples make no polynomial
+    weighted = np.where(good[:, None], trust, 1.0)[:, :, None] * _BASIS
+    values = samples.transpose(1, 2, 0) - q.T[:, None]
+    solved = _inverse(weighted) @ (trust[:, :, None] * values)
+    misfit = trust * np.abs((_BASIS @ solved - values)[:, :, sought] / scale[sought]).max(axis=2)
+    rounding = _ROUNDING * (1.0 + np.abs(q / scale[:, None]).max(axis=0))
+    good &= misfit.max(axis=1) <= rounding / best
+    bend = 0.25 * drive[2] * width**2
+    held = [drive[0] + bend - q[kinematics.held], drive[1] * width, bend]
+    solved[:, :, kinematics.held] = 0.0
+    solved[:, :3, kinematics.held] = np.array(held).transpose(2, 0, 1)
+    solved[:, 0] += q.T
+    centre = np.einsum('m,tmc->ct', chebyshev.chebvander(0.0, _DEGREE)[0], solved)
+    good &= kinematics.left_open(centre) <= OPEN * kinematics.rounding
+    return solved.transpose(0, 2, 1), good
+
+
+def _along(drive: Array, u: Array) -> Array:
+    """The held coordinates (p, N) at shifts (N,) of the parameter."""
+    along: Array = drive[0] + u * (drive[1] + 0.5 * u * drive[2])
+    return along
+
+
+def limits(values: Array, determinant: Array, independence: Array) -> Array:
+    """What M functions of time come to in the middle of N intervals, along a branch.
+
+    Each is the quotient of analytic functions over the determinant of what it was solved from. It
+    is a polynomial where that vanishes, if the quotient has a limit there; or the quotient of two.
+
+    Parameters
+    ----------
+    values : (M, N, K) at the K `SAMPLES` of the intervals
+    determinant : (N, K) of the matrix from which they follow
+    independence : (N, K) of the constraints: how far samples are from the singular position
+
+    Returns
+    -------
+    (M, N): NaN where a function grows beyond all bounds at the very middle; infinite where the
+    functions are no such quotients, and shorter intervals should be tried.
+    """
+    trust = independence / independence.max(axis=1, keepdims=True)
+    trust = np.where(trust > _FAR, trust, 0.0) ** 2
+    enough = (trust > 0.0).sum(axis=1) > _DEGREE + 2
+    trust[~enough] = 1.0
+    weighted = trust[:, :, None] * _BASIS
+    inverse = _inverse(weighted)
+
+    def fit(x: Array) -> tuple[Array, Mask]:
+        """Coefficients (M, N, d + 1), and whether (M, N) they reproduce the samples."""
+        y = np.where(trust > 0.0, trust * x, 0.0)
+        c = np.einsum('ndk,mnk->mnd', inverse, y)
+        size = np.abs(y).max(axis=2)
+        size = np.maximum(size, _BESIDE * size.max(axis=0))
+        off = np.abs(np.einsum('nkd,mnd->mnk', weighted, c) - y).max(axis=2)
+        return c, np.asarray(off <= _DIFFERENCE * size)
+
+    middle = chebyshev.chebvander(0.0, _DEGREE)[0]
+    plain, smooth = fit(values)
+    unit = determinant / np.abs(determinant).max(axis=1, keepdims=True)
+    below, even = fit(unit[None])
+    above, quotient = fit(values * unit)
+    root = roots(determinant)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        ratio = np.where(np.abs(root) > _AT, (above @ middle) / (below @ middle), np.nan)
+    ratio = np.where(quotient & even, ratio, np.inf)
+    found = np.where(smooth, plain @ middle, ratio)
+    return np.asarray(np.where(enough, found, np.inf))
+
+
+def roots(values: Array) -> Array:
+    """Where functions (N, K), given at `SAMPLES`, vanish nearest to the middle, in its width.
+
+    Infinite (N,) if they do not.
+    """
+    fits = np.linalg.pinv(_BASIS) @ values.T
+    slopes = _SLOPE @ fits
+    x = np.zeros(len(values))
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
+        for _ in range(_ITERATIONS):
+            basis = chebyshev.chebvander(x, _DEGREE).T
+            step = (fits * basis).sum(axis=0) / (slopes * basis).sum(axis=0)
+            x = np.clip(x - step, -1.5, 1.5)
+    return np.asarray(np.where((np.abs(step) < _AT) & (np.abs(x) <= 1.0), x, np.inf))
+
+
+def _inverse(basis: Array) -> Array:
+    """What takes samples (N, K) to the coefficients (N, d + 1) nearest to them: (N, d + 1, K)."""
+    q, r = np.linalg.qr(basis)
+    return np.linalg.solve(r, q.transpose(0, 2, 1))
+
+
+def beginnings(kinematics: Kinematics, q: Array, drive: Array) -> Branch:
+    """All branches, as many as are found, that meet in one singular position.
+
+    Positions a little before and after are looked for in all directions in which the constraints
+    let the mechanism go, and count if an analytic curve leads from there through the position.
+
+    Parameters
+    ----------
+    q : (n,) the position, near enough
+    drive : (3, p) as in `follow`
+    """
+    scale, sought, held = kinematics.scale, kinematics.sought, kinematics.held
+    J = kinematics.closure(q[:, None])[1][0] * scale
+    pace = float((np.abs(drive[1]) / scale[held]).max())
+    right = -J[:, held] @ (drive[1] / scale[held] / pace)
+    free = np.linalg.svd(J[:, sought])[2].T
+    values = np.linalg.svd(J[:, sought], compute_uv=False)
+    rank = int((values > _LOOSE * values.max(initial=0.0)).sum())
+    plain = np.linalg.pinv(J[:, sought], rcond=_LOOSE) @ right
+    random = np.random.default_rng(1).standard_normal((len(sought) - rank, _TRIES))
+    spread = free[:, rank:] @ (random * np.geomspace(0.2, 5.0, _TRIES))
+    slopes = []
+    for side in (1.0, -1.0):
+        place = np.repeat(q[:, None], _TRIES, axis=1)
+        place[held] += side * _STEP * (drive[1] / pace)[:, None]
+        off = side * _STEP * (plain[:, None] + spread) * scale[sought, None]
+        place[sought] += off
+        place, left = kinematics.positions(place)
+        slope = side * (place - q[:, None]) / scale[:, None] / _STEP
+        near = (left == 0.0) & (np.abs(slope).max(axis=0) < _STEEPEST)
+        slopes.append(slope[:, near])
+    rough = np.concatenate(slopes, axis=1).T
+    kept: list[Array] = []
+    for slope in rough:
+        if all(np.abs(slope - other).max() > 0.5 * _STEP for other in kept):
+            kept.append(slope)
+    count = len(kept)
+    tangents = np.array(kept).reshape(count, len(q)).T * scale[:, None] * pace
+    each = np.repeat(q[:, None], count, axis=1)
+    found = follow(kinematics, each, tangents, np.repeat(drive[:, :, None], count, axis=2))
+    found = found[found.found]
+    _, tangents, _ = found.at(np.zeros((len(found.found), 1)))
+    different: list[int] = []
+    for k, tangent in enumerate(tangents[:, :, 0].T / scale / pace):
+        others = (tangents[:, j, 0] / scale / pace for j in different)
+        if all(np.abs(tangent - other).max() > _SAME for other in others):
+            different.append(k)
+    return found[np.array(different, dtype=np.intp)]
