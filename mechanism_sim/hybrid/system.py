@@ -43,10 +43,10 @@ WATCH_SCALE = 1e-30
 """Keeps what is integrated only to be watched out of the choice of steps."""
 
 JAM_SCALE = 1e-6
-"""[s^4/m^2] The same for squares of accelerations."""
+"""[m] The same for the margin to jamming."""
 
 JAMMED = 1e-4
-"""Accelerations without contacts over those by a contact's own, where it counts as jammed."""
+"""Margin to jamming, or below, at which contacts count as jammed."""
 
 
 class ContactTerms(NamedTuple):
@@ -275,31 +275,14 @@ class System:
             # off the cone of friction while sticking; while sliding until it ends
             z, mu = d.sticks[gap], d.mu[gap]
             inside = z * (FORCE_SCALE * (mu * solved.N[gap] - friction * solved.T[gap]))
-            sign = d.slips[gap]
+            sign, margin = d.slips[gap], d.jam_margin
             idle = 1.0 - z - sign * sign
             if friction > 0:
                 idle = idle + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
             else:
-                idle = idle + sign * sign * (JAM_SCALE * self._margin_to_jam(gap))
+                idle = idle + sign * sign * (JAM_SCALE * (margin * margin - JAMMED * JAMMED))
             result.append(inside + idle + TINY)
         return result
-
-    def _margin_to_jam(self, gap: int) -> hy.expression:
-        """Falls through zero where sliding friction makes the force of a contact grow without end.
-
-        What the contact does by itself, its forces times the compliance, is then far more than all
-        the accelerations of closed contacts that they are there to prevent.
-        """
-        d, m = self.dynamics, len(self.gaps)
-        across, along = d.compliance[gap][gap], d.compliance[m + gap][m + gap]
-        both = add(mul(across, across), mul(d.mu[gap] * d.mu[gap], mul(along, along)))
-        N = dense(d.stabilised.N[gap])
-        free = [
-            mul(d.closed[i % m], mul(b, b))
-            for i, b in enumerate(d.free_acceleration)
-            if b is not None
-        ]
-        return dense(add(*free)) - JAMMED * JAMMED * (N * N * dense(both))
 
     @cached_property
     def turning(self) -> tuple[str, ...]:
