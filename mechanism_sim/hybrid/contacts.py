@@ -616,12 +616,13 @@ class Contacts:
                 self._expect_return(rate, acceleration)
         return drawn
 
-    def _slip(self, terms: ContactTerms, gap: int) -> int:
-        """Which way a contact with friction slides, 0 if not at all."""
+    def _slip(self, terms: ContactTerms, gap: int, still: float | None = None) -> int:
+        """Which way a contact with friction slides, 0 if not at all: not faster than `still`."""
         if not self._laws[gap].friction:
             return 0
         speed = terms.rate[len(self.modes) + gap]
-        return 0 if abs(speed) <= self._still else int(math.copysign(1.0, speed))
+        limit = self._still if still is None else still
+        return 0 if abs(speed) <= limit else int(math.copysign(1.0, speed))
 
     def _press(
         self, terms: ContactTerms, resting: list[int], given: Mapping[int, int]
@@ -636,12 +637,22 @@ class Contacts:
             forces = solve_lcp(A, b)
             return {i: Mode.FOLLOWING for i, x in zip(resting, forces, strict=True) if x > 0.0}
         friction = [self._system.dynamics.friction[i] for i in resting]
-        moving = [given.get(i, self._slip(terms, i)) for i in resting]
-        forces, grips = solve_frictional_lcp(A, b, friction, moving)
-        found = {}
-        for i, mu, force, grip in zip(resting, friction, forces, grips, strict=False):
-            if force > 0.0:
-                found[i] = _GRIPS[grip] if mu else Mode.FOLLOWING
+        # what slides no farther than rounding reaches may as well be at rest
+        slow = math.sqrt(2.0 * self._touching * max(map(abs, terms.free_acceleration)))
+        for still in (slow, self._still):
+            moving = [given.get(i, self._slip(terms, i, still)) for i in resting]
+            forces, grips = solve_frictional_lcp(A, b, friction, moving)
+            found = {
+                i: _GRIPS[grip] if mu else Mode.FOLLOWING
+                for i, mu, force, grip in zip(resting, friction, forces, grips, strict=False)
+                if force > 0.0
+            }
+            if all(
+                _SIGNS.get(mode, 0) * self._slip(terms, i) >= 0
+                for i, mode in found.items()
+                if i not in given
+            ):
+                break
         return found
 
     def _shock(
