@@ -367,7 +367,12 @@ class Contacts:
 
     def project(self) -> None:
         """Bring loops and closed contacts to zero in value and rate."""
-        self._state[:] = floats(self._at_present(self._system.projection))[: 2 * self._f]
+        f = self._f
+        self._state[:] = floats(self._at_present(self._system.projection))[: 2 * f]
+        if self._system.frictional and any(mode > Mode.FREE_FLIGHT for mode in self.modes):
+            # what moved positions by a rounding turned the normals of fine clearances
+            again = floats(self._at_present(self._system.projection))
+            self._state[f:] = again[f : 2 * f]
 
     # --- impacts ------------------------------------------------------------------------------
 
@@ -564,15 +569,19 @@ class Contacts:
                 ) from error
             self._rest(rest, near, jams - 1)
             return
+        modes = tuple(
+            int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
+            for i, mode in enumerate(before)
+        )
+        begins = [i for i, mode in found.items() if _SIGNS.get(mode) and not self._slip(terms, i)]
         self.set_modes(
-            tuple(
-                int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
-                for i, mode in enumerate(before)
-            )
+            tuple(int(Mode.STICKING) if i in begins else mode for i, mode in enumerate(modes))
         )
         if len(before) > 1 or self._system.frictional:
             self._book_rest(terms, found)
         self.project()
+        if begins:  # to slide, from a slip of exactly zero
+            self.set_modes(modes)
         parting = [i for i in resting if i not in found]
         if parting:
             self._separate(parting)
