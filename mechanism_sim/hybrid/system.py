@@ -35,6 +35,9 @@ TINY = 1.0625e-300
 FORCE_SCALE = 1e-6
 """[m/N] Makes forces in guards so small that they do not rule the size of the steps."""
 
+HOLD = 1.0 + 1e-10
+"""Times its friction, a contact that sticks gives way: beyond what rounding makes of forces."""
+
 SLIP_SCALE = 1e-3
 """[s] The same for tangential velocities."""
 
@@ -274,7 +277,8 @@ class System:
                 continue
             # off the cone of friction while sticking; while sliding until it ends
             z, mu = d.sticks[gap], d.mu[gap]
-            inside = z * (FORCE_SCALE * (mu * solved.N[gap] - friction * solved.T[gap]))
+            cone = (HOLD * mu) * solved.N[gap] - friction * solved.T[gap]
+            inside = z * (FORCE_SCALE * cone)
             sign, margin = d.slips[gap], d.jam_margin
             idle = 1.0 - z - sign * sign
             if friction > 0:
