@@ -275,7 +275,7 @@ class Contacts:
                 self.modes = before
                 self._rest(closed, closed, given={gap: -guard.friction})
             elif guard.friction < 0:
-                self._rest(self._stop_slide(closed), closed)
+                self._rest(self._stop_slide(closed, gap), closed)
             else:
                 self._rest(closed, closed)
             return
@@ -647,7 +647,8 @@ class Contacts:
             return {i: Mode.FOLLOWING for i, x in zip(resting, forces, strict=True) if x > 0.0}
         friction = [self._system.dynamics.friction[i] for i in resting]
         # what slides no farther than rounding reaches may as well be at rest
-        slow = math.sqrt(2.0 * self._touching * max(map(abs, terms.free_acceleration)))
+        pull = max(map(abs, terms.free_acceleration))
+        slow = max(self._still, math.sqrt(2.0 * self._touching * pull))
         for still in (slow, self._still):
             moving = [given.get(i, self._slip(terms, i, still)) for i in resting]
             forces, grips = solve_frictional_lcp(A, b, friction, moving)
@@ -665,7 +666,11 @@ class Contacts:
         return found
 
     def _shock(
-        self, terms: ContactTerms, gaps: Sequence[int], resting: Sequence[int]
+        self,
+        terms: ContactTerms,
+        gaps: Sequence[int],
+        resting: Sequence[int],
+        jammed: int | None = None,
     ) -> list[int]:
         """An impact without collision: friction stops or turns the sliding of contacts that jam.
 
@@ -682,6 +687,7 @@ class Contacts:
             0.0 if r in resting or abs(x) <= self._still else x
             for r, x in zip(rows, rates, strict=True)
         ]
+        friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
         blows = shock(A, before, [terms.free_acceleration[r] for r in rows], friction)
         after = self._free(terms, gaps, blows)
         return [
@@ -690,17 +696,20 @@ class Contacts:
             if after[k] <= max(self._still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
         ]
 
-    def _stop_slide(self, closed: list[int]) -> list[int]:
-        """The impact without collision of closed contacts whose sliding begins to jam.
+    def _stop_slide(self, closed: list[int], gap: int) -> list[int]:
+        """The impact without collision of closed contacts when the sliding of `gap` jams.
 
-        Returns those which rest after it: all.
+        Returns those which rest after it.
         """
         terms = self._terms()
         rows, A, friction = self._frictional(terms, closed)
         slip = [_SIGNS.get(self.modes[i], 0) for i in closed]
-        # what has no such impulse is left to `_rest`
-        with suppress(ArithmeticError):
+        try:
             blows = stop_slide(A, [terms.rate[r] for r in rows], friction, slip)
+        except ArithmeticError:
+            with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
+                return self._shock(terms, closed, closed, gap)
+        else:
             self._free(terms, closed, blows)
         return closed
 

@@ -16,7 +16,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.dynamics import Dynamics
+from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
@@ -50,6 +50,9 @@ JAM_SCALE = 1e-6
 
 JAMMED = 1e-4
 """Margin to jamming, or below, at which contacts count as jammed."""
+
+JAMMED_ROUGH = 0.1
+"""The same for rough contacts, which jam a little earlier than those of a large coefficient."""
 
 
 class ContactTerms(NamedTuple):
@@ -284,7 +287,8 @@ class System:
             if friction > 0:
                 idle = idle + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
             else:
-                idle = idle + sign * sign * (JAM_SCALE * (margin * margin - JAMMED * JAMMED))
+                least = JAMMED_ROUGH if d.friction[gap] == ROUGH else JAMMED
+                idle = idle + sign * sign * (JAM_SCALE * (margin * margin - least * least))
             result.append(inside + idle + TINY)
         return result
 
