@@ -275,6 +275,11 @@ class Contacts:
                 self.modes = before
                 self._rest(closed, closed, given={gap: -guard.friction})
             elif guard.friction < 0:
+                if not self._slip(self._terms(), gap):  # nothing to be stopped: it lifts off
+                    self._change(gap, Mode.FREE_FLIGHT)
+                    self._separate([gap])
+                    self._record_modes(before)
+                    return
                 self._rest(self._stop_slide(closed, gap), closed)
             else:
                 self._rest(closed, closed)
