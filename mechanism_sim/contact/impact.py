@@ -242,6 +242,99 @@ def shock(
     ]
 
 
+def _slides(
+    friction: Sequence[float], slip: Sequence[int]
+) -> tuple[NDArray[np.float64], list[int]]:
+    """What m closed contacts may push with, and the rows that they keep at zero.
+
+    Parameters
+    ----------
+    friction : (m,) Coulomb's coefficients
+    slip : (m,) signs of the slips, 0 where a contact sticks
+
+    Returns
+    -------
+    (2m, k) columns of impulses: a normal one with the friction of its slip for every contact, and
+    a tangential one for every contact that sticks; and the k rows
+    """
+    m = len(friction)
+    stuck = [i for i in range(m) if friction[i] and not slip[i]]
+    basis = np.zeros((2 * m, m + len(stuck)))
+    for i in range(m):
+        basis[[i, m + i], i] = 1.0, -friction[i] * slip[i]
+    for k, i in enumerate(stuck, start=m):
+        basis[m + i, k] = 1.0
+    return basis, [*range(m), *(m + i for i in stuck)]
+
+
+def jam_margin(
+    A: Sequence[Sequence[float]], friction: Sequence[float], slip: Sequence[int]
+) -> float:
+    """Determinant of the equations of closed contacts over that without friction of what slides.
+
+    Where it is 0 or less, forces do not settle: the friction of sliding contacts jams them.
+    """
+    matrix = np.array(A)
+    basis, rows = _slides(friction, slip)
+    smooth = basis.copy()
+    smooth[len(friction) :, : len(friction)] = 0.0
+    return float(np.linalg.det((matrix @ basis)[rows]) / np.linalg.det((matrix @ smooth)[rows]))
+
+
+def stop_slide(
+    A: Sequence[Sequence[float]],
+    rate: Sequence[float],
+    friction: Sequence[float],
+    slip: Sequence[int],
+) -> list[Blow]:
+    """Impact without collision of m closed contacts at the instant at which their sliding jams.
+
+    There the equations of their forces become singular: impulses along the null vector change no
+    rate that is kept at zero. They grow, by however small a force they were begun, until the first
+    slip has stopped. (F. Genot and B. Brogliato, New results on Painleve paradoxes, Eur. J. Mech.
+    A 18, 1999; A. Nordmark, P. L. Varkonyi, A. R. Champneys, Dynamics beyond dynamic jam, SIAM J.
+    Appl. Dyn. Syst. 17, 2018, where a contact that is a little elastic ends likewise whether its
+    force grew beyond bounds or not.) For one contact that is `jam`.
+
+    Parameters
+    ----------
+    A : (2m, 2m) rates per unit impulse [1/kg], all normals first
+    rate : (2m,) before [m/s]
+    friction : (m,) Coulomb's coefficients
+    slip : (m,) signs of the slips, 0 where a contact sticks
+
+    Raises
+    ------
+    ArithmeticError
+        If no such impulses are compressive, or none stop any slip.
+    """
+    m = len(friction)
+    matrix, before = np.array(A, dtype=float), np.array(rate, dtype=float)
+    basis, rows = _slides(friction, slip)
+    path = basis @ np.linalg.svd((matrix @ basis)[rows])[2][-1]
+    normals = path[:m] * math.copysign(1.0, path[:m].sum())
+    if normals.min() < -1e-6 * normals.max():
+        raise ArithmeticError('forces of both signs grow without end')
+    change = (matrix @ path)[m:] * math.copysign(1.0, path[:m].sum())
+    stops = [
+        (abs(before[m + i]) / -(slip[i] * change[i]), i)
+        for i in range(m)
+        if slip[i] * change[i] < -1e-12 * np.abs(change).max()
+    ]
+    if not stops:
+        raise ArithmeticError('contacts are wedged: no finite impulse stops their slip')
+    first = min(stops)[1]
+    pulls = np.zeros((2 * m, 1))
+    pulls[m + first] = 1.0
+    basis, rows = np.hstack([basis, pulls]), [*rows, m + first]
+    impulses = basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=1e-14)[0]
+    after = _rates(matrix, before, impulses)
+    return [
+        Blow(float(p), float(q), _sign(float(vt)))
+        for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
+    ]
+
+
 def _slide(Ann: float, Ant: float, Att: float, vt: float, mu: float) -> _Leg:
     """The first leg: slip as it was, until vt = 0; a rough contact needs no p for that."""
     slip = _sign(vt)

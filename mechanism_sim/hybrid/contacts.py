@@ -15,7 +15,9 @@ from mechanism_sim.contact.impact import (
     Blow,
     Hypothesis,
     ImpactLaw,
+    jam_margin,
     shock,
+    stop_slide,
     strike,
     strike_together,
 )
@@ -23,12 +25,21 @@ from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
-from mechanism_sim.hybrid.system import FORCE_SCALE, SLIP_SCALE, Array, ContactTerms, Guard, System
+from mechanism_sim.hybrid.system import (
+    FORCE_SCALE,
+    JAMMED,
+    SLIP_SCALE,
+    Array,
+    ContactTerms,
+    Guard,
+    System,
+)
 from mechanism_sim.hybrid.tape import Status, floats
 from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp, solve_lcp
 from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
+_SIGNS = {int(mode): sign for sign, mode in _SLIDING.items()}
 _GRIPS = {
     Grip.STICK: Mode.STICKING,
     Grip.FORWARD: Mode.SLIDING_FORWARD,
@@ -272,15 +283,23 @@ class Contacts:
                 return
             self._change(gap, Mode.FREE_FLIGHT)
             self._separate([gap])
-        elif self.modes[gap] == Mode.STICKING:
-            self._change(gap, _SLIDING[-guard.friction])
         else:
             closed = [i for i in range(len(before)) if self.closed(i)]
-            if guard.friction < 0:
-                rest = closed
-                with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
-                    rest = self._shock(self._terms(), closed, closed, gap)
-                self._rest(rest, closed)
+            if self.modes[gap] == Mode.STICKING:
+                self._change(gap, _SLIDING[-guard.friction])
+                slip = [_SIGNS.get(self.modes[i], 0) for i in closed]
+                if not self._jammed(closed, slip):
+                    self._record_modes(before)
+                    return
+                self.modes = before
+                self._rest(closed, closed, given={gap: -guard.friction})
+            elif guard.friction < 0:
+                if not self._slip(self._terms(), gap):  # nothing to be stopped: it lifts off
+                    self._change(gap, Mode.FREE_FLIGHT)
+                    self._separate([gap])
+                    self._record_modes(before)
+                    return
+                self._rest(self._stop_slide(closed, gap), closed)
             else:
                 self._rest(closed, closed)
             return
@@ -372,7 +391,12 @@ class Contacts:
 
     def project(self) -> None:
         """Bring loops and closed contacts to zero in value and rate."""
-        self._state[:] = floats(self._at_present(self._system.projection))[: 2 * self._f]
+        f = self._f
+        self._state[:] = floats(self._at_present(self._system.projection))[: 2 * f]
+        if self._system.frictional and any(mode > Mode.FREE_FLIGHT for mode in self.modes):
+            # what moved positions by a rounding turned the normals of fine clearances
+            again = floats(self._at_present(self._system.projection))
+            self._state[f:] = again[f : 2 * f]
 
     # --- impacts ------------------------------------------------------------------------------
 
@@ -537,16 +561,23 @@ class Contacts:
 
     # --- contacts that stay -------------------------------------------------------------------
 
-    def _rest(self, resting: list[int], touching: list[int], jams: int = 6) -> None:
+    def _rest(
+        self,
+        resting: list[int],
+        touching: list[int],
+        jams: int = 6,
+        given: Mapping[int, int] | None = None,
+    ) -> None:
         """Of the contacts without normal speed, those that are pressed together stay closed.
 
         Where no force can keep a contact that slides, friction jams it: an impact without
-        collision stops its sliding first.
+        collision stops its sliding first. Contacts that are about to slide have their signs in
+        `given`.
         """
         before = self.modes
         terms = self._terms()
         try:
-            found = self._press(terms, resting)
+            found = self._press(terms, resting, given or {})
         except ArithmeticError as error:
             near = [i for i, x in enumerate(terms.value) if abs(x) <= self._touching]
             near = sorted({*touching, *near})
@@ -562,15 +593,19 @@ class Contacts:
                 ) from error
             self._rest(rest, near, jams - 1)
             return
+        modes = tuple(
+            int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
+            for i, mode in enumerate(before)
+        )
+        begins = [i for i, mode in found.items() if _SIGNS.get(mode) and not self._slip(terms, i)]
         self.set_modes(
-            tuple(
-                int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
-                for i, mode in enumerate(before)
-            )
+            tuple(int(Mode.STICKING) if i in begins else mode for i, mode in enumerate(modes))
         )
         if len(before) > 1 or self._system.frictional:
             self._book_rest(terms, found)
         self.project()
+        if begins:  # to slide, from a slip of exactly zero
+            self.set_modes(modes)
         parting = [i for i in resting if i not in found]
         if parting:
             self._separate(parting)
@@ -614,14 +649,17 @@ class Contacts:
                 self._expect_return(rate, acceleration)
         return drawn
 
-    def _slip(self, terms: ContactTerms, gap: int) -> int:
-        """Which way a contact with friction slides, 0 if not at all."""
+    def _slip(self, terms: ContactTerms, gap: int, still: float | None = None) -> int:
+        """Which way a contact with friction slides, 0 if not at all: not faster than `still`."""
         if not self._laws[gap].friction:
             return 0
         speed = terms.rate[len(self.modes) + gap]
-        return 0 if abs(speed) <= self._still else int(math.copysign(1.0, speed))
+        limit = self._still if still is None else still
+        return 0 if abs(speed) <= limit else int(math.copysign(1.0, speed))
 
-    def _press(self, terms: ContactTerms, resting: list[int]) -> dict[int, Mode]:
+    def _press(
+        self, terms: ContactTerms, resting: list[int], given: Mapping[int, int]
+    ) -> dict[int, Mode]:
         """Mode of those contacts that stay closed."""
         if not resting:
             return {}
@@ -632,12 +670,23 @@ class Contacts:
             forces = solve_lcp(A, b)
             return {i: Mode.FOLLOWING for i, x in zip(resting, forces, strict=True) if x > 0.0}
         friction = [self._system.dynamics.friction[i] for i in resting]
-        moving = [self._slip(terms, i) for i in resting]
-        forces, grips = solve_frictional_lcp(A, b, friction, moving)
-        found = {}
-        for i, mu, force, grip in zip(resting, friction, forces, grips, strict=False):
-            if force > 0.0:
-                found[i] = _GRIPS[grip] if mu else Mode.FOLLOWING
+        # what slides no farther than rounding reaches may as well be at rest
+        pull = max(map(abs, terms.free_acceleration))
+        slow = max(self._still, math.sqrt(2.0 * self._touching * pull))
+        for still in (slow, self._still):
+            moving = [given.get(i, self._slip(terms, i, still)) for i in resting]
+            forces, grips = solve_frictional_lcp(A, b, friction, moving)
+            found = {
+                i: _GRIPS[grip] if mu else Mode.FOLLOWING
+                for i, mu, force, grip in zip(resting, friction, forces, grips, strict=False)
+                if force > 0.0
+            }
+            if all(
+                _SIGNS.get(mode, 0) * self._slip(terms, i) >= 0
+                for i, mode in found.items()
+                if i not in given
+            ):
+                break
         return found
 
     def _shock(
@@ -656,29 +705,65 @@ class Contacts:
         ArithmeticError
             If nothing slides, or no finite impulses keep the contacts.
         """
-        rows = self._rows(gaps)
-        A = [[terms.compliance[r][c] for c in rows] for r in rows]
+        rows, A, friction = self._frictional(terms, gaps)
+        rates = [terms.rate[r] for r in rows]
         before = [
-            0.0 if r in resting or abs(terms.rate[r]) <= self._still else terms.rate[r]
-            for r in rows
+            0.0 if r in resting or abs(x) <= self._still else x
+            for r, x in zip(rows, rates, strict=True)
         ]
-        friction = [self._system.dynamics.friction[i] for i in gaps]
         friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
         blows = shock(A, before, [terms.free_acceleration[r] for r in rows], friction)
-        impulses = [*(b.normal for b in blows), *(b.tangential for b in blows)]
-        rates = [terms.rate[r] for r in rows]
-        after = _after(A, rates, impulses)
-        m = len(gaps)
-        for k, (i, blow) in enumerate(zip(gaps, blows, strict=True)):
-            if blow.normal or blow.tangential:
-                self._push(terms, i, blow)
-                normal, tangential = (rates[k], after[k]), (rates[m + k], after[m + k])
-                self._record_impact(terms, i, blow, normal, tangential, stop=True)
+        after = self._free(terms, gaps, blows)
         return [
             i
             for k, i in enumerate(gaps)
             if after[k] <= max(self._still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
         ]
+
+    def _stop_slide(self, closed: list[int], gap: int) -> list[int]:
+        """The impact without collision of closed contacts when the sliding of `gap` jams.
+
+        Returns those which rest after it.
+        """
+        terms = self._terms()
+        rows, A, friction = self._frictional(terms, closed)
+        slip = [_SIGNS.get(self.modes[i], 0) for i in closed]
+        try:
+            blows = stop_slide(A, [terms.rate[r] for r in rows], friction, slip)
+        except ArithmeticError:
+            with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
+                return self._shock(terms, closed, closed, gap)
+        else:
+            self._free(terms, closed, blows)
+        return closed
+
+    def _jammed(self, closed: Sequence[int], slip: Sequence[int]) -> bool:
+        """Whether closed contacts could not slide like this."""
+        _, A, friction = self._frictional(self._terms(), closed)
+        return jam_margin(A, friction, slip) <= JAMMED
+
+    def _frictional(
+        self, terms: ContactTerms, gaps: Sequence[int]
+    ) -> tuple[list[int], list[list[float]], list[float]]:
+        """Rows of gaps, rates of these per unit impulse, and coefficients of friction."""
+        rows = self._rows(gaps)
+        A = [[terms.compliance[r][c] for c in rows] for r in rows]
+        return rows, A, [self._system.dynamics.friction[i] for i in gaps]
+
+    def _free(
+        self, terms: ContactTerms, gaps: Sequence[int], blows: Sequence[Blow]
+    ) -> list[float]:
+        """Apply and enter an impact without collision; the rates of all rows after it."""
+        rows, A, _ = self._frictional(terms, gaps)
+        rates = [terms.rate[r] for r in rows]
+        impulses = [*(b.normal for b in blows), *(b.tangential for b in blows)]
+        after, m = _after(A, rates, impulses), len(gaps)
+        for k, (i, blow) in enumerate(zip(gaps, blows, strict=True)):
+            if blow.normal or blow.tangential:
+                self._push(terms, i, blow)
+                normal, tangential = (rates[k], after[k]), (rates[m + k], after[m + k])
+                self._record_impact(terms, i, blow, normal, tangential, stop=True)
+        return after
 
     def _separate(self, gaps: Sequence[int]) -> None:
         """Start the flight of gaps a few roundings inside, at rest in the normal direction.

@@ -19,13 +19,14 @@ from mechanism_sim.numerics.symbolic import (
     Term,
     Vector,
     add,
+    cramer,
     dense,
     div,
     dot,
+    eliminate,
     factorise,
     mul,
     neg,
-    solve_general,
     solve_symmetric,
 )
 from mechanism_sim.planar.equations import Equations
@@ -36,6 +37,9 @@ from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 
 ROUGH = 1e4
 """Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
+
+
+_CRAMER = 6  # contacts up to which there are not too many minors
 
 
 class Solved(NamedTuple):
@@ -68,6 +72,8 @@ class Dynamics:
     margin : [m/s] by which compliant contacts are late to let go, and to press again
     friction, mu : coefficients of all gaps; as parameters, by index of those that have friction
     active : flag of every row: closed for a normal, sticking for a tangent
+    jam_margin : determinant of the equations of the normal forces over that without the friction
+        of what slides; where it is 0, that friction jams
     exact, stabilised : the solution without and with Baumgarte's terms
     loads : forces and moments of the elements
     torques : of every powered coordinate the three coefficients of its law
@@ -119,6 +125,7 @@ class Dynamics:
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
         self._pushes = generalised(self.loads, eq.frames, mechanism)
         self._reduce(powered)
+        self.jam_margin: Term = None
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
         self.free_acceleration = self._second_derivatives(self.exact_free)
@@ -286,34 +293,67 @@ class Dynamics:
             closing = self._with(closing, self._closing, factors) if self.relation else []
             return Solved(a, N, T, closing)
         b = self._second_derivatives(a, stabilised)
-        held = self.frictional
-        rows = [*range(m), *(m + i for i in held)]
-        K: Matrix = []
-        for r in rows:
-            line: Vector = []
-            for c in rows:
-                entry = self.compliance[r][c]
-                if c in self.slips:
-                    # a sliding contact pushes along normal and tangent at once
-                    share = mul(self.slips[c], mul(self.mu[c], self.compliance[r][m + c]))
-                    entry = add(entry, neg(share))
-                flagged = mul(self.active[r], mul(self.active[c], entry))
-                if r == c:
-                    flagged = add(mul(self.active[r], entry), 1.0 - self.active[r])
-                line.append(flagged)
-            K.append(line)
-        rhs = [neg(mul(self.active[r], b[r])) for r in rows]
-        solve = solve_general if held else solve_symmetric
-        forces = solve(K, [rhs])[0]
-        N = forces[:m]
+        pressed = [neg(mul(s, x)) for s, x in zip(self.closed, b, strict=False)]
         friction: Vector = [None] * m
-        for i, stuck in zip(held, forces[m:], strict=True):
-            slide = mul(self.slips[i], mul(self.mu[i], N[i])) if i in self.slips else None
-            friction[i] = add(stuck, neg(slide))
+        if not self.frictional:
+            N = solve_symmetric(self._kept(range(m), range(m)), [pressed])[0]
+        else:
+            N, stuck = self._pressed(pressed, b[m:])
+            for i, force in zip(self.frictional, stuck, strict=True):
+                friction[i] = add(force, neg(mul(self.slips[i], mul(self.mu[i], N[i]))))
         factors = [*N, *(friction if self.frictional else [])]
         a = self._with(a, self.response, factors)
         closing = self._with(closing, self._closing, factors) if self.relation else []
         return Solved(a, N, friction, closing)
+
+    def _kept(self, rows: Sequence[int], columns: Sequence[int], slides: bool = False) -> Matrix:
+        """Compliance of what is kept, and the identity for what is not.
+
+        With `slides`, normal forces of sliding contacts have friction that goes with them.
+        """
+        m = len(self.normal)
+        K: Matrix = []
+        for r in rows:
+            line: Vector = []
+            for c in columns:
+                entry = self.compliance[r][c]
+                if slides and c in self.slips:
+                    share = mul(self.slips[c], mul(self.mu[c], self.compliance[r][m + c]))
+                    entry = add(entry, neg(share))
+                entry = mul(self.active[r], mul(1.0 if r == c else self.active[c], entry))
+                line.append(add(entry, 1.0 - self.active[r]) if r == c else entry)
+            K.append(line)
+        return K
+
+    def _pressed(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
+        """Normal forces, and friction of what sticks.
+
+        Sticking is eliminated first, which can be done always. Only then come the normal forces of
+        what slides: their matrix S is not symmetric and may be singular.
+        """
+        m = len(self.normal)
+        normal, held = range(m), [m + i for i in self.frictional]
+        right_held = [neg(mul(self.active[r], tangential[r - m])) for r in held]
+        coupling = self._kept(normal, held)
+
+        def reduced(slides: bool) -> tuple[Matrix, list[Vector]]:
+            columns = [list(x) for x in zip(*self._kept(held, normal, slides), strict=True)]
+            free, *each = solve_symmetric(self._kept(held, held), [right_held, *columns])
+            K = self._kept(normal, normal, slides)
+            S = [[add(K[i][k], neg(dot(coupling[i], each[k]))) for k in normal] for i in normal]
+            return S, [free, *each]
+
+        S, (free, *each) = reduced(slides=True)
+        solve = cramer if m <= _CRAMER else eliminate
+        left = [add(x, neg(dot(row, free))) for x, row in zip(right, coupling, strict=True)]
+        N, det = solve(S, left)
+        if self.jam_margin is None:
+            self.jam_margin = dense(det) / dense(solve(reduced(slides=False)[0], left)[1])
+        stuck = [
+            add(x, *(neg(mul(column[k], n)) for column, n in zip(each, N, strict=True)))
+            for k, x in enumerate(free)
+        ]
+        return N, stuck
 
     def compressed(self, i: int) -> tuple[Term, Term, Term]:
         """Depth of a closed compliant contact, its rate, and ``|dy/d distance|``.

@@ -16,7 +16,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.dynamics import Dynamics
+from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
@@ -36,6 +36,9 @@ TINY = 1.0625e-300
 FORCE_SCALE = 1e-6
 """[m/N] Makes forces in guards so small that they do not rule the size of the steps."""
 
+HOLD = 1.0 + 1e-10
+"""Times its friction, a contact that sticks gives way: beyond what rounding makes of forces."""
+
 SLIP_SCALE = 1e-3
 """[s] The same for tangential velocities."""
 
@@ -44,10 +47,13 @@ WATCH_SCALE = 1e-30
 """Keeps what is integrated only to be watched out of the choice of steps."""
 
 JAM_SCALE = 1e-6
-"""[s^4/m^2] The same for squares of accelerations."""
+"""[m] The same for the margin to jamming."""
 
 JAMMED = 1e-4
-"""Accelerations without contacts over those by a contact's own, where it counts as jammed."""
+"""Margin to jamming, or below, at which contacts count as jammed."""
+
+JAMMED_ROUGH = 0.1
+"""The same for rough contacts, which jam a little earlier than those of a large coefficient."""
 
 
 class ContactTerms(NamedTuple):
@@ -279,32 +285,17 @@ class System:
                 continue
             # off the cone of friction while sticking; while sliding until it ends
             z, mu = d.sticks[gap], d.mu[gap]
-            inside = z * (FORCE_SCALE * (mu * solved.N[gap] - friction * solved.T[gap]))
-            sign = d.slips[gap]
+            cone = (HOLD * mu) * solved.N[gap] - friction * solved.T[gap]
+            inside = z * (FORCE_SCALE * cone)
+            sign, margin = d.slips[gap], d.jam_margin
             idle = 1.0 - z - sign * sign
             if friction > 0:
                 idle = idle + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
             else:
-                idle = idle + sign * sign * (JAM_SCALE * self._margin_to_jam(gap))
+                least = JAMMED_ROUGH if d.friction[gap] == ROUGH else JAMMED
+                idle = idle + sign * sign * (JAM_SCALE * (margin * margin - least * least))
             result.append(inside + idle + TINY)
         return result
-
-    def _margin_to_jam(self, gap: int) -> hy.expression:
-        """Falls through zero where sliding friction makes the force of a contact grow without end.
-
-        What the contact does by itself, its forces times the compliance, is then far more than all
-        the accelerations of closed contacts that they are there to prevent.
-        """
-        d, m = self.dynamics, len(self.gaps)
-        across, along = d.compliance[gap][gap], d.compliance[m + gap][m + gap]
-        both = add(mul(across, across), mul(d.mu[gap] * d.mu[gap], mul(along, along)))
-        N = dense(d.stabilised.N[gap])
-        free = [
-            mul(d.closed[i % m], mul(b, b))
-            for i, b in enumerate(d.free_acceleration)
-            if b is not None
-        ]
-        return dense(add(*free)) - JAMMED * JAMMED * (N * N * dense(both))
 
     @cached_property
     def edges(self) -> Edges | None:

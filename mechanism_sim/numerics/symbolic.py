@@ -6,6 +6,7 @@ Structural zeros are ``None``, so that what a scene does not have is not compile
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any, TypeAlias
 
 import heyoka as hy
@@ -99,30 +100,52 @@ def factorise(A: Matrix) -> tuple[Matrix, Vector]:
     return L, D
 
 
-def solve_general(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:
-    """Solve ``A X = B`` by LU without pivoting; leading minors of A must not vanish.
+def cramer(A: Matrix, b: Vector) -> tuple[Vector, Term]:
+    """Solve ``A x = b`` for a general matrix by Cramer's rule: no pivot can vanish, only det A.
 
-    Parameters
-    ----------
-    A : n by n nested lists
-    columns : sequence of vectors of length n
-        The right-hand sides.
+    The minors of the first k rows and of some columns of ``[A b]`` are built up row by row. Their
+    number doubles with each further row.
 
     Returns
     -------
-    One solution vector for each right-hand side.
+    x and det A
     """
     n = len(A)
-    U = [list(row) for row in A]
-    B = [list(b) for b in columns]
+    rows = [[*row, right] for row, right in zip(A, b, strict=True)]
+    minors: dict[tuple[int, ...], Term] = {(): hy.expression(1.0)}
+    for k, row in enumerate(rows):
+        minors = {
+            columns: add(
+                *(
+                    mul(row[c], minors[columns[:i] + columns[i + 1 :]])
+                    if (k + i) % 2 == 0
+                    else neg(mul(row[c], minors[columns[:i] + columns[i + 1 :]]))
+                    for i, c in enumerate(columns)
+                )
+            )
+            for columns in combinations(range(n + 1), k + 1)
+        }
+    det = minors[tuple(range(n))]
+    x: Vector = []
+    for i in range(n):
+        minor = div(minors[(*range(i), *range(i + 1, n + 1))], det)
+        x.append(minor if (n - 1 - i) % 2 == 0 else neg(minor))
+    return x, det
+
+
+def eliminate(A: Matrix, b: Vector) -> tuple[Vector, Term]:
+    """What `cramer` returns, by LU without pivoting; leading minors of A must not vanish."""
+    n = len(A)
+    U, x = [list(row) for row in A], list(b)
     for j in range(n):
         for i in range(j + 1, n):
             factor = div(U[i][j], U[j][j])
             for k in range(j + 1, n):
                 U[i][k] = add(U[i][k], neg(mul(factor, U[j][k])))
-            for b in B:
-                b[i] = add(b[i], neg(mul(factor, b[j])))
-    for b in B:
-        for i in reversed(range(n)):
-            b[i] = div(add(b[i], *(neg(mul(U[i][k], b[k])) for k in range(i + 1, n))), U[i][i])
-    return B
+            x[i] = add(x[i], neg(mul(factor, x[j])))
+    for i in reversed(range(n)):
+        x[i] = div(add(x[i], *(neg(mul(U[i][k], x[k])) for k in range(i + 1, n))), U[i][i])
+    det: Term = hy.expression(1.0)
+    for i in range(n):
+        det = mul(det, U[i][i])
+    return x, det
