@@ -83,7 +83,9 @@ def assemble(machine: Machine) -> Assembly:
     driven = [*plan.prescribed, *(c for c in plan.powered if c in plan.begins)]
     along = machine.kinematics(driven)
     decided = driven and freedom == len(driven) - len(plan.prescribed)
-    if decided and along.independence(q[:, None])[0] < SINGULAR:
+    singular = decided and along.independence(q[:, None])[0] < SINGULAR
+    # at a dead point of the drive only its own column is missing, and no branches meet
+    if singular and machine.kinematics(()).independence(q[:, None])[0] < SINGULAR:
         drive = np.array([[*held[c], 0.0] for c in driven]).T
         pace = 1.0
         if len(driven) == 1:  # then it is the parameter itself
