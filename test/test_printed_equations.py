@@ -57,6 +57,11 @@ VARIANTS = {
         'four_bar_clearance',
         RUBBING | {AT + 'contact': {'law': 'flores', 'stiffness': 1e10}},
     ),
+    'parting': (
+        'four_bar_clearance',
+        {'start': 'centred', AT + 'restitution': 0.5}
+        | {AT + 'contact': {'law': 'flores', 'stiffness': 1e9}},
+    ),
     'film': (
         'four_bar_clearance',
         {'start': 'centred'}
@@ -432,6 +437,43 @@ def test_motion_that_is_solved_fulfils_the_printed_equations(variant):
     sides = np.array([[reader(s) for s in reader.sides(e)] for e in reader.page['motion']])
     scale = np.abs(sides).max()
     np.testing.assert_allclose(sides[:, 0], sides[:, 1], rtol=1e-11, atol=1e-11 * scale)
+
+
+def test_forces_of_a_compliant_contact_are_the_printed_law_where_that_says_they_act():
+    """In flight, pressing, and parting faster than the law presses: where it would pull."""
+    machine = machine_of('parting')
+    solution = ms.simulate(machine, revolutions=1.1)
+    page = printed('parting')
+    assert page['notes']['gaps'] == [
+        'coupler_rocker: its forces are those below while g_coupler_rocker < 0 and '
+        'N_coupler_rocker so found is positive, and zero otherwise.'
+    ]
+    motion, modes = solution.motion, solution.motion.modes[:, 0]
+    for mode in (Mode.FREE_FLIGHT, Mode.FOLLOWING, Mode.RECOVERING):
+        k = np.flatnonzero(modes == mode)
+        assert k.size
+        k = k[[k.size // 2]]
+        dt = 0.5 * motion.curve.duration[k]
+        seen = solution.physics.observe(motion, k, dt)
+        reader = reader_of(
+            'parting', (seen.position[:, 0], seen.velocity[:, 0], seen.acceleration[:, 0])
+        )
+        reader.values |= {
+            't': motion.curve.start[k[0]] + dt[0],
+            'v0_coupler_rocker': motion.approach[k[0], 0],
+            'tau_crank': seen.drive_torque[0, 0],
+        }
+        reader.begin()
+        reader.define('gaps', 'gap_rates')
+        overlaps = reader.values['g_coupler_rocker'] < 0.0
+        assert overlaps == (mode != Mode.FREE_FLIGHT)
+        if overlaps:
+            reader.define('forces')
+            assert (reader.values['N_coupler_rocker'] > 0.0) == (mode == Mode.FOLLOWING)
+        if mode != Mode.FOLLOWING:
+            reader.values['N_coupler_rocker'] = 0.0
+        sides = [[reader(s) for s in reader.sides(e)] for e in page['motion']]
+        close([left for left, _ in sides], [right for _, right in sides], 1e-11)
 
 
 @pytest.mark.parametrize('variant', ['four_bar_nominal', 'profile', 'motor', *SCENES])

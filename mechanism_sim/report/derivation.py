@@ -179,7 +179,7 @@ class _Derivation:
         if gap.law and self._system:
             dynamics = self._system.dynamics
             known = {term: hy.make_vars(str(symbol)) for term, symbol in short.items()}
-            known[dynamics.closed[i]] = hy.expression(1.0)
+            known |= dict.fromkeys((dynamics.closed[i], dynamics.presses[i]), hy.expression(1.0))
             laws = hy.subs([dynamics.exact.N[i], dense(dynamics.exact.T[i])], known)
             for force, law in zip(forces, laws, strict=False):
                 self._forces.append(Equation(joint, (force,), (self._say(law),)))
@@ -303,7 +303,10 @@ def _condition(gap: Gap) -> str:
     """What holds of a gap and its forces, in words."""
     j = gap.name
     if gap.law is not None:
-        return f'{j}: its forces are those below while g_{j} < 0, and zero otherwise.'
+        return (
+            f'{j}: its forces are those below while g_{j} < 0 and N_{j} so found is positive, and '
+            'zero otherwise.'
+        )
     text = (
         f'{j}: g_{j} >= 0, N_{j} >= 0, and one of both is zero; impacts by '
         f"{gap.hypothesis.capitalize()}'s hypothesis with restitution {gap.restitution:g}"

@@ -46,7 +46,12 @@ _MEANINGS = (
     (r'(.+)\.height', 'h', 'height of the wall of {0}', 'm'),
     (r'(.+)\.size', 'L', 'length that makes a distance of the angle in {0}', 'm'),
     (r'(.+)\.closed', 'sigma', '1 while {0} is closed, otherwise 0', ''),
-    (r'(.+)\.approach', 'v0', 'speed at which {0} closed', 'm/s'),
+    (
+        r'(.+)\.approach',
+        'v0',
+        'speed at which {0} closed, or that its load gives it from rest',
+        'm/s',
+    ),
     (r'(.+)\.stiffness', 'k', 'stiffness of {0}', 'N/m or N m/rad'),
     (r'(.+)\.damping', 'd', 'damping of {0}', 'N s/m or N m s/rad'),
     (r'(.+)\.free_length', 'l0', 'length of {0} without force', 'm'),
