@@ -14,6 +14,8 @@ from mechanism_sim.planar import branch
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.known import Edges
 
+_EPS = float(np.finfo(float).eps)
+
 
 class IdealMotion(Protocol):
     """Positions, rates and accelerations of all n coordinates from those of p driven ones."""
@@ -83,6 +85,9 @@ class IdealMotion(Protocol):
             If the loops cannot be closed there.
         """
 
+    def rounding(self, q: Array) -> float:
+        """How well [rad, or parts of its size] coordinates (n, N) are determined."""
+
     def left_open(self, q: Array) -> float:
         """Largest distance [m] by which loops are open at coordinates (n, N)."""
 
@@ -118,6 +123,10 @@ class FourBarMotion:
         q, rates, accelerations = self.linkage.motion(near[0], v[0], a[0])
         q[1:] += TWO_PI * np.round((near[1:] - q[1:]) / TWO_PI)
         return q, rates, accelerations, None
+
+    def rounding(self, q: Array) -> float:
+        """What rounding leaves open, by the angle between coupler and rocker."""
+        return _rounding(np.abs(np.sin(q[1] - q[2])))
 
     def left_open(self, q: Array) -> float:
         """How far the coupler's end is from the rocker's [m]."""
@@ -163,11 +172,13 @@ class LinkageMotion:
                 raise failed
             return q, None
         drive = self._parameter(now[:, :, None])[0]
+        shift = times if len(now[0]) > 1 else driven[0] - now[0]
         if slope is None and self.kinematics.independence(last[:, None])[0] > branch.SINGULAR:
             slope = self.kinematics.rates(last[:, None], drive[1])[:, 0]
-        found = None
+            stays = not failed and self._stays(seen)
+            if stays and self._continues(last, q, slope * shift[0]):
+                return q, None
         if slope is not None:
-            shift = times if len(now[0]) > 1 else driven[0] - now[0]
             reach = np.abs(shift).max(keepdims=True)
             found = branch.follow(self.kinematics, last[:, None], slope[:, None], drive, reach)
             place, rates, _ = (x[:, 0] for x in found.at(shift[None]))
@@ -175,15 +186,23 @@ class LinkageMotion:
             open_by = self.kinematics.left_open(place).max()
             if found.found[0] and open_by <= branch.OPEN * self.kinematics.rounding:
                 return place, rates[:, -1]
-            shift = shift[0]
         ends = self.kinematics.independence(q[:, -1:])[0] > branch.SINGULAR
-        known = slope is not None and ends and self._continues(last, q, slope * shift)
+        known = slope is not None and ends and self._continues(last, q, slope * shift[0])
         if failed or not known:
             raise failed or RunError(
                 f'the mechanism comes to a singular position at {self._said(now[0])}, and the '
                 'branch on which it goes on is not decided'
             )
         return q, None
+
+    def _stays(self, q: Array) -> bool:
+        """Whether positions (n, N) come neither nearer to a singular one nor farther by an octave.
+
+        A branch is looked for once in each: beside positions that are only nearly singular there
+        is none, however many pieces the motion has there.
+        """
+        octave = np.floor(np.log2(np.maximum(self.kinematics.independence(q), branch.SINGULAR)))
+        return bool((octave == octave[0]).all())
 
     def _continues(self, last: Array, q: Array, way: Array) -> bool:
         """Whether the first of positions (n, N) lies in the direction of the last one's motion.
@@ -283,9 +302,18 @@ class LinkageMotion:
             )
         return q, rates, accelerations, passage
 
+    def rounding(self, q: Array) -> float:
+        """What rounding leaves open, by the independence of the closures."""
+        return _rounding(self.kinematics.independence(q))
+
     def left_open(self, q: Array) -> float:
         """Largest distance from zero of a closure [m]."""
         return float(np.abs(self.kinematics.closure(q)[0]).max(initial=0.0))
+
+
+def _rounding(independence: Array) -> float:
+    """How well coordinates follow from constraints: rounding over their independence (N,)."""
+    return _EPS / max(float(independence.min(initial=1.0)), branch.SINGULAR)
 
 
 def _slope(rates: Array, accelerations: Array, pace: Array, bend: Array) -> Array:

@@ -43,6 +43,8 @@ _ENDED = np.array([*_NODES, 1.0])
 _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
+_ROUNDED = 8.0
+"""times what rounding leaves open in coordinates: smaller last terms are no more than that."""
 _SHORTEST = 2.0**-20
 _LONGEST = 0.1
 _SEARCHED = 33  # places in a piece where singular positions are looked for
@@ -176,7 +178,11 @@ class NominalRun:
                     raise
             else:
                 terms = np.abs(chebyshev_coefficients(values)).T / self._scale
-                if shortest or terms[-2:].max() <= _TAIL:
+                tail = terms[-2:].max()
+                if shortest or tail <= _TAIL:
+                    break
+                # beside a nearly singular position rounding is larger: no halving helps
+                if slope is None and tail <= _ROUNDED * self._ideal.rounding(values):
                     break
             self._share *= 0.5
             h *= 0.5
