@@ -47,6 +47,9 @@ _GRIPS = {
 }
 INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has no series at zero
 _SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
+_INDEPENDENT = (
+    1e-8  # least singular value of contacts, each of compliance 1, that are no repetition
+)
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 
@@ -597,7 +600,7 @@ class Contacts:
             int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
             for i, mode in enumerate(before)
         )
-        begins = [i for i, mode in found.items() if _SIGNS.get(mode) and not self._slip(terms, i)]
+        begins = self._beginning(terms, found)
         self.set_modes(
             tuple(int(Mode.STICKING) if i in begins else mode for i, mode in enumerate(modes))
         )
@@ -719,6 +722,21 @@ class Contacts:
             for k, i in enumerate(gaps)
             if after[k] <= max(self._still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
         ]
+
+    def _beginning(self, terms: ContactTerms, found: Mapping[int, Mode]) -> list[int]:
+        """Contacts that begin to slide and whose slips can all be brought to zero at once."""
+        m = len(self.modes)
+        stuck = [m + i for i, mode in found.items() if mode == Mode.STICKING]
+        begins: list[int] = []
+        for i, mode in found.items():
+            if not _SIGNS.get(mode) or self._slip(terms, i):
+                continue
+            rows = [*found, *stuck, *(m + k for k in begins), m + i]
+            A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
+            size = np.sqrt(A.diagonal())
+            if np.linalg.svd(A / np.outer(size, size), compute_uv=False)[-1] > _INDEPENDENT:
+                begins.append(i)
+        return begins
 
     def _stop_slide(self, closed: list[int], gap: int) -> list[int]:
         """The impact without collision of closed contacts when the sliding of `gap` jams.
