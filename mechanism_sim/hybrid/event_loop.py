@@ -372,10 +372,7 @@ class EventLoop:
 
     def _back_to(self, tau: float) -> None:
         """Undo the last step, which began at `tau`."""
-        self._ta.state[:] = self._ta.tc[:, 0]
-        self._ta.time = tau
-        if self._system.guards:
-            self._ta.reset_cooldowns()
+        self._singular.return_to(tau)
 
     def _breakdown(self, tau: float) -> RunError:
         if self._system.relations:

@@ -170,7 +170,7 @@ class SingularPositions:
         narrow = distance[0] < _NARROW * self._widest
         if touch is not None and touch > 1.25 * zone:
             if touch - zone < h:
-                self._return_to(tau)
+                self.return_to(tau)
                 h = self._ta.step(touch - zone, True)[1]
                 guard = self._system.fired(self._ta.pars)
         elif touch is not None:
@@ -244,7 +244,7 @@ class SingularPositions:
             guess = ta.state[: 2 * f].reshape(2, f).copy()
             ta.step(before, True)
             series = ta.tc[: 2 * f].copy()
-            self._return_to(now - before)
+            self.return_to(now - before)
             if not np.isfinite(series).all():
                 return False
             truncate(series[f:], BEYOND * before, self._scale)
@@ -255,7 +255,8 @@ class SingularPositions:
             guess -= np.array([off[0] - before * off[1], off[1]])
         return True
 
-    def _return_to(self, tau: float) -> None:
+    def return_to(self, tau: float) -> None:
+        """Undo the last step, which began at `tau`."""
         self._ta.state[:] = self._ta.tc[:, 0]
         self._ta.time = tau
         if self._system.guards:
@@ -268,7 +269,7 @@ class SingularPositions:
         h = BEYOND * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
         state, index = ta.state[: 2 * f], system.stabilisation_index
-        self._return_to(tau)
+        self.return_to(tau)
         for _ in range(2):  # the rates are projected where the coordinates were before
             self._contacts.project()
         alpha, ta.pars[index] = ta.pars[index], 0.0
@@ -278,7 +279,7 @@ class SingularPositions:
         speed = float((np.abs(series[f:, 0]) / self._scale).max())
         error = truncate(series[f:], h, self._scale)
         if not error <= _DECIDED * speed:
-            self._return_to(tau)
+            self.return_to(tau)
             return None
         series[:f, 1:] = series[f:, :-1] / np.arange(1.0, series.shape[1])
 
