@@ -384,13 +384,11 @@ class Contacts:
 
     def singular_joints(self, distance: float = 1e-6) -> list[str]:
         """The joints whose closures depend on those before them, to the root of a distance."""
-        distances = iter(self._at_present(self._system.projection)[2 * self._f :].tolist())
-        found = []
-        for relation in self._system.relations:
-            rows = relation.values(self._system.equations.frames)
-            if not all([next(distances) > distance for _ in rows]):  # noqa: C419 - all are taken
-                found.append(relation.name)
-        return found
+        frames = self._system.equations.frames
+        joints = [r.name for r in self._system.relations for _ in r.values(frames)]
+        seen = self._at_present(self._system.projection)[2 * self._f :]
+        near = [joint for joint, x in zip(joints, seen, strict=True) if not x > distance]
+        return [*dict.fromkeys(near)]
 
     def project(self) -> None:
         """Bring loops and closed contacts to zero in value and rate."""
