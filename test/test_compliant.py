@@ -20,7 +20,6 @@ from mechanism_sim.contact.compliant import (
     HuntCrossley,
     LankaraniNikravesh,
     Material,
-    SmoothedCoulomb,
     impact_depth,
     impact_duration,
     socket_stiffness,
@@ -234,36 +233,6 @@ def test_stiffness_as_the_literature_prints_it():
     s = (1.0 - STEEL.poisson**2) / (np.pi * STEEL.young)
     printed = 4.0 / (3.0 * np.pi * (s + s)) * np.sqrt(Rp * Rb / (Rb - Rp))
     assert socket_stiffness(Rp, c, STEEL, STEEL) == pytest.approx(printed, rel=1e-12)
-
-
-# --- friction ---------------------------------------------------------------------------------
-
-
-@given(st.floats(0.0, 1.0), st.floats(0.0, 1e4), st.floats(-10.0, 10.0))
-def test_friction_opposes_slip_within_coulombs_bound(mu, N, slip):
-    law = SmoothedCoulomb(mu, 1e-3)
-    T = law.tangential_force(N, slip)
-    assert T * slip <= 0.0
-    assert abs(T) <= mu * N
-    assert law.tangential_force(N, -slip) == -T
-    if abs(slip) > 0.1:
-        assert abs(T) == pytest.approx(mu * N, rel=1e-4)
-
-
-def test_a_loaded_contact_creeps():
-    law = SmoothedCoulomb(0.3, 1e-3)
-    share = 0.5
-    force = law.tangential_force(100.0, law.creep_speed * share / np.sqrt(1.0 - share**2))
-    assert force == pytest.approx(-share * 0.3 * 100.0, rel=1e-14)
-
-
-def test_friction_compiles():
-    N, slip = hy.make_vars('N', 'slip')
-    law = SmoothedCoulomb(0.3, 1e-3)
-    compiled = hy.cfunc([law.tangential_force(N, slip)], vars=[N, slip])
-    v = np.linspace(-5e-3, 5e-3, 11)
-    T = compiled(np.array([np.full(11, 50.0), v]))[0]
-    assert law.tangential_force(50.0, v) == pytest.approx(T, rel=1e-14)
 
 
 # --- oil film ---------------------------------------------------------------------------------

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 from four_bars import TURN
 from running import run_json
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 
 import mechanism_sim as ms
-from mechanism_sim.bench.hard.bodies import Floor, Thrown
+from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, Thrown
 from mechanism_sim.contact.compliant import (
     Flores,
     Hertz,
     HuntCrossley,
     LankaraniNikravesh,
+    impact_duration,
     true_restitution,
 )
 from mechanism_sim.contact.film import ShortBearing
@@ -89,6 +91,78 @@ def test_a_body_rebounds_from_a_compliant_floor_as_the_closed_form_says(law):
     assert abs(ball.audit.energy.residual) < 1e-11
     loss = 0.5 * (1.0 - true_restitution(made) ** 2)
     assert ball.audit.energy.dissipated == pytest.approx(loss, abs=1e-9)
+
+
+def test_a_disc_that_strikes_a_compliant_floor_slides_until_it_rolls():
+    """The impulse that stops its slip is spent when it is deepest: friction is known beforehand."""
+    law, mu, r = Hertz(1e9), 0.3, 0.5
+    disc = Thrown(
+        [Floor('body', 0.6, mu, r, law=law)],
+        (0.0, 0.0, r + 0.01),
+        (0.0, 3.0 * mu, -1.0),
+        gravity=(0.0, 0.0),
+        inertia=0.5 * r * r,
+    )
+    disc.until(0.02)
+    # where the force is next to nothing, so is what holds the disc: that counts as one instant
+    (touch, _), (rolls, mode), *_, (leaves, last) = ((m.t, m.mode) for m in disc.modes[1:])
+    assert (mode, last) == (Mode.STICKING, Mode.FREE_FLIGHT)
+    assert all(abs(m.t - leaves) < 1e-10 for m in disc.modes[3:])
+    duration = impact_duration(law, 1.0, 1.0)
+    assert rolls - touch == pytest.approx(0.5 * duration, rel=1e-9)
+    assert leaves - touch == pytest.approx(duration, rel=1e-9)
+    assert disc.at(0.02, 1) == pytest.approx([-2.0 * mu / r, 2.0 * mu, 1.0], abs=1e-10)
+    assert disc.audit.energy.dissipated == pytest.approx(1.5 * mu**2, abs=1e-11)
+
+
+def test_a_block_that_bounces_in_its_contact_slides_down_only_while_it_is_light():
+    """On a slope below the angle of friction, pressed by ``N = N0 (1 - 0.9 cos wt)``."""
+    K, mu, slope = 1e6, 0.5, 0.3
+    down, press = GRAVITY * np.sin(slope), GRAVITY * np.cos(slope)
+    w, depth = np.sqrt(K), press / K
+    block = Thrown(
+        [Floor('body', 1.0, mu, law=Hertz(K, 1.0))],
+        (0.0, 0.0, -0.1 * depth),
+        (0.0, 0.0, 0.0),
+        gravity=(down, -press),
+        closed=True,
+        longest=1e-3,
+    )
+    block.until(0.05)
+
+    def speed(t, since):
+        free = (down - mu * press) * (t - since)
+        return free + 0.9 * mu * press * (np.sin(w * t) - np.sin(w * since)) / w
+
+    expected, since, x = [], 0.0, 0.0
+    light = np.arccos((1.0 - down / (mu * press)) / 0.9) / w  # until then it is, about each turn
+    for k in range(1, 8):
+        centre = 2.0 * np.pi * (k - 1) / w
+        stops = brentq(speed, centre + light, centre + 2.0 * np.pi / w, (since,), xtol=1e-16)
+        x += quad(speed, since, stops, (since,), epsabs=1e-16)[0]
+        since = 2.0 * np.pi * k / w - light
+        expected += [stops, since]
+    found = [m.t for m in block.modes if 0.0 < m.t <= expected[-1] + 1e-9]
+    np.testing.assert_allclose(found, expected, atol=1e-10)
+    assert block.at(0.5 * (expected[-2] + expected[-1]), 0)[1] == pytest.approx(x, abs=1e-13)
+    assert abs(block.audit.energy.residual) < 1e-12
+
+
+def test_a_contact_that_parts_faster_than_it_presses_at_the_start_carries_no_force():
+    """Seated, the pin leaves at the rate of the links' rates: it had been pressed into nowhere."""
+    ball = Thrown(
+        [Floor('body', 0.5, law=HuntCrossley(1e9, 0.5))],
+        (0.0, 0.0, -1e-7),
+        (0.0, 0.0, 1.0),
+        gravity=(0.0, -GRAVITY),
+        closed=True,
+    )
+    ball.until(0.05)
+    assert [m.mode for m in ball.modes] == [Mode.RECOVERING, Mode.FREE_FLIGHT]
+    flight = 0.05
+    assert ball.at(flight, 0)[2] == pytest.approx(
+        -1e-7 + flight - 0.5 * GRAVITY * flight**2, abs=1e-15
+    )
 
 
 def thesis_contact(machine, K, a, end):

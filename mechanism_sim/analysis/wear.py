@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import impact_rose
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import NODES, WEIGHTS
+from mechanism_sim.hybrid.audit import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -103,8 +103,8 @@ def wear_maps(
     for first in range(0, len(closed), _BLOCK):
         segments = closed[first : first + _BLOCK]
         duration = motion.curve.duration[segments, None]
-        seen = physics.observe(motion, segments, duration * NODES)
-        weights = (duration * WEIGHTS).ravel()
+        seen = physics.observe(motion, segments, duration * SMOOTH.places.fractions)
+        weights = (duration * SMOOTH.weights).ravel()
         normal, tangential = seen.normal_force[gap], seen.friction_force[gap]
         angles, slip = _contact(record, joint, seen, play.radial, radius)
         shares = normal, normal * np.abs(slip), np.abs(tangential * slip)

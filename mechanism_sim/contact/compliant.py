@@ -1,4 +1,4 @@
-"""Compliant contact: the normal force as a law of depth and rate, and smoothed Coulomb friction.
+"""Compliant contact: the normal force as a law of depth and rate.
 
 Every law is arithmetic on what it is given: numbers, arrays (elementwise) and heyoka expressions
 all serve, for the parameters too, so that a parameter of a compiled scene may take their place.
@@ -17,8 +17,6 @@ from dataclasses import dataclass
 from math import gamma, inf, log1p, pi, sqrt
 from typing import Any, NamedTuple, TypeAlias
 
-import heyoka as hy
-import numpy as np
 
 Quantity: TypeAlias = Any
 """A number, an array, or a heyoka expression; heyoka itself is not typed."""
@@ -175,28 +173,6 @@ class Flores(CompliantLaw):
     def damping(self) -> Quantity:
         """``8 (1 - e)/(5 e)``."""
         return 1.6 * (1.0 - self.restitution) / self.restitution
-
-
-@dataclass(frozen=True)
-class SmoothedCoulomb:
-    """``T = -mu N v/sqrt(v^2 + vs^2)``: Coulomb's friction with its step at rest smoothed over vs.
-
-    The form falls off slowly on purpose: a hyperbolic tangent has no derivatives left a few vs
-    away from rest, so that a Taylor step does not see the turn of the slip and jumps over it.
-
-    Flaw: it never sticks. Under a lasting tangential load ``T = s mu N`` the contact creeps, at
-    ``vs s/sqrt(1 - s^2)``; a smaller vs creeps less and makes the equations stiffer.
-    """
-
-    friction: Quantity  #: mu
-    creep_speed: Quantity  #: vs [m/s]; the force is 0.71 mu N there, and 0.995 mu N at 10 vs
-
-    def tangential_force(self, normal_force: Quantity, slip: Quantity) -> Quantity:
-        """Force [N] on the body that slips at v [m/s] past the other, along the same tangent."""
-        ratio = slip / self.creep_speed
-        square = 1.0 + ratio * ratio
-        root = hy.sqrt(square) if isinstance(ratio, hy.expression) else np.sqrt(square)
-        return -self.friction * normal_force * (ratio / root)
 
 
 class Material(NamedTuple):

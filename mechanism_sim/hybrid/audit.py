@@ -5,7 +5,7 @@ Both are read from the finished polynomials, independently of the event loop tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,17 +13,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.events import Impact, StopReason
+from mechanism_sim.hybrid.events import Impact, Mode, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
+from mechanism_sim.numerics.polynomials import Nodes, double_exponential_nodes, gauss_nodes
 
-NODES, WEIGHTS = gauss_nodes(8)
-"""Of every step: exact to rounding where a step is a third of the radius of convergence."""
+
+
+class Rule(NamedTuple):
+    """A quadrature over a segment."""
+
+    places: Nodes
+    weights: Array  #: (K,) of the duration
+
+    def of(self, values: Array, duration: Array) -> Array:
+        """Integrals (m,) over segments that last so long (m,), of values (m K,)."""
+        found: Array = duration * (values.reshape(-1, len(self.weights)) @ self.weights)
+        return found
+
+
+def _rule(nodes: Array, weights: Array) -> Rule:
+    return Rule(Nodes(tuple(nodes.tolist())), weights)
+
+
+SMOOTH = _rule(*gauss_nodes(8))
+"""Exact to rounding where a step is a third of the radius of convergence."""
+
+RECOVERY = _rule(*double_exponential_nodes(20))
+"""What a contact without force loses while it recovers is a power of its depth: it has no series
+at the end, and no step is the shorter for it."""
 
 _DENSE = np.linspace(0.0, 1.0, 17)
-_PLACES, _DENSE_PLACES = Nodes(tuple(NODES.tolist())), Nodes(tuple(_DENSE.tolist()))
+_DENSE_PLACES = Nodes(tuple(_DENSE.tolist()))
 _BLOCK = 512  # segments at once, so that they stay in a processor's cache
 _OPEN_BLOCK = 128  # the same where every segment is sampled densely
 _ROUNDING = 1e-14  # [m] deeper than what is measured already: not worth a closer look
@@ -131,15 +153,17 @@ class Audit:
 
     def _enter(self, motion: Motion, segments: NDArray[np.intp], work: Work) -> None:
         """Enter some of the segments, and their shares in `work`."""
-        account = self._physics.account(motion, segments, _PLACES)
-        self.max_closure_error = max(self.max_closure_error, account.closure_error)
-        if self._physics.has_forces:
-            duration = motion.curve.duration[segments]
+        for rule, which in rules(motion, segments):
+            own = segments[which]
+            account = self._physics.account(motion, own, rule.places)
+            self.max_closure_error = max(self.max_closure_error, account.closure_error)
+            if not self._physics.has_forces:
+                continue
             for share, power in zip(
                 work, (account.drive_power, account.friction_power), strict=True
             ):
-                share[segments] = duration * (power.reshape(-1, len(NODES)) @ WEIGHTS)
-            force = account.normal_force[motion.closed_at(segments, _PLACES)]
+                share[own] = rule.of(power, motion.curve.duration[own])
+            force = account.normal_force[motion.closed_at(own, rule.places)]
             self.min_normal_force = min(self.min_normal_force, float(force.min(initial=np.inf)))
             self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
 
@@ -176,6 +200,16 @@ class Audit:
             dt = motion.curve.duration[segments, None] * places
             low = min(low, float(self._physics.open_gaps(motion, segments, dt).min()))
         self.max_penetration = max(self.max_penetration, -low)
+
+
+def rules(
+    motion: Motion, segments: NDArray[np.intp]
+) -> Iterator[tuple[Rule, NDArray[np.intp]]]:
+    """Quadratures, and which of the segments each is for."""
+    recovers = (motion.modes[segments] == Mode.RECOVERING).any(axis=1)
+    for rule, which in ((SMOOTH, ~recovers), (RECOVERY, recovers)):
+        if which.any():
+            yield rule, np.flatnonzero(which)
 
 
 def _vertices(samples: Array) -> Array:

@@ -50,6 +50,7 @@ _SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loa
 _INDEPENDENT = (
     1e-8  # least singular value of contacts, each of compliance 1, that are no repetition
 )
+_BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same instant
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 
@@ -219,13 +220,14 @@ class Contacts:
         if self.switches:
             self.set_switches()
             self.pass_edges()
-        modes = [int(Mode.FOLLOWING if shut else Mode.FREE_FLIGHT) for shut in closed]
-        if any(closed) and self._system.frictional and not self._system.compliant:
+        if any(closed):
             terms = self._terms()
-            for i, shut in enumerate(closed):
-                if shut and self._laws[i].friction:
-                    modes[i] = int(_SLIDING[self._slip(terms, i)])
-        self.set_modes(tuple(modes))
+            self.set_modes(
+                tuple(
+                    int(self._mode_of_closed(terms, i) if shut else Mode.FREE_FLIGHT)
+                    for i, shut in enumerate(closed)
+                )
+            )
         if any(closed) and self._system.compliant:
             self._seat()
         if any(closed) or self._system.relations:
@@ -238,7 +240,10 @@ class Contacts:
 
     def settle(self) -> None:
         """Resolve the gaps that touch without an event having said so."""
-        if not self.modes or self._system.compliant:
+        if not self.modes:
+            return
+        if self._system.compliant:
+            self._respond_to_fallen()
             return
         terms = self._terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
@@ -256,11 +261,14 @@ class Contacts:
         elif len(self._floor) == len(self.modes):
             return
         if len(self._floor) > 1:
-            for _ in self._floor:
-                other = self.fallen()
-                if other is None:
-                    break
-                self._respond(self._system.guards[other])
+            self._respond_to_fallen()
+
+    def _respond_to_fallen(self) -> None:
+        for _ in self._floor:
+            guard = self.fallen()
+            if guard is None:
+                break
+            self._respond(self._system.guards[guard])
 
     def _respond(self, guard: Guard) -> None:
         gap, before = guard.gap, self.modes
@@ -279,7 +287,13 @@ class Contacts:
                 else:
                     self.project()
         elif self._system.compliant:
-            self._touch(gap)
+            if not guard.friction or self._leaves(gap):
+                self._touch(gap)
+            elif self.modes[gap] == Mode.STICKING:
+                self._change(gap, _SLIDING[-guard.friction])
+            else:
+                self._change(gap, Mode.STICKING)
+                self.project()
         elif not guard.friction:
             if not self.closed(gap):
                 self._collide(gap)
@@ -320,19 +334,27 @@ class Contacts:
             fell = seen[0] <= 0.0 and (modes[0] > 1 or seen[1] < 0.0)  # 1: free flight
             return 0 if fell and seen_now is None else None
         count = len(self._floor)
+        margin = 0.0 if seen_now is None else self._touching
+        if self._system.compliant:  # both factors of its guard may have fallen in one step
+            for i, value in enumerate(seen[count + len(modes) : count + 2 * len(modes)]):
+                if modes[i] > 1 and value > margin and i != seen_now:
+                    return i
         if min(seen[:count]) > 0.0:
             return None
-        margin = 0.0 if seen_now is None else self._touching
         for i, (x, floor) in enumerate(zip(seen, self._floor, strict=False)):
             if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
                     return i
-            elif x <= floor and seen_now is None:
-                return i
+            elif x <= (floor if seen_now is None else _BEYOND * (floor - margin)):
+                if i != seen_now:
+                    return i
         return None
 
     def _seat(self) -> None:
-        """Let compliant contacts that the start presses be damped as their load asks for."""
+        """Let compliant contacts that the start presses be damped as their load asks for.
+
+        Those that part faster than they press recover.
+        """
         terms, speeds = self._terms(), list(self.approach)
         for i, (gap, value) in enumerate(zip(self._system.gaps, terms.value, strict=True)):
             if self.closed(i) and gap.law is not None:
@@ -340,6 +362,13 @@ class Contacts:
                 speed = gap.law.loading_speed(depth, 1.0 / terms.compliance[i][i])
                 speeds[i] = max(speed, self._slowest)
         self.set_modes(self.modes, tuple(speeds))
+        relief = self._terms().relief
+        self.set_modes(
+            tuple(
+                int(Mode.RECOVERING) if self.closed(i) and relief[i] < 0.0 else mode
+                for i, mode in enumerate(self.modes)
+            )
+        )
 
     def _touch(self, gap: int) -> None:
         """A compliant contact begins, or ends: a hair beyond zero, at the speed it has.
@@ -356,20 +385,28 @@ class Contacts:
             depth = -float(joint.distance(np.array(terms.value[gap])))
             change = law.damping * abs(terms.acceleration[gap])
             if depth > INSIDE and abs(terms.relief[gap] * terms.rate[gap]) < depth * change:
-                presses = self.modes[gap] == Mode.FOLLOWING
-                self._change(gap, Mode.RECOVERING if presses else Mode.FOLLOWING)
+                recovers = self.modes[gap] == Mode.RECOVERING
+                self._change(
+                    gap, self._mode_of_closed(terms, gap) if recovers else Mode.RECOVERING
+                )
                 return
         else:
             mass = 1.0 / terms.compliance[gap][gap]
             load = max(0.0, -terms.acceleration[gap] * mass)
             own, rate = law.loading_speed(law.resting_depth(load), mass), -terms.rate[gap]
             speeds[gap] = max(rate if rate > _SET_DOWN * own else own, self._slowest)
-        mode = int(Mode.FREE_FLIGHT if opens else Mode.FOLLOWING)
+        mode = int(Mode.FREE_FLIGHT if opens else self._mode_of_closed(terms, gap))
         self.set_modes((*self.modes[:gap], mode, *self.modes[gap + 1 :]), tuple(speeds))
         target = self._rounding if opens else -INSIDE
         shift = (target - terms.value[gap]) / terms.compliance[gap][gap]
         for k, w in enumerate(terms.response[gap]):
             self._state[k] += w * shift
+
+    def _leaves(self, gap: int) -> bool:
+        """Whether a compliant contact is about to open: its force, and its friction, is nothing."""
+        terms = self._terms()
+        depth = -float(self._system.gaps[gap].distance(np.array(terms.value[gap])))
+        return depth <= INSIDE and terms.rate[gap] > 0.0
 
     def _change(self, gap: int, mode: Mode) -> None:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
@@ -657,6 +694,10 @@ class Contacts:
         speed = terms.rate[len(self.modes) + gap]
         limit = self._still if still is None else still
         return 0 if abs(speed) <= limit else int(math.copysign(1.0, speed))
+
+    def _mode_of_closed(self, terms: ContactTerms, gap: int) -> Mode:
+        """Of a gap that is closed from now on."""
+        return _SLIDING[self._slip(terms, gap)] if self._laws[gap].friction else Mode.FOLLOWING
 
     def _press(
         self, terms: ContactTerms, resting: list[int], given: Mapping[int, int]

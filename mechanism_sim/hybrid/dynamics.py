@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import heyoka as hy
 
-from mechanism_sim.contact.compliant import SmoothedCoulomb
 from mechanism_sim.numerics.symbolic import (
     Matrix,
     Term,
@@ -119,8 +118,8 @@ class Dynamics:
         self.active: Vector = [*self.closed]
         if self.frictional:
             self.active += [self.sticks.get(i, hy.expression(0.0)) for i in range(len(gaps))]
-        if self.compliant:  # nothing is kept closed
-            self.active = [hy.expression(0.0)] * len(self.active)
+        if self.compliant:  # no gap is kept closed
+            self.active[: len(gaps)] = [hy.expression(0.0)] * len(gaps)
         self._gaps = tuple(gaps)
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
         self._pushes = generalised(self.loads, eq.frames, mechanism)
@@ -286,16 +285,12 @@ class Dynamics:
         )  # fmt: skip
         if not m:
             return Solved(a, [], [], closing)
-        if self.compliant:
-            N, T = self._pushed()
-            a = self._with(a, self.response, [*N, *(T if self.frictional else [])])
-            factors = [*N, *(T if self.frictional else [])]
-            closing = self._with(closing, self._closing, factors) if self.relation else []
-            return Solved(a, N, T, closing)
         b = self._second_derivatives(a, stabilised)
         pressed = [neg(mul(s, x)) for s, x in zip(self.closed, b, strict=False)]
         friction: Vector = [None] * m
-        if not self.frictional:
+        if self.compliant:
+            N, friction = self._pushed(b[m:])
+        elif not self.frictional:
             N = solve_symmetric(self._kept(range(m), range(m)), [pressed])[0]
         else:
             N, stuck = self._pressed(pressed, b[m:])
@@ -381,22 +376,27 @@ class Dynamics:
         sign = 2.0 * self.presses[i] - 1.0
         return self.compressed(i)[0] * ((self.margin + sign * self.relief(i)) / self.approach[i])
 
-    def _pushed(self) -> tuple[Vector, Vector]:
-        """Forces of compliant contacts along their rows."""
+    def _pushed(self, tangential: Vector) -> tuple[Vector, Vector]:
+        """Forces of compliant contacts along their rows, and friction: known where they slide."""
+        m = len(self.normal)
         N: Vector = []
-        T: Vector = []
-        for i, push in enumerate(self.laws):
-            if push is None:
+        T: Vector = [None] * m
+        for i, law in enumerate(self.laws):
+            if law is None:
                 raise ValueError('a compliant contact has a law')
             depth, rate, stretch = self.compressed(i)
-            force = push.normal_force(depth, rate, self.approach[i])
+            force = law.normal_force(depth, rate, self.approach[i])
             force = self.closed[i] * (self.presses[i] * force)
             N.append(force / stretch)
-            if i in self.tangent:
-                law = SmoothedCoulomb(self.friction[i], self._gaps[i].creep_speed)
-                T.append(law.tangential_force(force, self.tangent[i].rate))
-            else:
-                T.append(None)
+            if i in self.slips:
+                T[i] = neg(mul(self.slips[i], mul(self.mu[i], force)))
+        if self.frictional:
+            held = [m + i for i in self.frictional]
+            left = [add(tangential[r - m], dot(self.compliance[r], [*N, *T])) for r in held]
+            right = [neg(mul(self.active[r], x)) for r, x in zip(held, left, strict=True)]
+            stuck = solve_symmetric(self._kept(held, held), [right])[0]
+            for i, force in zip(self.frictional, stuck, strict=True):
+                T[i] = add(T[i], force)
         return N, T
 
     @property

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.audit import NODES, WEIGHTS, Work
+from mechanism_sim.hybrid.audit import Work, rules
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
@@ -63,13 +63,13 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
 
 def _work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
     """The same from the start of segment k to `dt` later (N,), by quadrature."""
-    account = physics.account(motion, k, dt[:, None] * NODES)
-    return Work(
-        *(
-            np.asarray(dt * (power.reshape(-1, len(NODES)) @ WEIGHTS))
-            for power in (account.drive_power, account.friction_power)
-        )
-    )
+    work = Work(np.zeros(len(k)), np.zeros(len(k)))
+    for rule, which in rules(motion, k):
+        dt_all = dt[which, None] * rule.places.fractions
+        account = physics.account(motion, k[which], dt_all)
+        for share, power in zip(work, (account.drive_power, account.friction_power), strict=True):
+            share[which] = rule.of(power, dt[which])
+    return work
 
 
 def table(physics: Physics, s: Samples) -> dict[str, Array]:

@@ -157,8 +157,7 @@ class System:
         }
         d = self.dynamics
         self.guards = [Guard(i, 0) for i in range(len(gaps))]
-        if not d.compliant:
-            self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
+        self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
         frames = self.equations.frames
         self.switches = list(frames.switches.values())
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
@@ -218,7 +217,7 @@ class System:
             [float(m > Mode.FREE_FLIGHT) for m in modes],
             [float(modes[i] == Mode.STICKING) for i in self.dynamics.frictional],
             [sign.get(Mode(modes[i]), 0.0) for i in self.dynamics.frictional],
-            [float(m == Mode.FOLLOWING) for m in modes if self.compliant],
+            [float(Mode.FREE_FLIGHT < m < Mode.RECOVERING) for m in modes if self.compliant],
         )
 
     def integrator(
@@ -285,13 +284,17 @@ class System:
                 continue
             # off the cone of friction while sticking; while sliding until it ends
             z, mu = d.sticks[gap], d.mu[gap]
-            cone = (HOLD * mu) * solved.N[gap] - friction * solved.T[gap]
+            push = mul(solved.N[gap], d.compressed(gap)[2]) if d.compliant else solved.N[gap]
+            cone = (HOLD * mu) * dense(push) - friction * solved.T[gap]
             inside = z * (FORCE_SCALE * cone)
-            sign, margin = d.slips[gap], d.jam_margin
+            sign = d.slips[gap]
             idle = 1.0 - z - sign * sign
             if friction > 0:
                 idle = idle + sign * (SLIP_SCALE * dense(d.tangent[gap].rate))
+            elif d.compliant:  # its normal force is known: nothing jams
+                idle = idle + sign * sign
             else:
+                margin = dense(d.jam_margin)
                 least = JAMMED_ROUGH if d.friction[gap] == ROUGH else JAMMED
                 idle = idle + sign * sign * (JAM_SCALE * (margin * margin - least * least))
             result.append(inside + idle + TINY)
@@ -361,13 +364,12 @@ class System:
     def watch(self) -> hy.cfunc_dbl:
         """What is to be watched, at free coordinates, rates, parameters, time.
 
-        The guards, the rates of the gaps, the places of the switches.
+        The guards, the rates of the gaps, of compliant contacts their values, the places of the
+        switches.
         """
-        rates, places = (
-            (jet.rate for jet in self.dynamics.normal),
-            (s.place for s in self.switches),
-        )
-        return self._on_now([*self._guards, *rates, *places])
+        d, places = self.dynamics, (s.place for s in self.switches)
+        values = (jet.value for jet in d.normal if d.compliant)
+        return self._on_now([*self._guards, *(jet.rate for jet in d.normal), *values, *places])
 
     @cached_property
     def accelerations(self) -> hy.cfunc_dbl:
@@ -378,19 +380,18 @@ class System:
     def contact_function(self) -> hy.cfunc_dbl:
         """Terms of the gaps, to be read by `contact_terms`; of the same vector as `watch`."""
         d, rows = self.dynamics, self.dynamics.rows
-        return self._on_now(
-            [
-                *(jet.value for jet in d.normal),
-                *(jet.rate for jet in rows),
-                *d.free_acceleration,
-                *d.acceleration,
-                *(x for W in d.response for x in W),
-                *(x for row in d.compliance for x in row),
-                *(x for row in d.drive_response for x in row),
-                *self._normal_angles,
-                *(d.relief(i) for i in range(len(self.gaps) if d.compliant else 0)),
-            ]
-        )
+        terms = [
+            *(jet.value for jet in d.normal),
+            *(jet.rate for jet in rows),
+            *d.free_acceleration,
+            *d.acceleration,
+            *(x for W in d.response for x in W),
+            *(x for row in d.compliance for x in row),
+            *(x for row in d.drive_response for x in row),
+            *self._normal_angles,
+            *(d.relief(i) for i in range(len(self.gaps) if d.compliant else 0)),
+        ]
+        return self._on_now(self._unpulled(terms))
 
     @property
     def _normal_angles(self) -> list[Term]:
@@ -517,6 +518,16 @@ class System:
             'normal_angle': self._normal_angles,
         }
 
+    def _unpulled(self, terms: Sequence[Term]) -> list[hy.expression]:
+        """The terms for states that may be a rounding beyond the depth zero of a contact.
+
+        No power of a negative number is real; where a series is wanted, there is no such clip.
+        """
+        depths = (dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps)))
+        clip = {x: hy.relu(x) for x in depths if self.compliant}
+        found = [dense(x) for x in terms]
+        return list(hy.subs(found, clip)) if clip else found
+
     def _compiled(self, names: Sequence[str]) -> Known:
         """These terms as a function of what `_inputs` makes."""
         eq, d = self.equations, self.dynamics
@@ -530,9 +541,9 @@ class System:
             replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
-        groups = [self._terms[name] for name in names]
+        groups = [self._unpulled(self._terms[name]) for name in names]
         if replace:
-            groups = [list(hy.subs([dense(x) for x in group], replace)) for group in groups]
+            groups = [list(hy.subs(group, replace)) for group in groups]
         frames = eq.frames
         symbols = [*frames.q.values(), *frames.v.values()]
         prescribed = [frames.a[c] for c in self.prescribed]
@@ -653,7 +664,7 @@ class System:
             flags += [frictional == Mode.STICKING, forward * 1.0 - backward]
         if self.compliant:
             flags.append(np.ones_like(modes, float) if approach is None else approach)
-            flags.append(modes == Mode.FOLLOWING)
+            flags.append((modes > Mode.FREE_FLIGHT) & (modes < Mode.RECOVERING))
         given = np.zeros((len(self.outside), count)) if outside is None else outside
         rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, given)
         return np.concatenate(rows), torque

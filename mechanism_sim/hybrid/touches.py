@@ -10,7 +10,8 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebroots, chebval
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.audit import RECOVERY
+from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.hybrid.tape import Motion
@@ -127,6 +128,11 @@ class Touches:
         )
         series = chebyshev_coefficients(np.array([force, friction, loss]))
         p, q, lost = motion.curve.duration[segments] * (series @ _WEIGHTS)
+        recovers = np.flatnonzero(motion.modes[segments, gap] == Mode.RECOVERING)
+        if len(recovers):
+            own = segments[recovers]
+            seen = self._physics.touch(motion, own, RECOVERY.places)
+            lost[recovers] = RECOVERY.of(seen.loss[gap], motion.curve.duration[own])
         return np.array([p, q, lost, _peaks(series[0])])
 
 

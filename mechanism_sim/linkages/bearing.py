@@ -36,7 +36,6 @@ class BearingClearance:
     hypothesis: str = 'newton'
     pin_radius: float = 0.0  #: [m]
     law: ForceLaw | None = None
-    creep_speed: float = 1e-3  #: [m/s]
 
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""

@@ -41,7 +41,6 @@ class GuideClearance:
     friction: float = 0.0
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
-    creep_speed: float = 1e-3  #: [m/s]
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""

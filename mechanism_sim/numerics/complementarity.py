@@ -129,6 +129,12 @@ def solve_frictional_lcp(
     matrix, vector = np.array(A, dtype=float), np.array(b, dtype=float)
     slip = [0] * m if slip is None else slip
     least = [0.0] * (2 * m) if least is None else least
+    if not any(friction):
+        p, normals = np.array(least[:m], dtype=float), matrix[:m, :m]
+        p += solve_lcp(normals.tolist(), (normals @ p + vector[:m]).tolist())
+        x = np.concatenate([p, np.zeros(m)])
+        wt = (matrix @ x + vector)[m:]
+        return x.tolist(), [_grip(_SMOOTH, p[i], 0.0, wt[i]) for i in range(m)]
     menus = [_states(friction[i], slip[i], least[i], abs(least[m + i])) for i in range(m)]
     tries = sorted(product(*menus), key=_preference)
     for rtol in (1e-12, 1e-8):
@@ -149,6 +155,9 @@ class _State(NamedTuple):
     pressed: bool  # loaded beyond its least, so that wn = 0
     hold: tuple[float, float]  # if it sticks, |q| is at most the first times p plus the second
     direction: int  # sign that wt must have, 0 for any
+
+
+_SMOOTH = _State(None, (1.0, 0.0), 0.0, True, (0.0, 0.0), 0)
 
 
 def _states(mu: float, slip: int | None, p: float, q: float) -> list[_State]:

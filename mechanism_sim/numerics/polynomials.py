@@ -186,6 +186,16 @@ def gauss_nodes(count: int) -> tuple[Array, Array]:
     return np.asarray(0.5 * (x + 1.0)), np.asarray(0.5 * w)
 
 
+def double_exponential_nodes(count: int) -> tuple[Array, Array]:
+    """Nodes and weights on [0, 1], each (2 count + 1,), for powers that vanish at an end.
+
+    Takahasi and Mori (1974): the trapezoidal rule after ``2 x - 1 = tanh(pi/2 sinh s)``.
+    """
+    s = np.linspace(-3.0, 3.0, 2 * count + 1)
+    slope = 0.25 * np.pi * np.cosh(s) / np.cosh(0.5 * np.pi * np.sinh(s)) ** 2
+    return np.asarray(0.5 * (1.0 + np.tanh(0.5 * np.pi * np.sinh(s)))), slope * 3.0 / count
+
+
 @lru_cache
 def _chebyshev_matrices(count: int) -> tuple[Array, Array]:
     """From values at the nodes of [0, 1] to Chebyshev coefficients, and from these to powers.

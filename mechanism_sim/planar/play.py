@@ -33,7 +33,6 @@ class Wall:
     friction: float = 0.0
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
-    creep_speed: float = 1e-3  #: [m/s]
 
     @property
     def name(self) -> str:

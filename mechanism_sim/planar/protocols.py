@@ -125,10 +125,6 @@ class Gap(Protocol):
     def law(self) -> ForceLaw | None:
         """Law of a compliant contact; ``None`` for a rigid one."""
 
-    @property
-    def creep_speed(self) -> float:
-        """Speed [m/s] of sliding at which friction of a compliant contact is nearly Coulomb's."""
-
     def stretch(self, value: Term) -> Term:
         """Derivative of the value by the distance, at a value that may be negative."""
 

@@ -30,11 +30,10 @@ def gaps_and_films(
         elif film:
             films.append(FilmBearing(name, mechanism, film))
         else:
-            creep = c.contact.creep_speed if c.contact else 1.0
             gaps.append(
                 BearingClearance(
                     name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
-                    c.pin_radius, force_law(c), creep,
+                    c.pin_radius, force_law(c),
                 )
             )  # fmt: skip
     return gaps, films

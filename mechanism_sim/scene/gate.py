@@ -17,8 +17,11 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.linkages.nominal import NominalRun
+from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.motion_notes import between
 
 if TYPE_CHECKING:
@@ -30,6 +33,12 @@ _PACE = 2.0 * TURN
 
 _MOST = 16
 """Turns from the start that are tried of a machine that need not come back after one."""
+
+_STEP = 0.05
+"""[rad], or sizes of the machine, after which it is tried whether loops can still be closed."""
+
+_STEPS = 400
+"""So often at most."""
 
 Way = tuple[float, float]
 """Least and greatest value of a coordinate [rad, m]."""
@@ -77,6 +86,9 @@ def check_way(machine: Machine, duration: float) -> None:
         At which place of the drive it stops, and what to do.
     """
     if machine.torque_driven:
+        if machine.plan.prescribed and not machine.ways:
+            machine.ways.add(duration)
+            _try_loops(machine, duration)
         return
     plan, tried = machine.plan, machine.ways
     moving = {c: w for c in plan.prescribed if (w := way_of(plan.laws[c], duration))[0] < w[1]}
@@ -153,6 +165,35 @@ def _try_together(machine: Machine, duration: float) -> None:
     for later in (law for each in laws for law in each[1:]):
         run.change_law(later)
     _advance(machine, run, min(duration, _MOST * machine.period))
+
+
+def _try_loops(machine: Machine, duration: float) -> None:
+    """Whether loops without clearance can close along the drives, wherever the other links go."""
+    mechanism, laws = machine.mechanism, machine.plan.laws
+    firm = [joint for joint in mechanism.cut if joint not in machine.clearances]
+    prescribed = machine.plan.prescribed
+    loops = Kinematics(mechanism, closures(mechanism, firm), prescribed)
+    if not loops.rows:
+        return
+    known = dict(zip(machine.system.free, machine.initial_state().q, strict=True))
+    q = np.array([[known.get(c, 0.0)] for c in mechanism.coordinates])
+    ways = [way_of(laws[c], duration) for c in prescribed]
+    scale = loops.scale[loops.held]
+    count = math.ceil(sum((high - low) / (_STEP * x) for (low, high), x in zip(ways, scale)))  # noqa: B905
+    for k in range(min(count, _STEPS) + 1):
+        t = duration * k / max(count, 1)
+        law = [next(x for x in reversed(laws[c]) if x.valid_from <= t) for c in prescribed]
+        q[loops.held, 0] = [_value(x, t) for x in law]
+        q, left = loops.positions(q)
+        if not left[0]:
+            continue
+        try:
+            q = closed_near(machine.name, loops, q[:, 0])[:, None]
+        except InputError as error:
+            raise InputError(
+                f'{machine.name}: the machine cannot follow its drive beyond t = {t:.6g} s: {error}; '
+                "change the lengths, or keep the drive within limits by a 'profile' and 'duration'"
+            ) from error
 
 
 def _advance(machine: Machine, run: NominalRun, duration: float) -> None:

@@ -119,9 +119,10 @@ def _places(machine: Machine, near: Array, held: Sequence[str], given: Values) -
             targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
     try:
         return closed_near(machine.name, every, guess, targets)
-    except InputError:
+    except InputError as error:
         if not given:
-            raise
+            centred = "; or write 'start: centred'" if targets.any() else ''
+            raise InputError(f'{error}{centred}') from error
     soft = np.array([row in machine.clearances for row in every.rows])
     play = [machine.clearances[row].radial if row in machine.clearances else 0.0
             for row in every.rows]  # fmt: skip

@@ -77,8 +77,6 @@ class Contact(Part):
     """In N/m^exponent; required but for a film."""
     exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
     """Of the depth."""
-    creep_speed: Annotated[float, si('m/s'), POSITIVE] = 1e-3
-    """Over which the step of friction at rest is smoothed."""
     viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None
     """Of the oil; required for a film."""
     width: Length | None = None

@@ -22,7 +22,7 @@ from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
-from mechanism_sim.scene.simulate import simulate
+from mechanism_sim.scene.simulate import run_length, simulate
 
 Random = np.random.Generator
 
@@ -123,6 +123,7 @@ def run_case(case: GridCase) -> Outcome:
         draft = case.draft()
         try:
             machine = build(name, check_scene(name, draft.scene))
+            run_length(machine, draft.revolutions, draft.duration)
         except InputError as error:
             if not any(re.search(text, str(error)) for text in case.family.refusals):
                 raise _Failure('refused', str(error)) from error

@@ -23,7 +23,10 @@ SOFT = (
     (1.0, (6.0, 10.0)), (1.2, (6.0, 10.0)), (1.5, (6.5, 10.0)), (1.5, (7.0, 10.0)),
     (2.0, (8.5, 10.0)), (3.0, (11.0, 13.0)),
 )  # fmt: skip
-NOT_PRESSED = ('no force presses',)
+NOT_SEATED = ('no force presses', "or write 'start: centred'")
+
+
+_WHIRLS = 1000
 
 
 def pick(random: Random, values: Sequence[Any]) -> Any:
@@ -102,11 +105,13 @@ def with_drive(random: Random, found: Scene, kind: str, **how: Any) -> Draft:
     return Draft(variant('four_bar_clearance', found | {'drive': keys}), **extent)
 
 
-def clearance(random: Random, friction: bool = False, finest: float = -6.0) -> Scene:
-    """A rigid clearance: restitution, hypothesis, 1 um to 2 mm of play, friction."""
+def clearance(
+    random: Random, friction: bool = False, finest: float = -6.0, most: float = 1.0
+) -> Scene:
+    """A rigid clearance: restitution up to `most`, hypothesis, 1 um to 2 mm of play, friction."""
     keys: Scene = {
         'radial': pick(random, (10.0**finest, 2e-3, *[decades(random, finest, -2.7)] * 4)),
-        'restitution': pick(random, RESTITUTIONS),
+        'restitution': min(most, pick(random, RESTITUTIONS)),
         'hypothesis': pick(random, RIGID),
     }
     if keys['restitution'] == 1.0:  # it bounces for ever, the more often the less play there is
@@ -161,14 +166,32 @@ def _rigid(random: Random, k: int) -> Draft:
 def _frictional(random: Random, k: int) -> Draft:
     joint, kind = JOINTS[k // 6 % 4], DRIVES[k % 6]
     found = base(random) | _cleared({joint: clearance(random, friction=True)})
-    return with_drive(random, found, kind)
+    return _whirling(with_drive(random, found, kind))
+
+
+def _whirling(draft: Draft) -> Draft:
+    """No longer than a pin that rolls round its bushing, held there by friction, takes for a while.
+
+    It whirls ``R/c`` times as fast as the links turn, R being the radius of the pin.
+    """
+    plays = [joint['clearance'] for joint in draft.scene['joints'].values()]
+    pins = [p['radial'] / max(p['pin_radius'], 1e-9) for p in plays if 'friction' in p]
+    turns = _WHIRLS * min(pins, default=math.inf)
+    if draft.revolutions is not None:
+        return draft._replace(revolutions=min(draft.revolutions, turns))
+    drive = draft.scene['drive']
+    speeds = [rate for _, rate in drive.get('profile', {}).get('points', [])]
+    fastest = max(map(abs, [*speeds, drive.get('speed', 0.0), 1.0]))
+    duration = min(draft.duration or math.inf, 2.0 * math.pi / fastest * turns)
+    return draft._replace(duration=duration)
 
 
 def _several(random: Random, k: int) -> Draft:
     loose = ((0, 1), (1, 2), (2, 3), (0, 2), (1, 2, 3), (0, 1, 2, 3))[k // 4 % 6]
     kind, friction = DRIVES[0 if k % 4 < 3 else 3], k % 2 == 1
-    play = {JOINTS[i]: clearance(random, friction, finest=-5.0) for i in loose}
-    return with_drive(random, base(random) | _cleared(play), kind, speeds=(0.3, 1.9))
+    # among others that rest, one without loss bounces for ever, however low
+    play = {JOINTS[i]: clearance(random, friction, finest=-5.0, most=0.95) for i in loose}
+    return _whirling(with_drive(random, base(random) | _cleared(play), kind, speeds=(0.3, 1.9)))
 
 
 def _soft(random: Random, k: int) -> Draft:
@@ -224,11 +247,11 @@ def _metres(value: float | str) -> float:
 
 FAMILIES = (
     Family('four_bar_ideal', 60, _ideal, (), 6),
-    Family('four_bar_rigid', 168, _rigid, NOT_PRESSED, 24),
-    Family('four_bar_friction', 168, _frictional, NOT_PRESSED, 24),
-    Family('four_bar_joints', 72, _several, NOT_PRESSED, 24),
-    Family('four_bar_compliant', 144, _soft, NOT_PRESSED),
-    Family('four_bar_compliant_joints', 24, _soft_several, NOT_PRESSED),
-    Family('four_bar_film', 24, _film, NOT_PRESSED, 12),
+    Family('four_bar_rigid', 168, _rigid, NOT_SEATED, 24),
+    Family('four_bar_friction', 168, _frictional, NOT_SEATED, 24),
+    Family('four_bar_joints', 72, _several, NOT_SEATED, 24),
+    Family('four_bar_compliant', 144, _soft, NOT_SEATED),
+    Family('four_bar_compliant_joints', 24, _soft_several, NOT_SEATED),
+    Family('four_bar_film', 24, _film, NOT_SEATED, 12),
     Family('four_bar_placed', 36, _placed, (), 6),
 )

@@ -28,7 +28,7 @@ _SLACK = 1e-9  # of the largest term: rounding of an inequality
 
 def confirmed(machine: Machine, error: RunError) -> bool:
     """Whether no mode of contact is consistent where a run ended because contacts jam."""
-    said = re.search(r'at t = ([-+.\de]+) s.*jam', str(error))
+    said = re.search(r'jams .* at t = ([-+.\de]+) s', str(error))
     if not said or not machine.dynamic:
         return False
     run = machine.start()

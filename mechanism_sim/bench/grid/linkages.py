@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned
-from mechanism_sim.bench.grid.four_bars import NOT_PRESSED, clearance
+from mechanism_sim.bench.grid.four_bars import NOT_SEATED, clearance
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.linkage_plan import linkage_plan
@@ -260,5 +260,5 @@ def _timed(scene: Scene) -> Draft:
 FAMILIES = (
     Family('linkage', 48, _prescribed_or_free, REFUSED),
     Family('linkage_gears', 24, _with_gears, REFUSED),
-    Family('linkage_loose', 36, _loose, (*REFUSED, *NOT_PRESSED)),
+    Family('linkage_loose', 36, _loose, (*REFUSED, *NOT_SEATED)),
 )

@@ -8,7 +8,7 @@ from typing import Any
 from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
 from mechanism_sim.bench.grid.four_bars import (
     LAWS,
-    NOT_PRESSED,
+    NOT_SEATED,
     RESTITUTIONS,
     clearance,
     decades,
@@ -151,7 +151,7 @@ FAMILIES = (
     Family('geneva', 36, _geneva),
     Family('rack', 15, _rack),
     Family('slot', 40, _slot, (), 20),
-    Family('loads', 30, _loads, NOT_PRESSED),
-    Family('loose', 60, _loose, NOT_PRESSED),
+    Family('loads', 30, _loads, NOT_SEATED),
+    Family('loose', 60, _loose, NOT_SEATED),
     Family('package', 2 * len(SHOWN), _package),
 )

@@ -57,7 +57,6 @@ class Floor:
     hypothesis: str = 'newton'
     name: str = 'floor'
     law: ForceLaw | None = None
-    creep_speed: float = 1e-3  #: [m/s]
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""
