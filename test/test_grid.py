@@ -8,9 +8,12 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.bench.grid import FAMILIES, Family, GridCase, grid, run_case
 from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
-from mechanism_sim.bench.grid.jams import jams, solutions
+from mechanism_sim.bench.grid import jams as jams_module
+from mechanism_sim.bench.grid.jams import confirmed, jams, solutions
+from mechanism_sim.bench.grid.run import write_scenes
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.contacts import Contacts
 
 # of each family so many neighbours, whose equations have one structure: little is compiled
 SAMPLE = {
@@ -70,6 +73,34 @@ def judged(draft, refusals=()):
         return draft
 
     return run_case(GridCase(Family('mine', 1, make, refusals), 0, 0))
+
+
+def test_every_scene_of_the_grid_can_be_written(tmp_path):
+    cases = [case for f in FAMILIES for case in grid(only=[f.name])[:: max(1, f.count // 4)]]
+    write_scenes(cases, tmp_path)
+    for case in cases:
+        assert yaml.safe_load((tmp_path / f'{case.name}.yaml').read_text()) == case.draft().scene
+
+
+def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
+    """The run is told that nothing keeps the contact; the second route finds what does."""
+    machine = ms.load_scene('four_bar_clearance', {
+        'joints.coupler_rocker.clearance.friction': 0.3,
+    })  # fmt: skip
+
+    def fails(*_):
+        raise ArithmeticError
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Contacts, '_press', fails)
+        patched.setattr(Contacts, '_shock', fails)
+        with pytest.raises(RunError, match='friction jams coupler_rocker at t = .* crank at'):
+            ms.simulate(machine, revolutions=2.0)
+        with pytest.raises(RunError) as ended:
+            ms.simulate(machine, revolutions=2.0)
+    assert not confirmed(machine, ended.value)
+    monkeypatch.setattr(jams_module, 'solutions', lambda *_: iter(()))
+    assert confirmed(machine, ended.value)
 
 
 def test_what_goes_wrong_is_told_apart(monkeypatch):

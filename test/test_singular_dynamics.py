@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,109 @@ def test_a_parallelogram_moved_by_a_torque_goes_through_its_change_points(angle,
     assert end['velocity.crank'][0] == pytest.approx(exact[1], abs=1e-7)
     books = solution.energy
     assert abs(books.residual) < 1e-10 * (abs(books.drive_work) + books.initial + 1.0)
+
+
+INERTIA = 3e-4 + 0.5 * 0.04**2 + 4e-4 + 0.7 * 0.03**2 + 0.6 * ARM**2
+WEIGHT = GRAVITY * (0.5 * 0.04 + 0.7 * 0.03 + 0.6 * ARM)
+
+
+def crank_path(torque, y, begin, end, event=None):
+    """Crank angle and rate of the parallelogram under a constant torque."""
+    return solve_ivp(
+        lambda _, y: [y[1], (torque - WEIGHT * math.cos(y[0])) / INERTIA],
+        (begin, end),
+        y,
+        'DOP853',
+        rtol=1e-13,
+        atol=1e-13,
+        events=event,
+    )
+
+
+@pytest.mark.parametrize(
+    ('begin', 'end', 'speed'),
+    [(180.0, 360.0, 6.0), (90.0, 180.0, 6.0), (0.0, 180.0, 6.0), (0.0, 180.0, -6.0)],
+)
+def test_a_load_may_begin_and_end_at_a_change_point(begin, end, speed):
+    machine = linkage(
+        links={
+            'ground': {'points': {'pivot': [SPAN, 0.0]}},
+            'crank': {'length': ARM, 'mass': 0.5, 'inertia': 3e-4, 'cog': 0.04},
+            'coupler': {'length': SPAN, 'mass': 0.6, 'inertia': 2e-3, 'cog': 0.09},
+            'rocker': {'length': ARM, 'mass': 0.7, 'inertia': 4e-4, 'cog': 0.03},
+        },
+        joints={
+            'a': {'revolute': ['ground', 'crank']},
+            'b': {'revolute': ['crank.end', 'coupler']},
+            'c': {'revolute': ['coupler.end', 'rocker.end']},
+            'd': {'revolute': ['ground.pivot', 'rocker']},
+        },
+        gravity=[0, -GRAVITY],
+        loads={
+            'brake': {
+                'at': 'crank',
+                'torque': -0.3,
+                'during': {'coordinate': 'crank', 'from': f'{begin} deg', 'to': f'{end} deg'},
+            }
+        },
+        drive={
+            'coordinate': 'crank',
+            'start_angle': '20 deg',
+            'speed': f'{speed} rad/s',
+            'torque': {'constant': 0.5},
+        },
+        guess={'coupler': 0.0, 'rocker': '20 deg'},
+    )
+    low, high = math.radians(begin), math.radians(end)
+    t, y, changes = 0.0, [math.radians(20.0), speed], 0
+    edges = [lambda _, y, at=at: math.sin(0.5 * (y[0] - at)) for at in (low, high)]
+    for edge in edges:
+        edge.terminal = True
+
+    def torque(y):
+        ahead = y[0] + math.copysign(1e-7, y[1])
+        return 0.2 if low <= ahead % (2.0 * math.pi) < high else 0.5
+
+    while t < 2.0:
+        path = crank_path(torque(y), y, t, 2.0, edges)
+        t, y = path.t[-1], path.y[:, -1]
+        if t < 2.0:  # beyond the edge, lest it is found again
+            changes += 1
+            path = crank_path(torque(y), y, t, t + 1e-8)
+            t, y = path.t[-1], path.y[:, -1]
+    solution = ms.simulate(machine, duration=2.0)
+    found = solution.sample(2.0)
+    assert changes > 1
+    assert found['position.crank'][0] == pytest.approx(y[0], abs=1e-8)
+    assert found['velocity.crank'][0] == pytest.approx(y[1], abs=1e-7)
+    behind = found['position.rocker'][0] - found['position.crank'][0]
+    assert math.remainder(behind, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-11)
+    assert abs(solution.energy.residual) < 1e-10
+
+
+@pytest.mark.parametrize('off', [-1e-3, -1e-5, -1e-6, -1e-8, 0.0, 1e-8, 1e-6, 1e-4])
+def test_another_torque_may_begin_near_a_change_point_or_at_it(off):
+    def on_the_line(_, y):
+        return y[0]
+
+    on_the_line.terminal = True
+    machine, start = parallelogram(20.0, -9.0, 0.5), [math.radians(20.0), -9.0]
+    at = crank_path(0.5, start, 0.0, 1.0, on_the_line).t[-1] + off
+    (law,) = machine.plan.laws['crank']
+    run = machine.start()
+    run.advance(at - 0.02)
+    run.change_law(replace(law, coefficients=(0.1, 0.0, 0.0), valid_from=at))
+    run.advance(1.0, final=True)
+    changed = crank_path(0.5, start, 0.0, at).y[:, -1]
+    exact = crank_path(0.1, changed, at, 1.0).y[:, -1]
+    angle, rate = (
+        dict(zip(machine.system.free, x, strict=True)) for x in (run.state.q, run.state.v)
+    )
+    off_angle = math.remainder(angle['crank'] - exact[0], 2.0 * math.pi)
+    assert off_angle == pytest.approx(0.0, abs=1e-9)
+    assert rate['crank'] == pytest.approx(exact[1], abs=1e-8)
+    behind = math.remainder(angle['crank'] - angle['rocker'], 2.0 * math.pi)
+    assert behind == pytest.approx(0.0, abs=1e-11)
 
 
 def test_rest_at_a_change_point_is_refused_for_nothing_decides_the_branch():

@@ -15,6 +15,7 @@ from mechanism_sim.cams.followers import Follower, Oscillating, Translating
 from mechanism_sim.cams.laws import Law, spelled
 from mechanism_sim.cams.touch import Touch
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.extremes import ExtremeSearch
 
 Array = NDArray[np.float64]
 
@@ -218,17 +219,16 @@ def drawing_angles(law: Law, step: float) -> Array:
 
 
 def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float, float]:
-    """Angle and value of the greatest value over a turn or stroke, to nearly all digits.
+    """Angle and value of the greatest value over a turn or stroke.
 
     Parameters
     ----------
     function : of angles (N,), smooth between the breaks of the law; limits at breaks count, from
         both sides
     """
-    sampled = [_sampled(function, *piece) for piece in _pieces(law)]
-    x, y = np.concatenate(sampled, axis=1)
-    k = int(np.argmax(y))
-    return float(x[k]), float(y[k])
+    search = ExtremeSearch(['value'])
+    search.add(lambda x: function(x.ravel())[None], *np.array(_pieces(law)).T)
+    return float(search.greatest_time[0]), float(search.greatest[0])
 
 
 def _pieces(law: Law) -> list[tuple[float, float]]:

@@ -279,8 +279,8 @@ class Contacts:
             except RunError as error:
                 raise RunError(f'{error} (t = {self.time:.9g} s)') from error
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
-            if self._system.relations:  # another closure may hold from now on
-                self.project()
+            if self._system.relations and not self.singular_joints():
+                self.project()  # another closure may hold from now on
             if any(self.closed(i) for i in range(len(before))):
                 if self._system.frictional or self._jumps:  # a gap may close faster from now on
                     self.settle()

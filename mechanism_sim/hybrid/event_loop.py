@@ -22,7 +22,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
-from mechanism_sim.hybrid.singular import AHEAD, SingularPositions
+from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
 from mechanism_sim.hybrid.system import Array, ContactTerms, System
@@ -135,23 +135,25 @@ class EventLoop:
 
     def _begin(self, state: State) -> None:
         """Resolve the contacts at the start, or leave a singular position."""
-        if not self._leave_singular():
+        if not self._leave_singular(HERE, first=True):
             self._contacts.start(state.closed)
             self._go_on()
 
-    def _leave_singular(self) -> bool:
-        """Take the first step from a singular position; False if there is none here."""
-        if not self._singular.is_here:
+    def _leave_singular(self, distance: float, first: bool = False) -> bool:
+        """Take the first step from a singular position; False if there is none so near."""
+        if not self._singular.is_within(distance):
             return False
         if self._system.gaps:
+            if not self._singular.is_within(HERE):
+                return False
             raise self._singular.undecided()
-        if self._system.switches:
+        if first and self._system.switches:
             self._contacts.set_switches()
         self._go_on()
-        h, step = self._singular.begin()
+        h, guard, step = self._singular.begin()
         self._tape.next.reshape(-1)[:] = step.terms
         self._pending = _Pending(
-            self._ta.time - h, h, None, (0.0, self._max_step, 0.0), step.origin
+            self._ta.time - h, h, guard, (0.0, self._max_step, 0.0), step.origin
         )
         return True
 
@@ -264,10 +266,11 @@ class EventLoop:
                             h, guard = self._look_again(tau, h, guard)
                 elif watched:
                     h, guard = self._look_again(tau, h, guard)
-                crossing = None
+                crossing = origin = None
                 if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
                     h, guard, crossing = self._singular.approach(tau, h, guard)
                     stride = self._singular.stride
+                    origin = crossing.origin if crossing else None
                 if not h > 0.0 and guard is None:
                     raise self._breakdown(tau)
                 slots[count][:] = crossing.terms if crossing else coefficients
@@ -276,17 +279,18 @@ class EventLoop:
                 if reach is not longest:
                     reach, contacts.horizon = longest, math.inf
             else:
-                tau, h, guard, taken, _ = pending
+                tau, h, guard, taken, origin = pending
             end = tau + h
             if end > limit or self._coming:
                 if pending is None:
-                    origin = crossing.origin if crossing else None
                     pending = self._pending = _Pending(tau, h, guard, taken, origin)
                 change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
                 if change <= limit and change < end:
                     self._cut(change)
                     self._switch_law(self._coming.popleft())
                     tau, count, pending = 0.0, len(lengths), None
+                    if self._leave_singular(BESIDE):
+                        pending = self._pending
                     limit, next_base = self._base.local(until), self._next_base
                     continue
                 if end > limit:
@@ -313,6 +317,8 @@ class EventLoop:
                     tape.mark(self._base, contacts.status)
                 if contacts.horizon < longest:
                     reach = contacts.horizon
+                if origin is not None and self._leave_singular(BESIDE):
+                    pending = self._pending
             if end > next_base:
                 ta.time = end
                 self._rebase()
@@ -550,7 +556,7 @@ class EventLoop:
         self._next_base = s.next_base
         self._last_event, self._simultaneous = s.last_event, s.simultaneous
         self.events = s.events
-        self._leave_singular()
+        self._leave_singular(BESIDE)
         self._go_on()
         self._directions[:] = array('d', s.directions)
         self._since = s.since

@@ -49,8 +49,11 @@ _DECIDED = 1e-6
 _NARROW = 1e-9
 """Least distance relative to the largest so far at which branches can still be told apart."""
 
-_HERE = 1e-10
+HERE = 1e-10
 """Distance below which a motion that starts there starts at a singular position."""
+
+BESIDE = 1e-8
+"""The same where a motion goes on otherwise than it came: nearer, steps are spoilt by rounding."""
 
 _FIRST = 0.05
 """[rad, or lengths of the mechanism] before a singular start where its first step begins."""
@@ -187,12 +190,11 @@ class SingularPositions:
             raise self.undecided()
         return h, guard, None
 
-    @property
-    def is_here(self) -> bool:
-        """Whether the present position is as good as singular."""
-        return bool(self._system.relations) and bool(self._contacts.singular_joints(_HERE))
+    def is_within(self, distance: float) -> bool:
+        """Whether the present position is so near to a singular one."""
+        return bool(self._system.relations) and bool(self._contacts.singular_joints(distance))
 
-    def begin(self) -> tuple[float, Crossing]:
+    def begin(self) -> tuple[float, int | None, Crossing]:
         """Take the first step from a singular position.
 
         It is the end of a step across the position, which begins a little before it with the
@@ -200,7 +202,7 @@ class SingularPositions:
 
         Returns
         -------
-        Its length [s], and the step.
+        Its length [s], the guard that ended it, and the step.
 
         Raises
         ------
@@ -216,18 +218,18 @@ class SingularPositions:
         while speed and before > _FIRST * 0.01 / speed:
             try:
                 from_there = self._origin(wanted, before, now)
-                crossed = self._cross(now - before, before)
+                crossed = self._cross(now - before, before, since=before)
             except np.linalg.LinAlgError:
                 crossed = None
             if crossed is None:
                 before *= 0.5
                 continue
-            h, _, terms = crossed
+            h, guard, terms = crossed
             series = np.asarray(terms).reshape(2 * f, -1)
             series = shift_powers(series, np.full(2 * f, before))
             reached = series[:, 0].reshape(2, f) - wanted
             if from_there and np.abs(reached / self._scale).max() <= 1e-9 * max(speed, 1.0):
-                return h - before, Crossing(floats(series), start)
+                return h - before, guard, Crossing(floats(series), start)
             before *= 0.5
         state[:], ta.time = start, now
         raise self.undecided()
@@ -263,9 +265,12 @@ class SingularPositions:
             self._ta.reset_cooldowns()
 
     def _cross(
-        self, tau: float, touch: float
+        self, tau: float, touch: float, since: float = 0.0
     ) -> tuple[float, int | None, memoryview[float]] | None:
-        """Take a step across a singular position at `touch` [s] from its start."""
+        """Take a step across a singular position at `touch` [s] from its start.
+
+        Events count that come later than `since` [s].
+        """
         h = BEYOND * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
         state, index = ta.state[: 2 * f], system.stabilisation_index
@@ -287,7 +292,7 @@ class SingularPositions:
             state[:] = polynomial.polyval(s, series.T)
             ta.time = tau + s
 
-        end, guard = self._first_event(go_to, h, touch) if system.guards else (h, None)
+        end, guard = self._first_event(go_to, h, touch, since) if system.guards else (h, None)
         go_to(end)
         if guard is None:
             self._contacts.project()
@@ -296,12 +301,13 @@ class SingularPositions:
         return end, guard, floats(series)
 
     def _first_event(
-        self, go_to: Callable[[float], None], h: float, touch: float
+        self, go_to: Callable[[float], None], h: float, touch: float, since: float
     ) -> tuple[float, int | None]:
         """The first guard beyond its fall along a step across a position, and when [s]."""
         places = h * np.concatenate([_SOON, _PLACES[1:]])
-        before = 0.0
-        for s in places[np.abs(places - touch) > _BLIND * h]:  # forces are not known nearer
+        before = since
+        # nearer to the position forces are not known
+        for s in places[(places > since) & (np.abs(places - touch) > _BLIND * h)]:
             go_to(s)
             guard = self._contacts.fallen()
             if guard is not None:
