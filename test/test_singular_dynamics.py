@@ -97,7 +97,7 @@ def crank_path(torque, y, begin, end, event=None):
 
 @pytest.mark.parametrize(
     ('begin', 'end', 'speed'),
-    [(180.0, 360.0, 6.0), (90.0, 180.0, 6.0), (0.0, 180.0, 6.0), (0.0, 180.0, -6.0)],
+    [(180.0, 360.0, 6.0), (90.0, 180.0, 16.0), (0.0, 180.0, 6.0), (0.0, 180.0, -6.0)],
 )
 def test_a_load_may_begin_and_end_at_a_change_point(begin, end, speed):
     machine = linkage(

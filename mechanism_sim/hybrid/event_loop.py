@@ -317,12 +317,12 @@ class EventLoop:
                     tape.mark(self._base, contacts.status)
                 if contacts.horizon < longest:
                     reach = contacts.horizon
-                if origin is not None and self._leave_singular(BESIDE):
-                    pending = self._pending
             if end > next_base:
                 ta.time = end
                 self._rebase()
                 tau, limit, next_base = 0.0, self._base.local(until), self._next_base
+            if guard is not None and origin is not None and self._leave_singular(BESIDE):
+                pending = self._pending
         ta.time = tau
 
     def preview(self, until: float) -> Motion | None:
