@@ -94,7 +94,7 @@ def test_a_body_rebounds_from_a_compliant_floor_as_the_closed_form_says(law):
 
 
 def test_a_disc_that_strikes_a_compliant_floor_slides_until_it_rolls():
-    """The impulse that stops its slip is spent when it is deepest: friction is known beforehand."""
+    """The impulse that stops its slip is spent when it is deepest."""
     law, mu, r = Hertz(1e9), 0.3, 0.5
     disc = Thrown(
         [Floor('body', 0.6, mu, r, law=law)],

@@ -7,8 +7,8 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.bench.grid import FAMILIES, Family, GridCase, grid, run_case
-from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
 from mechanism_sim.bench.grid import jams as jams_module
+from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
 from mechanism_sim.bench.grid.jams import confirmed, jams, solutions
 from mechanism_sim.bench.grid.run import write_scenes
 from mechanism_sim.errors import RunError
@@ -94,7 +94,7 @@ def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(Contacts, '_press', fails)
         patched.setattr(Contacts, '_shock', fails)
-        with pytest.raises(RunError, match='friction jams coupler_rocker at t = .* crank at'):
+        with pytest.raises(RunError, match=r'friction jams coupler_rocker at t = .* crank at'):
             ms.simulate(machine, revolutions=2.0)
         with pytest.raises(RunError) as ended:
             ms.simulate(machine, revolutions=2.0)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from math import gamma, inf, log1p, pi, sqrt
 from typing import Any, NamedTuple, TypeAlias
 
-
 Quantity: TypeAlias = Any
 """A number, an array, or a heyoka expression; heyoka itself is not typed."""
 

@@ -20,7 +20,6 @@ from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes, double_exponential_nodes, gauss_nodes
 
 
-
 class Rule(NamedTuple):
     """A quadrature over a segment."""
 
@@ -202,9 +201,7 @@ class Audit:
         self.max_penetration = max(self.max_penetration, -low)
 
 
-def rules(
-    motion: Motion, segments: NDArray[np.intp]
-) -> Iterator[tuple[Rule, NDArray[np.intp]]]:
+def rules(motion: Motion, segments: NDArray[np.intp]) -> Iterator[tuple[Rule, NDArray[np.intp]]]:
     """Quadratures, and which of the segments each is for."""
     recovers = (motion.modes[segments] == Mode.RECOVERING).any(axis=1)
     for rule, which in ((SMOOTH, ~recovers), (RECOVERY, recovers)):

@@ -345,9 +345,10 @@ class Contacts:
             if i < len(modes) and modes[i] == 1:
                 if x <= -margin and seen[count + i] < 0.0 and i != seen_now:
                     return i
-            elif x <= (floor if seen_now is None else _BEYOND * (floor - margin)):
-                if i != seen_now:
-                    return i
+            elif i != seen_now and x <= (
+                floor if seen_now is None else _BEYOND * (floor - margin)
+            ):
+                return i
         return None
 
     def _seat(self) -> None:
@@ -403,7 +404,7 @@ class Contacts:
             self._state[k] += w * shift
 
     def _leaves(self, gap: int) -> bool:
-        """Whether a compliant contact is about to open: its force, and its friction, is nothing."""
+        """Whether a compliant contact is about to open: its force and friction are nothing."""
         terms = self._terms()
         depth = -float(self._system.gaps[gap].distance(np.array(terms.value[gap])))
         return depth <= INSIDE and terms.rate[gap] > 0.0

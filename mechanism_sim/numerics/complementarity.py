@@ -132,9 +132,9 @@ def solve_frictional_lcp(
     if not any(friction):
         p, normals = np.array(least[:m], dtype=float), matrix[:m, :m]
         p += solve_lcp(normals.tolist(), (normals @ p + vector[:m]).tolist())
-        x = np.concatenate([p, np.zeros(m)])
-        wt = (matrix @ x + vector)[m:]
-        return x.tolist(), [_grip(_SMOOTH, p[i], 0.0, wt[i]) for i in range(m)]
+        wt = matrix[m:, :m] @ p + vector[m:]
+        grips = [_grip(_SMOOTH, p[i], 0.0, wt[i]) for i in range(m)]
+        return [*p.tolist(), *[0.0] * m], grips
     menus = [_states(friction[i], slip[i], least[i], abs(least[m + i])) for i in range(m)]
     tries = sorted(product(*menus), key=_preference)
     for rtol in (1e-12, 1e-8):

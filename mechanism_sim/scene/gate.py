@@ -191,7 +191,8 @@ def _try_loops(machine: Machine, duration: float) -> None:
             q = closed_near(machine.name, loops, q[:, 0])[:, None]
         except InputError as error:
             raise InputError(
-                f'{machine.name}: the machine cannot follow its drive beyond t = {t:.6g} s: {error}; '
+                f'{machine.name}: the machine cannot follow its drive beyond t = {t:.6g} s: '
+                f'{str(error).removeprefix(machine.name + ": ")}; '
                 "change the lengths, or keep the drive within limits by a 'profile' and 'duration'"
             ) from error
 

@@ -170,9 +170,9 @@ def _frictional(random: Random, k: int) -> Draft:
 
 
 def _whirling(draft: Draft) -> Draft:
-    """No longer than a pin that rolls round its bushing, held there by friction, takes for a while.
+    """A run in which pins that friction lets roll go round their bushings not too often.
 
-    It whirls ``R/c`` times as fast as the links turn, R being the radius of the pin.
+    They whirl ``R/c`` times as fast as the links turn, R being the radius of the pin.
     """
     plays = [joint['clearance'] for joint in draft.scene['joints'].values()]
     pins = [p['radial'] / max(p['pin_radius'], 1e-9) for p in plays if 'friction' in p]
