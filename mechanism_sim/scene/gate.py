@@ -68,7 +68,12 @@ def check_scenes_way(machine: Machine) -> None:
     InputError
     """
     law = machine.law
-    steady = isinstance(law, DriveLaw) and not law.straight and len(machine.laws) == 1
+    steady = (
+        isinstance(law, DriveLaw)
+        and not law.straight
+        and len(machine.laws) == 1
+        and not machine.torque_driven
+    )
     duration = machine.scene.duration or (machine.period if steady else math.inf)
     if duration < math.inf:
         check_way(machine, duration)
@@ -86,7 +91,7 @@ def check_way(machine: Machine, duration: float) -> None:
         At which place of the drive it stops, and what to do.
     """
     if machine.torque_driven:
-        if machine.plan.prescribed and not machine.ways:
+        if machine.plan.prescribed and duration not in machine.ways:
             machine.ways.add(duration)
             _try_loops(machine, duration)
         return
