@@ -220,12 +220,13 @@ class Contacts:
         if self.switches:
             self.set_switches()
             self.pass_edges()
+        self.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
             terms = self._terms()
             self.set_modes(
                 tuple(
-                    int(self._mode_of_closed(terms, i) if shut else Mode.FREE_FLIGHT)
-                    for i, shut in enumerate(closed)
+                    int(self._mode_of_closed(terms, i)) if shut else mode
+                    for i, (shut, mode) in enumerate(zip(closed, self.modes, strict=True))
                 )
             )
         if any(closed) and self._system.compliant:
