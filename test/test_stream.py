@@ -150,12 +150,11 @@ def test_eight_nodes_a_step_are_as_good_as_twelve(name, monkeypatch):
 
     def drive_work(count):
         nodes, weights = gauss_nodes(count)
-        monkeypatch.setattr(audit, 'NODES', nodes)
-        monkeypatch.setattr(audit, 'WEIGHTS', weights)
-        monkeypatch.setattr(audit, '_PLACES', Nodes(tuple(nodes.tolist())))
+        rule = audit.Rule(Nodes(tuple(nodes.tolist())), weights)
+        monkeypatch.setattr(audit, 'SMOOTH', rule)
         return audit.Audit(machine.physics).add(s.motion, s.impacts).drive
 
-    assert len(audit.NODES) == 8
+    assert len(audit.SMOOTH.weights) == 8
     exact = drive_work(20)
     four, eight, twelve = (np.abs(drive_work(count) - exact).max() for count in (4, 8, 12))
     assert eight <= 3.0 * twelve + 1e-16
