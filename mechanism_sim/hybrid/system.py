@@ -523,10 +523,11 @@ class System:
 
         No power of a negative number is real; where a series is wanted, there is no such clip.
         """
-        depths = (dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps)))
-        clip = {x: hy.relu(x) for x in depths if self.compliant}
         found = [dense(x) for x in terms]
-        return list(hy.subs(found, clip)) if clip else found
+        if not self.compliant:
+            return found
+        depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps))]
+        return list(hy.subs(found, {x: hy.relu(x) for x in depths}))
 
     def _compiled(self, names: Sequence[str]) -> Known:
         """These terms as a function of what `_inputs` makes."""
