@@ -25,7 +25,7 @@ from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
-from mechanism_sim.hybrid.system import Array, ContactTerms, System
+from mechanism_sim.hybrid.system import WATCH_SCALE, Array, ContactTerms, System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
 from mechanism_sim.hybrid.touches import Touch, Touches
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -35,6 +35,7 @@ _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
 _ROW = 64  # steps after which the directions of the drives are computed anew
 _NEAR = 0.05  # of a step: roots nearer to its start may get lost
+_BARELY = 1e-12 * WATCH_SCALE  # of a guard: a root may be near whatever its rate
 _QUICKEST = 1e3  # times the fastest drive: rate at which errors of gaps and loops are taken back
 _DEFECT = 1e3  # times the error of a step that its polynomials may be off the equations
 
@@ -231,7 +232,9 @@ class EventLoop:
                     for slot in slots[count:row]:
                         h = step(longest, True)[1]
                         end = tau + h
-                        if pars[fired] or not end <= stop or watch[1] < _NEAR * h * abs(watch[2]):
+                        if pars[fired] or not end <= stop:
+                            break
+                        if watch[1] < _NEAR * h * abs(watch[2]) + _BARELY:
                             break
                         if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
                             break
@@ -257,7 +260,7 @@ class EventLoop:
                 taken = (alpha, reach, stride)
                 guard = self._system.fired(pars) if pars[fired] else None
                 if lone:
-                    if watch[1] < _NEAR * h * abs(watch[2]):
+                    if watch[1] < _NEAR * h * abs(watch[2]) + _BARELY:
                         if watch[1] < 0.0 and not contacts.flying:
                             # it let go within the error of the last step's end
                             self._back_to(tau)
