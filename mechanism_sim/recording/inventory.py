@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from mechanism_sim import documents
 from mechanism_sim.recording.reader import Bag, Topic, read_bag
 
 
@@ -171,8 +170,8 @@ def _row(topic: Topic) -> tuple[str, str, str, str]:
 
 def _name_in(text: str) -> str:
     try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError:
+        content = documents.parse(text)
+    except documents.DocumentError:
         content = None
     if isinstance(content, dict) and 'name' in content:
         return str(content['name'])

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from mechanism_sim import documents
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
 from mechanism_sim.recording.rosbag2 import Qos
@@ -192,8 +191,8 @@ def _topics(layout: Layout) -> dict[str, Topic]:
 def _qos(profiles: str) -> Qos | None:
     """Return the first of the profiles; None where policies are numbers, as before Iron."""
     try:
-        first = (yaml.safe_load(profiles) or [{}])[0]
+        first = (documents.parse(profiles) or [{}])[0]
         words = {name: first[name] for name in ('reliability', 'durability', 'history', 'depth')}
-    except (yaml.YAMLError, KeyError, TypeError):
+    except (documents.DocumentError, KeyError, TypeError):
         return None
     return Qos(**words) if isinstance(words['history'], str) else None
