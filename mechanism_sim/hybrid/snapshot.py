@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 
@@ -72,7 +72,7 @@ class Snapshot:
         for key in ('state', 'directions', 'approach'):
             data[key] = [float(x).hex() for x in data[key]]
         data['touches'] = [[float(x).hex() for x in touch] for touch in self.touches]
-        Path(path).write_text(json.dumps(data, indent=1), encoding='utf-8')
+        Path(path).write_text(strict_json.dumps(data, indent=1), encoding='utf-8')
 
     @classmethod
     def load(cls, path: str | Path) -> Snapshot:
@@ -84,7 +84,7 @@ class Snapshot:
             If the file cannot be read or is not a snapshot.
         """
         try:
-            data = json.loads(Path(path).read_text(encoding='utf-8'))
+            data = strict_json.loads(Path(path).read_text(encoding='utf-8'))
             for key in _TIMES:
                 data[key] = float.fromhex(data[key])
             data['base'] = Fraction(data['base'])
@@ -98,7 +98,7 @@ class Snapshot:
             return cls(**data)
         except OSError as error:
             raise InputError(f"the snapshot '{path}' cannot be read: {error.strerror}") from error
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
             raise InputError(f"'{path}' is not a snapshot of a run: {error}") from error
 
 

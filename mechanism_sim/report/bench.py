@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim import strict_json
 from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
@@ -156,7 +156,7 @@ class Pages:
             self._write('middleware', {'machine': dict(machine), 'rows': rows})
 
     def _write(self, name: str, content: object) -> None:
-        text = json.dumps(content, indent=1, allow_nan=False)
+        text = strict_json.dumps(content, indent=1)
         if self._folder:
             (self._folder / f'{name}.json').write_text(text + '\n', encoding='utf-8')
             (self._folder / f'{name}.txt').write_text(self.text[-1] + '\n', encoding='utf-8')

@@ -7,7 +7,6 @@ disk before the next is taken, so that whatever ends a sweep costs the unfinishe
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -17,6 +16,7 @@ from typing import IO, Any, Self
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.sweep.labels import column, label_columns
 from mechanism_sim.sweep.plan import Plan
@@ -91,7 +91,7 @@ class Journal:
 
     def _parsed(self, line: bytes, number: int) -> dict[str, Any]:
         try:
-            entry = json.loads(line)
+            entry = strict_json.loads(line)
             if isinstance(entry, dict) and (number == 1 or {'key', 'row'} <= entry.keys()):
                 return entry
         except ValueError:
@@ -106,7 +106,7 @@ class Journal:
         self.rows[finished.key] = finished.row
 
     def _append(self, entry: dict[str, Any]) -> None:
-        self._file.write(json.dumps(entry, allow_nan=False).encode() + b'\n')
+        self._file.write(strict_json.dumps(entry).encode() + b'\n')
         self._file.flush()
         os.fsync(self._file.fileno())
 
