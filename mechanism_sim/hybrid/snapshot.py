@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim import strict_json
+from mechanism_sim import output, strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 
@@ -61,7 +61,13 @@ class Snapshot:
         return float(self.base + Fraction(self.tau))
 
     def save(self, path: str | Path) -> None:
-        """Write a JSON file; floats are hexadecimal, so that no digit is lost."""
+        """Write a JSON file; floats are hexadecimal, so that no digit is lost.
+
+        Raises
+        ------
+        InputError, RunError
+            If it cannot be written there.
+        """
         data = asdict(self) | {
             'base': str(self.base),
             'laws': [_law_to_json(law) for law in self.laws],
@@ -72,7 +78,7 @@ class Snapshot:
         for key in ('state', 'directions', 'approach'):
             data[key] = [float(x).hex() for x in data[key]]
         data['touches'] = [[float(x).hex() for x in touch] for touch in self.touches]
-        Path(path).write_text(strict_json.dumps(data, indent=1), encoding='utf-8')
+        output.write_text(path, strict_json.dumps(data, indent=1))
 
     @classmethod
     def load(cls, path: str | Path) -> Snapshot:

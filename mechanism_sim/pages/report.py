@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from mechanism_sim import strict_json
+from mechanism_sim import output, strict_json
 from mechanism_sim.catalogue import installed_version
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
@@ -88,10 +88,7 @@ def write(text: str, file: Path) -> None:
     InputError
         If it cannot be written there.
     """
-    try:
-        file.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    output.write_text(file, text)
 
 
 def _turn(run: Recorded) -> float | None:

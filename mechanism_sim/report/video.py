@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -16,6 +17,7 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.report import figures
 from mechanism_sim.report.lens import ACCENT
@@ -110,14 +112,16 @@ class Target:
         """The file gets its name when it is complete."""
         movie, rate = self.kind == '.mp4', cast('int', fps)  # so its stubs; any number will do
         writer = FFMpegWriter(rate, 'h264', extra_args=_EXACT) if movie else _GifWriter(rate)
-        part = self.path.with_name(f'.{self.path.stem}.part{self.kind}')
+        program: dict[Any, Any] = {'animation.ffmpeg_path': self._program} if movie else {}
         try:
-            program: dict[Any, Any] = {'animation.ffmpeg_path': self._program} if movie else {}
-            with mpl.rc_context(program), writer.saving(figure, str(part), DENSITY):
+            with (
+                output.beside(self.path) as part,
+                mpl.rc_context(program),
+                writer.saving(figure, str(part), DENSITY),
+            ):
                 yield writer.grab_frame
-            part.replace(self.path)
-        finally:
-            part.unlink(missing_ok=True)
+        except subprocess.CalledProcessError as error:
+            raise RunError(f"'{self.path}' cannot be written: ffmpeg gave up") from error
         self.files.append(self.path)
 
     def _numbered(self, figure: Any, digits: int) -> Grab:
