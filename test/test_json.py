@@ -129,3 +129,17 @@ def test_what_is_not_finite_is_no_result(bad):
 def test_what_is_not_json_is_not_read(text):
     with pytest.raises(ValueError, match=r'number|deep|Expecting'):
         strict_json.loads(text)
+
+
+def test_a_snapshot_with_another_digit_is_refused(tmp_path, capsys):
+    file = tmp_path / 'end.json'
+    with pytest.raises(SystemExit) as ended:
+        main(['solve', LOOSE, *SHORT, '--save', str(file)])
+    assert ended.value.code == 0
+    file.write_text(file.read_text().replace('0x1.', '0x1.1', 1))
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as ended:
+        main(['solve', LOOSE, '--duration', '0.04', '--resume', str(file), '--json'])
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert 'it was damaged or changed' in strict(said.out)['error']

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -78,6 +79,7 @@ class Snapshot:
         for key in ('state', 'directions', 'approach'):
             data[key] = [float(x).hex() for x in data[key]]
         data['touches'] = [[float(x).hex() for x in touch] for touch in self.touches]
+        data['checksum'] = _checksum(data)
         output.write_text(path, strict_json.dumps(data, indent=1))
 
     @classmethod
@@ -91,6 +93,8 @@ class Snapshot:
         """
         try:
             data = strict_json.loads(Path(path).read_text(encoding='utf-8'))
+            if data.pop('checksum') != _checksum(data):
+                raise ValueError('it was damaged or changed after it was written')
             for key in _TIMES:
                 data[key] = float.fromhex(data[key])
             data['base'] = Fraction(data['base'])
@@ -106,6 +110,11 @@ class Snapshot:
             raise InputError(f"the snapshot '{path}' cannot be read: {error.strerror}") from error
         except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
             raise InputError(f"'{path}' is not a snapshot of a run: {error}") from error
+
+
+def _checksum(data: dict[str, Any]) -> str:
+    """What a change of any digit changes: the engine believes what a snapshot says."""
+    return hashlib.sha256(strict_json.dumps(data).encode()).hexdigest()
 
 
 def _law_to_json(law: Law) -> dict[str, Any]:
