@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -100,10 +99,9 @@ class Target:
                 with self._film(figure, fps) as grab:
                     yield grab
             else:
-                self._stem.parent.mkdir(exist_ok=True)
+                with output.told(self._stem.parent):
+                    self._stem.parent.mkdir(exist_ok=True)
                 yield self._numbered(figure, len(str(count)))
-        except OSError as error:
-            raise InputError(f"'{self.path}' cannot be written: {error.strerror}") from error
         except CalledProcessError as error:
             raise RunError(f"ffmpeg failed to write '{self.path}'") from error
 
@@ -113,15 +111,12 @@ class Target:
         movie, rate = self.kind == '.mp4', cast('int', fps)  # so its stubs; any number will do
         writer = FFMpegWriter(rate, 'h264', extra_args=_EXACT) if movie else _GifWriter(rate)
         program: dict[Any, Any] = {'animation.ffmpeg_path': self._program} if movie else {}
-        try:
-            with (
-                output.beside(self.path) as part,
-                mpl.rc_context(program),
-                writer.saving(figure, str(part), DENSITY),
-            ):
-                yield writer.grab_frame
-        except subprocess.CalledProcessError as error:
-            raise RunError(f"'{self.path}' cannot be written: ffmpeg gave up") from error
+        with (
+            output.beside(self.path) as part,
+            mpl.rc_context(program),
+            writer.saving(figure, str(part), DENSITY),
+        ):
+            yield writer.grab_frame
         self.files.append(self.path)
 
     def _numbered(self, figure: Any, digits: int) -> Grab:
