@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import re
 from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 _NUMBER = re.compile(r'\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)\s*')
+
+_UNIT = re.compile(r'[\w^*/·().° -]+')
+_NO_UNIT = re.compile(r'\d{3}|(\^|\*\*)\s*-?\d+\s*(\^|\*\*)|\)\s*(\^|\*\*)')
+"""Powers that grow: of three digits, of powers, of products."""
+
+_LONGEST = 60
+"""Characters of a quantity."""
+
+LARGEST, SMALLEST = 1e30, 1e-30
+"""Magnitudes in SI units: beyond them products leave the range of floating-point numbers."""
+
+_BEYOND = (
+    f'is out of bounds: in SI units its size must be between {SMALLEST:g} and {LARGEST:g}, or 0'
+)
 
 EXAMPLES = {
     'm': '64 mm',
@@ -57,7 +72,10 @@ def to_si(value: object, unit: str) -> float:
     hint = f"write for example '{EXAMPLES[unit]}'"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f'is not a quantity: {hint}')
-    return float(value) if isinstance(value, int | float) else _text_to_si(value, unit, hint)
+    number = float(value) if isinstance(value, int | float) else _text_to_si(value, unit, hint)
+    if LARGEST < abs(number) < math.inf or 0.0 < abs(number) < SMALLEST:
+        raise ValueError(_BEYOND)
+    return number
 
 
 class Measure(NamedTuple):
@@ -97,14 +115,22 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
 
 @lru_cache(maxsize=4096)  # a sweep reads the same text again for every run
 def _text_to_si(value: str, unit: str, hint: str) -> float:
+    if len(value) > _LONGEST:
+        raise ValueError(f'is longer than {_LONGEST} characters: {hint}')
     match = _NUMBER.fullmatch(value)
     if not match:
         raise ValueError(f'is not a number{" with a unit" if unit else ""}: {hint}')
     number, given = match.groups()
+    given = given.strip()
+    written = abs(float(number))
+    if written == math.inf or (not written and re.search('[1-9]', number.lower().split('e')[0])):
+        raise ValueError(_BEYOND)
     if not given:
         return float(number)
     if not unit:
         raise ValueError(f"has the unit '{given}' where a plain number belongs: {hint}")
+    if not _UNIT.fullmatch(given) or _NO_UNIT.search(given):
+        raise ValueError(f"has the unknown unit '{given}': {hint}")
     ureg = _registry()
     try:
         quantity = ureg.Quantity(Decimal(number), given)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
+from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.linkage import LinkageScene
@@ -116,3 +117,18 @@ def test_a_step_in_a_machine_keeps_the_books():
     solution = ms.simulate(ms.load_scene('slider_crank', rub | free), duration=0.5)
     assert solution.energy.dissipated > 1.0
     assert abs(solution.energy.residual) < 1e-11 * solution.energy.dissipated
+
+
+@pytest.mark.parametrize('formula', ['sqrt(crank_rate-100)', 'log(t-0.1)', '1/0', 'sqrt(0.3-t)'])
+@pytest.mark.parametrize('command', ['solve', 'cycle'])
+def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(
+    capsys, formula, command
+):
+    load = f'loads={{cutting: {{at: ram, force: ["{formula}", 0 N]}}}}'
+    with pytest.raises(SystemExit) as ended:
+        main([command, 'quick_return', '--set', load])
+    said = capsys.readouterr()
+    assert ended.value.code == 1
+    assert 'a formula is out of its range at t = ' in said.err
+    assert 'see loads.cutting' in said.err
+    assert said.err.count('\n') == 1

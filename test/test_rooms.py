@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[1] / 'mechanism_sim'
 #: the floors, from the ground; a room may import what is below, and itself
 FLOORS = (
     ('catalogue', 'errors', 'terminal'),
-    ('numerics', 'units'),
+    ('numerics', 'units', 'documents', 'strict_json', 'output'),
     ('planar', 'contact'),
     ('hybrid',),
     ('linkages', 'cams', 'gears', 'vibration'),
@@ -148,5 +148,6 @@ def test_numerics_knows_no_mechanics_and_physics_no_middleware():
         cwd=PACKAGE.parent,
     )  # fmt: skip
     assert set(out.stdout.split()) <= {
-        'errors', 'numerics', 'units', 'planar', 'contact', 'hybrid', 'linkages',
+        'errors', 'numerics', 'units', 'planar', 'contact', 'hybrid', 'linkages', 'output',
+        'strict_json',
     }  # fmt: skip

@@ -143,7 +143,7 @@ def test_a_seated_start_without_a_force_asks_for_another_start():
         ('title: [1, 2\n', 'is not valid YAML'),
         ('- a\n- b\n', 'a scene is a list of keys with values'),
         ('', 'a scene is a list of keys with values'),
-        ('title: x\n', "mechanism is 'None'"),
+        ('title: x\n', "'mechanism' is missing"),
         ('mechanism: four_bar\n', "'title' is missing"),
         ('x: !!python/object:os.system 1\n', 'is not valid YAML'),
         (b'title: \xff\n', 'cannot be read'),

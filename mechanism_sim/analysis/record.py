@@ -338,8 +338,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         elif kind == 'impacts':
             impacts.append(_impact(message))
         elif kind == 'mode_changes':
-            modes = Mode(message.mode), Mode(message.previous_mode)
-            changes.append(ModeChange(message.time, message.joint, *modes))
+            changes.append(_mode_change(bag, message))
         else:
             sensors.setdefault(message.sensor, SignalCollector()).add(message)
     motion = _joined(bag, motions)
@@ -352,6 +351,14 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
 
 
 _WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'
+
+
+def _mode_change(bag: Bag, message: Any) -> ModeChange:
+    try:
+        modes = Mode(message.mode), Mode(message.previous_mode)
+    except ValueError as error:
+        raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
+    return ModeChange(message.time, message.joint, *modes)
 
 
 def _check_motion(bag: Bag, machine: Machine, message: Any) -> None:

@@ -15,6 +15,7 @@ from argcomplete.completers import DirectoriesCompleter, FilesCompleter
 
 from mechanism_sim.catalogue import config_folder, scene_names, sweep_names
 from mechanism_sim.cli.options import NODE_NAMES
+from mechanism_sim.errors import InputError
 
 Completer = Callable[..., Any]
 
@@ -75,13 +76,13 @@ def _values(parsed_args: Any, **_: Any) -> Iterator[str]:
 
 def _scene(parsed_args: Any) -> dict[str, Any]:
     """What the scene on the command line says; nothing if it cannot be read."""
-    import yaml  # noqa: PLC0415
+    from mechanism_sim import documents  # noqa: PLC0415
 
     name = str(getattr(parsed_args, 'scene', None))
     file = Path(name) if name.endswith(('.yaml', '.yml')) else config_folder() / f'{name}.yaml'
     try:
-        found = yaml.safe_load(file.read_text(encoding='utf-8'))
-    except (OSError, ValueError, yaml.YAMLError):
+        found = documents.read(file, 'scene')
+    except InputError:
         return {}
     if not isinstance(found, dict):
         return {}

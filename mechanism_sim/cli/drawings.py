@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from mechanism_sim import output
 from mechanism_sim.cli.options import Command, print_json, quantity, read_machine, scene_options
 from mechanism_sim.errors import InputError
 
@@ -208,10 +209,7 @@ def _layout(options: argparse.Namespace) -> int:
     file = Path(options.output or f'{machine.name}.{ending}')
     with progress.busy('layout', options.json):
         text = to(preview(machine), options.namespace, options.frame_prefix)
-    try:
-        file.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    output.write_text(file, text)
     if options.json:
         print_json({'scene': machine.name, 'file': str(file)})
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ from mechanism_sim.cli import (
     runs,
     studies,
 )
+from mechanism_sim.cli.options import PRINTED, print_json
 from mechanism_sim.cli.overview import Overview, render_start
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
@@ -27,25 +29,46 @@ from mechanism_sim.terminal import echo, tell
 def main(args: Sequence[str] | None = None) -> None:
     """Run a command; exit code 0 done, 1 failed run, 2 bad input."""
     parser = make_parser()
+    PRINTED.clear()
+    given = sys.argv[1:] if args is None else list(args)
     if '_ARGCOMPLETE' in os.environ:
         from mechanism_sim.cli.completion import complete  # noqa: PLC0415
 
         complete(parser, parser.commands().choices)
     try:
-        options = _read(parser, sys.argv[1:] if args is None else args)
+        options = _read(parser, given)
         code = options.run(options)
         sys.stdout.flush()
         sys.exit(code)
     except InputError as error:
-        sys.exit(tell(error, 2))
+        sys.exit(_failed(error, 2, given))
     except RunError as error:
-        sys.exit(tell(error, 1))
+        sys.exit(_failed(error, 1, given))
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:
         # Whoever read our output has had enough; Python must not complain while closing it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _mute()
         sys.exit(0)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
+            raise
+        _mute()
+        where = f"'{error.filename}'" if error.filename else 'the output'
+        sys.exit(tell(RunError(f'{where} cannot be written: {error.strerror}'), 1))
+
+
+def _mute() -> None:
+    """Let go of an output that takes no more: Python would try again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _failed(error: Exception, code: int, args: Sequence[str]) -> int:
+    """Say what went wrong; in JSON, too, where that is asked for and nothing is printed yet."""
+    if '--json' in args and 'node' not in args[:1] and not PRINTED:
+        print_json({'error': str(error), 'code': code})
+        sys.stdout.flush()
+    return tell(error, code)
 
 
 def make_parser() -> Overview:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
+from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -91,9 +91,14 @@ def ros_args(options: argparse.Namespace) -> list[str]:
     return found
 
 
+PRINTED: list[bool] = []
+"""Whether a result is printed already."""
+
+
 def print_json(data: object) -> None:
     """Print what `--json` asks for."""
-    print(json.dumps(data, indent=2, allow_nan=False))
+    print(strict_json.dumps(data, indent=2))
+    PRINTED.append(True)
 
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:

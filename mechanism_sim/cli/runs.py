@@ -109,10 +109,7 @@ def _solve(options: argparse.Namespace) -> int:
                     impacts += piece.impacts
                     modes += piece.modes
     if options.save:
-        try:
-            run.snapshot.save(options.save)
-        except OSError as error:
-            raise InputError(f"'{options.save}' cannot be written: {error.strerror}") from error
+        run.snapshot.save(options.save)
     if options.json:
         events = (None, None) if options.no_events else (impacts, modes)
         print_json(summary.to_json(run, digest.hexdigest(), *events))

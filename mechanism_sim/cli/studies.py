@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim import output
 from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import tell
@@ -267,7 +268,7 @@ def _bench_hard(options: argparse.Namespace, cases: Sequence[Any]) -> int:
         if not options.json:
             print(hard.render(outcome), flush=True)
     if options.markdown:
-        Path(options.markdown).write_text(hard.markdown(outcomes), encoding='utf-8')
+        output.write_text(options.markdown, hard.markdown(outcomes))
     if options.json:
         print_json(hard.to_json(outcomes))
     return 0 if all(outcome.ok for outcome in outcomes) else 1

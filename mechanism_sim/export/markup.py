@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from xml.etree import ElementTree
 
-from mechanism_sim.errors import InputError
+from mechanism_sim import output
 
 Element = ElementTree.Element
 
@@ -35,7 +34,4 @@ def save(content: str, file: str) -> None:
     InputError
         If it cannot be written there.
     """
-    try:
-        Path(file).write_text(content, encoding='utf-8')
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    output.write_text(file, content)

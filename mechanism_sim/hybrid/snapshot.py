@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import hashlib
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim import output, strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 
@@ -61,7 +62,13 @@ class Snapshot:
         return float(self.base + Fraction(self.tau))
 
     def save(self, path: str | Path) -> None:
-        """Write a JSON file; floats are hexadecimal, so that no digit is lost."""
+        """Write a JSON file; floats are hexadecimal, so that no digit is lost.
+
+        Raises
+        ------
+        InputError, RunError
+            If it cannot be written there.
+        """
         data = asdict(self) | {
             'base': str(self.base),
             'laws': [_law_to_json(law) for law in self.laws],
@@ -72,7 +79,8 @@ class Snapshot:
         for key in ('state', 'directions', 'approach'):
             data[key] = [float(x).hex() for x in data[key]]
         data['touches'] = [[float(x).hex() for x in touch] for touch in self.touches]
-        Path(path).write_text(json.dumps(data, indent=1), encoding='utf-8')
+        data['checksum'] = _checksum(data)
+        output.write_text(path, strict_json.dumps(data, indent=1))
 
     @classmethod
     def load(cls, path: str | Path) -> Snapshot:
@@ -84,7 +92,9 @@ class Snapshot:
             If the file cannot be read or is not a snapshot.
         """
         try:
-            data = json.loads(Path(path).read_text(encoding='utf-8'))
+            data = strict_json.loads(Path(path).read_text(encoding='utf-8'))
+            if data.pop('checksum') != _checksum(data):
+                raise ValueError('it was damaged or changed after it was written')
             for key in _TIMES:
                 data[key] = float.fromhex(data[key])
             data['base'] = Fraction(data['base'])
@@ -98,8 +108,13 @@ class Snapshot:
             return cls(**data)
         except OSError as error:
             raise InputError(f"the snapshot '{path}' cannot be read: {error.strerror}") from error
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
             raise InputError(f"'{path}' is not a snapshot of a run: {error}") from error
+
+
+def _checksum(data: dict[str, Any]) -> str:
+    """What a change of any digit changes: the engine believes what a snapshot says."""
+    return hashlib.sha256(strict_json.dumps(data).encode()).hexdigest()
 
 
 def _law_to_json(law: Law) -> dict[str, Any]:

@@ -337,6 +337,7 @@ class NominalPhysics:
         if self._forces is not None:
             acting = rows(self._forces.edges, curve, segments, dt)
             seen = self._forces(q, v, a, self._outside(curve, segments, dt), acting)
+            self._check_formulas(seen, curve, segments, dt)
             if passage is None:
                 return seen
             near = passage.index
@@ -377,6 +378,40 @@ class NominalPhysics:
             if name != 'time':
                 row[:] = 0.0  # the angles have all their turns
         return known
+
+    def _check_formulas(
+        self,
+        seen: Observation,
+        curve: PiecewisePolynomial,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+    ) -> None:
+        """Refuse loads that are not finite: forces alone are not at singular positions, either.
+
+        Raises
+        ------
+        RunError
+            Which loads, and when first.
+        """
+        forces = self._forces
+        if forces is None or not forces.formulas or np.isfinite(seen.drive_torque).all():
+            return
+        segment, since = each_instant(curve, segments, dt)
+        bad = np.flatnonzero(~np.isfinite(seen.drive_torque).all(axis=0))
+        known = self._outside(curve, segment[bad], since[bad])
+        acting = rows(forces.edges, curve, segment[bad], since[bad])
+        motion = seen.position[:, bad], seen.velocity[:, bad], seen.acceleration[:, bad]
+        with np.errstate(all='ignore'):
+            supplied = forces.required(*motion, known, acting)
+        moving = np.isfinite(np.concatenate(motion)).all(axis=0)
+        bad = bad[moving & ~np.isfinite(supplied).all(axis=0)]
+        if bad.size:
+            t = float((curve.start[segment[bad]] + since[bad]).min())
+            names = ', '.join(sorted(forces.formulas))
+            raise RunError(
+                f'a formula is out of its range at t = {t:.9g} s: what it gives is not finite; '
+                f'see {names}'
+            )
 
     def _sampled(
         self,

@@ -4,8 +4,10 @@ An ``int`` in a float field passes unnoticed here and is an error, or garbage, i
 """
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 
 from mechanism_sim.messages.definitions import field_descriptions
@@ -30,6 +32,39 @@ def refusals(message: Any, path: str = '') -> Iterator[str]:
         elif not numeric:
             for index, item in enumerate(value):
                 yield from _refusals_of_one(item, element_kind, element, f'{here}[{index}]')
+
+
+UNKNOWN_AS_NAN = frozenset(
+    f'mechanism_sim/msg/{name}' for name in ('CamState', 'GearState', 'GenevaState')
+)
+"""Messages that say NaN of what is not known."""
+
+LARGEST, LARGEST_COEFFICIENT = 1e60, 1e150
+"""Magnitudes of numbers in SI units, and in units of a high power of the time."""
+
+
+def impossible_number(message: Any) -> str | None:
+    """The first field that holds a number no machine has: NaN, infinite, or beyond all bounds."""
+    kind = message.__msgtype__
+    for field in _numeric(kind):
+        most = LARGEST_COEFFICIENT if field == 'coefficients' else LARGEST
+        sizes = np.abs(getattr(message, field))
+        if kind in UNKNOWN_AS_NAN:
+            sizes = np.nan_to_num(sizes, nan=0.0, posinf=np.inf)
+        if not np.all(sizes <= most):
+            return field
+    return None
+
+
+@cache
+def _numeric(name: str) -> tuple[str, ...]:
+    """Fields of floating-point numbers, one or many."""
+    found = []
+    for field, (kind, inner) in field_descriptions(name):
+        element = inner[0] if kind in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (kind, inner)
+        if element[0] == Nodetype.BASE and element[1][0].startswith('float'):
+            found.append(field)
+    return tuple(found)
 
 
 def _refusals_of_one(value: Any, kind: Nodetype, inner: Any, here: str) -> Iterator[str]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Container
 from typing import Any
 
+from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
@@ -25,7 +25,7 @@ def describe(machine: Machine) -> str:
     """
     displacements = machine.mechanism.displacements
     content = {'name': machine.name, 'scene': machine.scene.model_dump(by_alias=True)}
-    return json.dumps(content | {'displacements': displacements})
+    return strict_json.dumps(content | {'displacements': displacements})
 
 
 def described(text: str, source: str) -> Machine:
@@ -41,7 +41,7 @@ def described(text: str, source: str) -> Machine:
         If it is none, or of a scene that this version does not understand.
     """
     try:
-        content = json.loads(text)
+        content = strict_json.loads(text)
         name, scene = str(content['name']), dict(content['scene'])
     except (ValueError, TypeError, KeyError) as error:
         raise InputError(f'{source} does not hold its scene: its machine is unknown.') from error

@@ -13,6 +13,8 @@ from typing import Any
 
 import heyoka as hy
 
+from mechanism_sim.errors import quoted
+
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     'sin': hy.sin,
     'cos': hy.cos,
@@ -23,6 +25,15 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     'tanh': hy.tanh,
     'abs': lambda x: hy.sqrt(x * x),
 }
+LARGEST = 1e30
+"""Of the numbers in a formula: beyond, products leave the range of floating-point numbers."""
+
+LONGEST = 1000
+"""Characters of a formula."""
+
+DEEPEST = 200
+"""Operations in each other: a sum of so many terms is as deep."""
+
 _POWERS: dict[Any, int] = {2: 2, 3: 3, 4: 4}
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -40,10 +51,30 @@ def parse(text: str) -> ast.expr:
     ValueError
         One sentence: what cannot be read.
     """
+    if len(text) > LONGEST:
+        raise ValueError(f'{quoted(text)} is no formula: it is longer than {LONGEST} characters')
     try:
-        return ast.parse(text, mode='eval').body
-    except SyntaxError as error:
-        raise ValueError(f"'{text}' is not a formula: {error.msg}") from error
+        tree = ast.parse(text, mode='eval').body
+    except (SyntaxError, ValueError) as error:  # the latter of numbers with too many digits
+        said = error.msg if isinstance(error, SyntaxError) else str(error)
+        raise ValueError(f'{quoted(text)} is not a formula: {said}') from error
+    except (RecursionError, MemoryError):
+        raise ValueError(f'{quoted(text)} is not a formula: it is nested too deep') from None
+    if _depth(tree) > DEEPEST:
+        raise ValueError(
+            f'{quoted(text)} is no formula: it is nested deeper than {DEEPEST} levels'
+        )
+    return tree
+
+
+def _depth(tree: ast.expr) -> int:
+    depth, level = 0, [tree]
+    while level:
+        depth += 1
+        level = [
+            c for node in level for c in ast.iter_child_nodes(node) if isinstance(c, ast.expr)
+        ]
+    return depth
 
 
 def names(text: str) -> set[str]:
@@ -73,11 +104,15 @@ def expression(text: str, known: Mapping[str, hy.expression]) -> hy.expression:
 
 def _build(node: ast.expr, known: Mapping[str, Any], text: str) -> Any:
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        if not abs(node.value) <= LARGEST:  # 1e400 is infinite to Python
+            raise ValueError(f'a number in {quoted(text)} is larger than {LARGEST:g}')
         return hy.expression(float(node.value))
     if isinstance(node, ast.Name):
         if node.id in known:
             return known[node.id]
-        raise ValueError(f"'{node.id}' in '{text}' is not known; known are {', '.join(known)}")
+        raise ValueError(
+            f"'{node.id}' in {quoted(text)} is not known; known are {', '.join(known)}"
+        )
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         value = _build(node.operand, known, text)
         return -value if isinstance(node.op, ast.USub) else value
@@ -89,12 +124,12 @@ def _build(node: ast.expr, known: Mapping[str, Any], text: str) -> Any:
         value = getattr(exponent, 'value', None)
         if value in _POWERS:
             return reduce(operator.mul, [_build(node.left, known, text)] * _POWERS[value])
-        raise ValueError(f"the power in '{text}' must be 2, 3 or 4")
+        raise ValueError(f'the power in {quoted(text)} must be 2, 3 or 4')
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and len(node.args) == 1:
         if node.func.id in FUNCTIONS:
             return FUNCTIONS[node.func.id](_build(node.args[0], known, text))
         raise ValueError(
-            f"'{node.func.id}' in '{text}' is not a function known here; known are "
+            f"'{node.func.id}' in {quoted(text)} is not a function known here; known are "
             f'{", ".join(FUNCTIONS)}'
         )
-    raise ValueError(f"'{text}' is not a formula of numbers, names, + - * / and functions")
+    raise ValueError(f'{quoted(text)} is not a formula of numbers, names, + - * / and functions')

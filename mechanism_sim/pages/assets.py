@@ -11,6 +11,8 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
+from mechanism_sim import strict_json
+
 
 def asset(name: str) -> str:
     """The text of a file of `pages/assets`."""
@@ -36,7 +38,7 @@ def render(template: str, **values: Any) -> str:
 
 def embedded(data: Any) -> Markup:
     """JSON that can stand in a page: nothing in it ends the element around it."""
-    text = data if isinstance(data, str) else json.dumps(data, allow_nan=False)
+    text = data if isinstance(data, str) else strict_json.dumps(data)
     return Markup(text.replace('<', '\\u003c'))  # noqa: S704 - escaped as JSON may be
 
 

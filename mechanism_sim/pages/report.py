@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import gzip
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from mechanism_sim import output, strict_json
 from mechanism_sim.catalogue import installed_version
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
@@ -44,7 +44,7 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
     """
     record = run.record
     scene = record.machine.scene
-    data = json.dumps({**run.to_json(), 'turn': _turn(run)}, allow_nan=False)
+    data = strict_json.dumps({**run.to_json(), 'turn': _turn(run)})
     charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
@@ -88,10 +88,7 @@ def write(text: str, file: Path) -> None:
     InputError
         If it cannot be written there.
     """
-    try:
-        file.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    output.write_text(file, text)
 
 
 def _turn(run: Recorded) -> float | None:

@@ -100,6 +100,11 @@ class InverseDynamics:
         """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
         return tuple(self.equations.frames.outside)
 
+    @property
+    def formulas(self) -> set[str]:
+        """Names of the loads that formulas give, which may be out of their range."""
+        return self.equations.frames.formulas
+
     @cached_property
     def edges(self) -> Edges | None:
         """Where a closure changes, or a load begins or ceases to act; None if nothing does."""

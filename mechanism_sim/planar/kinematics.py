@@ -110,6 +110,8 @@ class Kinematics:
         for _ in range(_ITERATIONS):
             off, J = self.closure(q)
             off = off - goal
+            if not (np.isfinite(off).all() and np.isfinite(J).all()):
+                break
             step = _solve(J[:, :, self.sought], -off)
             if not np.isfinite(step).all():
                 break

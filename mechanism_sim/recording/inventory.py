@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from mechanism_sim import documents, strict_json
 from mechanism_sim.recording.reader import Bag, Topic, read_bag
 
 
@@ -99,7 +97,7 @@ def scene_name(bag: Bag) -> str | None:
 def displacements(bag: Bag) -> frozenset[str]:
     """Return the coordinates that are displacements, as the latched topic `scene` says."""
     try:
-        content = json.loads(scene_text(bag) or '{}')
+        content = strict_json.loads(scene_text(bag) or '{}')
     except ValueError:
         return frozenset()  # a name, or YAML
     return (
@@ -171,8 +169,8 @@ def _row(topic: Topic) -> tuple[str, str, str, str]:
 
 def _name_in(text: str) -> str:
     try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError:
+        content = documents.parse(text)
+    except documents.DocumentError:
         content = None
     if isinstance(content, dict) and 'name' in content:
         return str(content['name'])

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from mechanism_sim import documents
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import MessageError, deserialize, type_hash
+from mechanism_sim.messages.checks import impossible_number
 from mechanism_sim.recording.rosbag2 import Qos
-from mechanism_sim.recording.scan import Layout, blocks, messages, survey
+from mechanism_sim.recording.scan import DamagedBagError, Layout, blocks, messages, sound, survey
 from mechanism_sim.recording.writer import RECORDING, VERSION
 
 READABLE = frozenset(map(str, range(VERSION + 1)))
@@ -63,7 +63,8 @@ class Bag:
         self.version = recording.get('version', '0')
         self.package = recording.get('package', '')
         taken = recording.get('wall_time') if layout.complete else None
-        self.wall_time = None if taken is None else float(taken)
+        with sound(path, 'what it says of its recording'):
+            self.wall_time = None if taken is None else float(taken)
         self.topics = _topics(layout)
         self._layout = layout
 
@@ -111,6 +112,13 @@ class Bag:
                 message = deserialize(cdr, types[channel])
             except MessageError as error:
                 raise InputError(f'{self.path}, topic {channels[channel]}: {error}.') from error
+            if types[channel].startswith('mechanism_sim/msg/'):
+                field = impossible_number(message)
+                if field:
+                    raise DamagedBagError(
+                        f'{self.path}, topic {channels[channel]}: {field} of the message at '
+                        f'{log_time / 1e9:.9g} s holds a number that no machine has.'
+                    )
             yield channels[channel], message, log_time
 
     def _payloads(self, channels: dict[int, str]) -> Iterator[tuple[int, bytes, int]]:
@@ -118,7 +126,9 @@ class Bag:
             for block in blocks(self.path, stream, self._layout, channels):
                 if self._progress:
                     self._progress(stream.tell() / self._layout.readable)
-                for channel, log_time, start, stop in messages(block):
+                with sound(self.path, 'a chunk'):
+                    held = list(messages(block))
+                for channel, log_time, start, stop in held:
                     if channel in channels:
                         yield channel, block[start:stop], log_time
 
@@ -192,8 +202,8 @@ def _topics(layout: Layout) -> dict[str, Topic]:
 def _qos(profiles: str) -> Qos | None:
     """Return the first of the profiles; None where policies are numbers, as before Iron."""
     try:
-        first = (yaml.safe_load(profiles) or [{}])[0]
+        first = (documents.parse(profiles) or [{}])[0]
         words = {name: first[name] for name in ('reliability', 'durability', 'history', 'depth')}
-    except (yaml.YAMLError, KeyError, TypeError):
+    except (documents.DocumentError, KeyError, TypeError):
         return None
     return Qos(**words) if isinstance(words['history'], str) else None

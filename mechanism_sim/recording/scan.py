@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Container, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -23,15 +24,44 @@ from mcap.records import Channel, Chunk, Header, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from zstandard import ZstdError
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, quoted
 
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')  # opcode, length of what follows
 MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log time, publish time
 
 
+LARGEST_CHUNK = 1 << 28
+"""Bytes of a chunk in memory; writers make chunks of some megabytes."""
+
+_DAMAGE = (
+    CRCValidationError, McapError, ZstdError, RuntimeError, struct.error, ValueError,
+    OverflowError, MemoryError,
+)  # fmt: skip
+"""What reading a damaged file raises, in mcap, zstandard and Python."""
+
+
 class DamagedBagError(InputError):
     """A part of the file is there but wrong."""
+
+
+@contextmanager
+def sound(path: Path, what: str) -> Iterator[None]:
+    """What cannot be read of a file because it is damaged becomes one sentence.
+
+    Raises:
+        DamagedBagError: Text that is no UTF-8, lengths and sizes that cannot be, checksums.
+
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except UnsupportedCompressionError as error:
+        raise InputError(f'{path}: {error}.') from error
+    except _DAMAGE as error:
+        why = 'text that is not UTF-8' if isinstance(error, UnicodeDecodeError) else quoted(error)
+        raise DamagedBagError(f'{path}: {what} is damaged ({why}).') from error
 
 
 @dataclass
@@ -84,7 +114,7 @@ def blocks(
         wanted: Channels asked for; chunks known to hold none of them are skipped.
 
     Raises:
-        DamagedBagError: A chunk does not agree with its checksum.
+        DamagedBagError: A chunk does not agree with its checksum, or cannot be read.
 
     """
     for opcode, offset, length in _records(stream, layout.readable):
@@ -106,6 +136,8 @@ def messages(block: bytes) -> Iterator[tuple[int, int, int, int]]:
         opcode, length = RECORD.unpack_from(block, position)
         body = position + RECORD.size
         position = body + length
+        if position > len(block):
+            raise ValueError('a record goes on beyond its chunk')
         if opcode == Opcode.MESSAGE:
             channel, _, log_time, _ = MESSAGE.unpack_from(block, body)
             yield channel, log_time, body + MESSAGE.size, position
@@ -127,16 +159,13 @@ def _records(stream: BinaryIO, limit: int) -> Iterator[tuple[int, int, int]]:
 
 
 def _decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
-    try:
+    with sound(path, f'the chunk at byte {offset}'):
         chunk = Chunk.read(ReadDataStream(BytesIO(body)))
+        if chunk.uncompressed_size > LARGEST_CHUNK:
+            raise ValueError(f'it would take {chunk.uncompressed_size} bytes')
         stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-        return chunk, stream.read(length)
-    except UnsupportedCompressionError as error:
-        raise InputError(f'{path}: {error}.') from error
-    except (CRCValidationError, McapError, ZstdError, RuntimeError, struct.error) as error:
-        raise DamagedBagError(
-            f'{path}: the chunk at byte {offset} is damaged ({error}).'
-        ) from error
+        block = stream.read(length)
+    return chunk, block
 
 
 def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
@@ -146,12 +175,10 @@ def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
     if size < 2 * len(MAGIC) or stream.read(len(MAGIC)) != MAGIC:
         return None
     stream.seek(0)
-    try:
+    with sound(path, 'its index'):
         reader = SeekingReader(stream)
         summary, header = reader.get_summary(), reader.get_header()
         metadata = {found.name: found.metadata for found in reader.iter_metadata()}
-    except (McapError, struct.error) as error:
-        raise DamagedBagError(f'{path}: its index is damaged ({error}).') from error
     if summary is None or summary.statistics is None or not summary.chunk_indexes:
         return None
     return Layout(
@@ -181,28 +208,36 @@ def _from_records(path: Path, stream: BinaryIO) -> Layout:
     for opcode, offset, length in _records(stream, size):
         stream.seek(offset)
         block = stream.read(RECORD.size + length)
-        if opcode == Opcode.CHUNK:
-            try:
-                chunk, block = _decompress(path, offset, block[RECORD.size :])
-            except DamagedBagError:
-                break  # readable up to here, and `complete` says that this is not all
-            layout.compression.add(chunk.compression)
-        if opcode in {Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
-            _register(layout, block)
-            held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
-            if held:
-                layout.counts.update(channel for channel, _ in held)
-                ends = [log_time for _, log_time in held]
-                times = [min(times[:1] + ends), max(times[1:] + ends)]
-        elif opcode == Opcode.HEADER:
-            layout.library = Header.read(ReadDataStream(BytesIO(block[RECORD.size :]))).library
-        elif opcode == Opcode.METADATA:
-            found = Metadata.read(ReadDataStream(BytesIO(block[RECORD.size :])))
-            layout.metadata[found.name] = found.metadata
+        try:
+            with sound(path, f'the record at byte {offset}'):
+                _note(path, layout, opcode, offset, block, times)
+        except DamagedBagError:
+            break  # readable up to here, and `complete` says that this is not all
         layout.readable = offset + RECORD.size + length
         layout.complete = opcode == Opcode.FOOTER and layout.readable + len(MAGIC) <= size
     layout.start, layout.end = times or (0, 0)
     return layout
+
+
+def _note(
+    path: Path, layout: Layout, opcode: int, offset: int, block: bytes, times: list[int]
+) -> None:
+    """Note what a record holds, and the first and the last of the `times` so far."""
+    if opcode == Opcode.CHUNK:
+        chunk, block = _decompress(path, offset, block[RECORD.size :])
+        layout.compression.add(chunk.compression)
+    if opcode in {Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
+        held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
+        _register(layout, block)
+        if held:
+            layout.counts.update(channel for channel, _ in held)
+            ends = [log_time for _, log_time in held]
+            times[:] = [min(times[:1] + ends), max(times[1:] + ends)]
+    elif opcode == Opcode.HEADER:
+        layout.library = Header.read(ReadDataStream(BytesIO(block[RECORD.size :]))).library
+    elif opcode == Opcode.METADATA:
+        found = Metadata.read(ReadDataStream(BytesIO(block[RECORD.size :])))
+        layout.metadata[found.name] = found.metadata
 
 
 def _register(layout: Layout, block: bytes) -> None:

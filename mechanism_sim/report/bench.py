@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim import output, strict_json
 from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
@@ -156,10 +156,10 @@ class Pages:
             self._write('middleware', {'machine': dict(machine), 'rows': rows})
 
     def _write(self, name: str, content: object) -> None:
-        text = json.dumps(content, indent=1, allow_nan=False)
+        text = strict_json.dumps(content, indent=1)
         if self._folder:
-            (self._folder / f'{name}.json').write_text(text + '\n', encoding='utf-8')
-            (self._folder / f'{name}.txt').write_text(self.text[-1] + '\n', encoding='utf-8')
+            output.write_text(self._folder / f'{name}.json', text + '\n')
+            output.write_text(self._folder / f'{name}.txt', self.text[-1] + '\n')
 
     def to_json(self, machine: Mapping[str, Any]) -> dict[str, object]:
         """All of it."""
@@ -281,7 +281,8 @@ def _plot_costs(costs: Sequence[Cost], machine: Mapping[str, Any], path: Path) -
     for place in axes.flat[len(families) :]:
         place.remove()
     figure.supxlabel(_short(machine), fontsize='x-small')
-    figure.savefig(path, metadata={'Date': None})
+    with output.beside(path) as part:
+        figure.savefig(part, metadata={'Date': None})
     plt.close(figure)
 
 
@@ -317,5 +318,6 @@ def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
     figure.supxlabel(
         f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
     )
-    figure.savefig(path, metadata={'Date': None})
+    with output.beside(path) as part:
+        figure.savefig(part, metadata={'Date': None})
     plt.close(figure)

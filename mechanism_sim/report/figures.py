@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError
 
 SUFFIXES = ('.png', '.svg', '.pdf')
@@ -75,10 +77,13 @@ def save(figure: Any, file: Path, cropped: bool = False) -> None:
         If it cannot be written there.
     """
     metadata = {'Date': None} if file.suffix == '.svg' else None
-    try:
-        figure.savefig(file, dpi=200, metadata=metadata, bbox_inches='tight' if cropped else None)
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    # In memory first: Matplotlib's writer of PDF cannot give up halfway.
+    picture = BytesIO()
+    figure.savefig(
+        picture, format=file.suffix[1:], dpi=200, metadata=metadata,
+        bbox_inches='tight' if cropped else None,
+    )  # fmt: skip
+    output.write_bytes(file, picture.getvalue())
 
 
 def save_all(figures: Mapping[str, Any], path: Path) -> list[Path]:
@@ -92,12 +97,11 @@ def save_all(figures: Mapping[str, Any], path: Path) -> list[Path]:
     if path.suffix == '.pdf' and not path.is_dir():
         from matplotlib.backends.backend_pdf import PdfPages  # noqa: PLC0415
 
-        try:
-            with PdfPages(path, metadata={'CreationDate': None}) as pages:
-                for figure in figures.values():
-                    pages.savefig(figure)
-        except OSError as error:
-            raise InputError(f"'{path}' cannot be written: {error.strerror}") from error
+        book = BytesIO()
+        with PdfPages(book, metadata={'CreationDate': None}) as pages:
+            for figure in figures.values():
+                pages.savefig(figure)
+        output.write_bytes(path, book.getvalue())
         return [path]
     if path.is_dir() or not path.suffix:
         try:

@@ -5,11 +5,11 @@ The keys are those that Foxglove exports, as in Lichtblick, which reads them too
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 
+from mechanism_sim import strict_json
 from mechanism_sim.nodes.force_markers import Preview
 from mechanism_sim.nodes.markers import frame_of
 from mechanism_sim.planar.mechanism import GROUND
@@ -57,7 +57,7 @@ def to_foxglove(seen: Preview, namespace: str = '', prefix: str = '') -> str:
             'splitPercentage': 50,
         },
     }  # fmt: skip
-    return json.dumps(layout, indent=2) + '\n'
+    return strict_json.dumps(layout, indent=2) + '\n'
 
 
 def _scene(seen: Preview, namespace: str, prefix: str) -> dict[str, Any]:

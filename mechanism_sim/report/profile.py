@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from mechanism_sim import output
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.dxf import to_dxf
@@ -90,10 +91,7 @@ def write(outline: Outline, path: Path) -> None:
         If it cannot be written there, or the package for DXF is missing.
     """
     text = _WRITERS[path.suffix](outline)
-    try:
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise InputError(f"'{path}' cannot be written: {error.strerror}") from error
+    output.write_text(path, text)
 
 
 def _speed(machine: Machine, link: str) -> float:

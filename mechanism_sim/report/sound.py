@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.io import wavfile
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.sound import Listener, Strike, level, pressure
 
@@ -82,10 +83,8 @@ def write(
     peak = float(np.abs(p).max())
     if peak == 0.0:
         raise InputError('there is nothing to hear: the run has no impacts')
-    try:
-        wavfile.write(file, RATE, np.round(p * (32767.0 / peak)).astype(np.int16))
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    with output.beside(file) as part:
+        wavfile.write(part, RATE, np.round(p * (32767.0 / peak)).astype(np.int16))
     mean = float(np.sqrt(np.mean(p**2)))
     return Sound(str(file), len(train), peak, level(peak), level(mean), slow, len(p) / RATE)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.report.figures import save
 from mechanism_sim.sweep.plan import REPEAT, Plan
 from mechanism_sim.sweep.row import DONE, Value
 from mechanism_sim.sweep.run import Summary
@@ -134,11 +135,7 @@ def draw(chart: Chart, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
                 *panels[0].get_legend_handles_labels(), loc='outside upper center',
                 ncols=min(len(lines), 4), frameon=False, handlelength=3.0,
             )  # fmt: skip
-        metadata = {'Date': None} if chart.file.suffix == '.svg' else None
-        try:
-            figure.savefig(chart.file, metadata=metadata, dpi=200)
-        except OSError as error:
-            raise InputError(f"'{chart.file}' cannot be written: {error.strerror}") from error
+        save(figure, chart.file)
 
 
 Lines = dict[str, dict[float, list[dict[str, Value]]]]

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.hybrid.system import Array
@@ -126,18 +127,20 @@ class _Table:
     def __init__(self, file: Path) -> None:
         self._file = file
         self._part = file.with_name(f'.{file.name}.part')
-        try:
+        with output.told(file):
             self._part.touch()
-        except OSError as error:
-            raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
-        sink = _SINKS[file.suffix](self._part)
-        self.write, self._close = sink.write, sink.close
+            self._sink = _SINKS[file.suffix](self._part)
+
+    def write(self, columns: dict[str, Array]) -> None:
+        with output.told(self._file):
+            self._sink.write(columns)
 
     def close(self, complete: bool) -> None:
         try:
-            self._close()
-            if complete:
-                self._part.replace(self._file)
+            with output.told(self._file):
+                self._sink.close()
+                if complete:
+                    self._part.replace(self._file)
         finally:
             self._part.unlink(missing_ok=True)
 

@@ -13,6 +13,7 @@ import sympy
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.equations import Equation, MachineEquations
 from mechanism_sim.report.symbols import Symbol
@@ -235,7 +236,4 @@ def write(setter: Typesetter, file: str) -> None:
         raise InputError(f'--output {file}: the ending must be one of {", ".join(_FORMS)}')
     if path.exists():
         raise InputError(f'--output {file}: exists already, not overwriting')
-    try:
-        path.write_text(_FORMS[path.suffix](setter), encoding='utf-8')
-    except OSError as error:
-        raise InputError(f'--output {file}: cannot be written: {error.strerror}') from error
+    output.write_text(path, _FORMS[path.suffix](setter))

@@ -16,6 +16,7 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.report import figures
 from mechanism_sim.report.lens import ACCENT
@@ -98,10 +99,9 @@ class Target:
                 with self._film(figure, fps) as grab:
                     yield grab
             else:
-                self._stem.parent.mkdir(exist_ok=True)
+                with output.told(self._stem.parent):
+                    self._stem.parent.mkdir(exist_ok=True)
                 yield self._numbered(figure, len(str(count)))
-        except OSError as error:
-            raise InputError(f"'{self.path}' cannot be written: {error.strerror}") from error
         except CalledProcessError as error:
             raise RunError(f"ffmpeg failed to write '{self.path}'") from error
 
@@ -110,14 +110,13 @@ class Target:
         """The file gets its name when it is complete."""
         movie, rate = self.kind == '.mp4', cast('int', fps)  # so its stubs; any number will do
         writer = FFMpegWriter(rate, 'h264', extra_args=_EXACT) if movie else _GifWriter(rate)
-        part = self.path.with_name(f'.{self.path.stem}.part{self.kind}')
-        try:
-            program: dict[Any, Any] = {'animation.ffmpeg_path': self._program} if movie else {}
-            with mpl.rc_context(program), writer.saving(figure, str(part), DENSITY):
-                yield writer.grab_frame
-            part.replace(self.path)
-        finally:
-            part.unlink(missing_ok=True)
+        program: dict[Any, Any] = {'animation.ffmpeg_path': self._program} if movie else {}
+        with (
+            output.beside(self.path) as part,
+            mpl.rc_context(program),
+            writer.saving(figure, str(part), DENSITY),
+        ):
+            yield writer.grab_frame
         self.files.append(self.path)
 
     def _numbered(self, figure: Any, digits: int) -> Grab:

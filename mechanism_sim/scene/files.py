@@ -6,13 +6,13 @@ import copy
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
+from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.schema import FourBarScene
 
@@ -91,19 +91,7 @@ def read_yaml(path: Path, kind: str) -> dict[str, Any]:
     InputError
         If it cannot be read, or is no list of keys with values.
     """
-    try:
-        data = yaml.load(path.read_text(encoding='utf-8'), _StrictLoader)  # noqa: S506 - a safe one
-    except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        line = f' line {mark.line + 1}' if mark else ''
-        problem = getattr(error, 'problem', None) or 'is not readable'
-        raise InputError(f'{path.name}:{line} is not valid YAML: {problem}') from error
-    except OSError as error:
-        raise InputError(f"the {kind} file '{path}' cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"the {kind} file '{path}' cannot be read: it is not text in UTF-8"
-        ) from error
+    data = documents.read(path, kind)
     if not isinstance(data, dict):
         raise InputError(
             f'{path.name}: a {kind} is a list of keys with values, see docs/{_DOCS[kind]}'
@@ -123,9 +111,11 @@ def check_scene(
     """
     content = overridden(file, data, overrides)
     kind = content.get('mechanism')
+    if kind is None:
+        raise InputError(f"{file}: 'mechanism' is missing; known are: {', '.join(MECHANISMS)}")
     if not isinstance(kind, str) or kind not in MECHANISMS:
         raise InputError(
-            f"{file}: mechanism is '{kind}'{nearest(str(kind), MECHANISMS)}; known are: "
+            f'{file}: mechanism is {quoted(kind)}{nearest(str(kind), MECHANISMS)}; known are: '
             f'{", ".join(MECHANISMS)}'
         )
     return checked(file, MECHANISMS[kind], content)
@@ -142,8 +132,12 @@ def overridden(
         If an override cannot be read, or is of a key of what is a plain value.
     """
     content = copy.deepcopy(dict(data))
-    for key, value in _pairs(overrides):
-        _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
+    try:
+        for key, value in _pairs(overrides):
+            documents.check(value, tuple(key.split('.')))
+            _override(content, key, copy.deepcopy(value), file)  # a later one may change its parts
+    except documents.DocumentError as error:
+        raise InputError(f'{file}: {error}') from error
     return content
 
 
@@ -161,21 +155,6 @@ def checked(file: str, model: type[Model], data: Mapping[str, Any]) -> Model:
         raise InputError(f'{file}: {_first_problem(error, model)}') from error
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """Refuses a key that is written twice, instead of forgetting the first."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """The mapping of a node."""
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if key.value in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"the key '{key.value}' is written twice", problem_mark=key.start_mark
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
 def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]]:
     if isinstance(overrides, Mapping):
         return list(overrides.items())
@@ -184,13 +163,15 @@ def _pairs(overrides: Mapping[str, Any] | Iterable[str]) -> list[tuple[str, Any]
         key, sign, value = text.partition('=')
         if not sign or not key.strip():
             raise InputError(
-                f"the override '{text}' is not of the form PATH=VALUE, for example "
+                f'the override {quoted(text)} is not of the form PATH=VALUE, for example '
                 "'drive.speed=300 rpm'"
             )
         try:
-            pairs.append((key.strip(), yaml.safe_load(value)))
-        except yaml.YAMLError as error:
-            raise InputError(f"the value of the override '{text}' is not readable") from error
+            pairs.append((key.strip(), documents.parse(value)))
+        except documents.DocumentError as error:
+            raise InputError(
+                f'the value of the override {quoted(text)} is not readable:{error}'
+            ) from error
     return pairs
 
 
@@ -220,11 +201,11 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
     if kind == 'missing':
         return f"'{where}' is missing"
     if kind == 'value_error':
-        shown = where if isinstance(value, dict) else f'{where} = {value!r}'
+        shown = where if isinstance(value, dict) else f'{where} = {quoted(value)}'
         return f'{shown} {context["error"]}'
     if kind == 'literal_error':
         hint = nearest(str(value), re.findall(r"'([^']*)'", str(context['expected'])))
-        return f'{where} = {value!r} is not possible{hint}; allowed: {context["expected"]}'
+        return f'{where} = {quoted(value)} is not possible{hint}; allowed: {context["expected"]}'
     expected = {
         'model_type': 'it must be a list of keys with values',
         'dict_type': 'it must be a list of names with values',
@@ -243,9 +224,9 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
     if kind == 'too_short':
         least = context['min_length']
         few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
-        return f'{where} = {value!r}: {few}'
+        return f'{where} = {quoted(value)}: {few}'
     if kind in expected:
-        return f'{where} = {value!r}: {expected[kind]}'
+        return f'{where} = {quoted(value)}: {expected[kind]}'
     bounds = {
         'greater_than': ('gt', 'more than'),
         'greater_than_equal': ('ge', 'at least'),
@@ -254,21 +235,22 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
     }
     if kind in bounds:
         key, words = bounds[kind]
-        return f'{where} = {value!r} is out of bounds: it must be {words} {context[key]:g}'
-    return f'{where} = {value!r}: {problem["msg"]}'
+        return f'{where} = {quoted(value)} is out of bounds: it must be {words} {context[key]:g}'
+    return f'{where} = {quoted(value)}: {problem["msg"]}'
 
 
 def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
     """Keys allowed at a place of the schema."""
-    kind: Any = model
+    here = [model]
     for part in path:
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            kind = kind.model_fields[part].annotation
-            if get_origin(kind) is dict:
-                continue  # its keys are free, its values are the next part's model
-        candidates = [kind, *get_args(kind)]
-        kind = next(
-            (c for c in reversed(candidates) if isinstance(c, type) and issubclass(c, BaseModel)),
-            kind,
-        )
-    return list(kind.model_fields)
+        fields = [f for m in here for k, f in m.model_fields.items() if part in (k, f.alias)]
+        # else it is a name, or the index of an entry, and leads to no other model
+        here = [m for field in fields for m in _models(field.annotation)] or here
+    return list(dict.fromkeys(f.alias or k for m in here for k, f in m.model_fields.items()))
+
+
+def _models(kind: Any) -> list[type[BaseModel]]:
+    """The models that an annotation speaks of."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return [kind]
+    return [model for part in get_args(kind) for model in _models(part)]

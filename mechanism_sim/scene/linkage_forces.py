@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import heyoka as hy
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.linkages.forces import AppliedForce, CycleRange, Spring, TorsionSpring
 from mechanism_sim.numerics import formula
 from mechanism_sim.planar.mechanism import Mechanism
@@ -70,15 +70,15 @@ def _check_load(places: Places, name: str, load: LoadPart, tree: Mechanism) -> N
         if isinstance(part, str):
             for used in formula.names(part) - known:
                 raise InputError(
-                    f"{places.name}: {where}: the formula '{part}' names '{used}'"
+                    f"{places.name}: {where}: the formula {quoted(part)} names '{used}'"
                     f'{nearest(used, known)}; it may name t, x, y, vx, vy, a link, or '
                     'LINK_rate'
                 )
             for link in places.links:
                 if (rate := f'{link}_rate') in places.links and rate in formula.names(part):
                     raise InputError(
-                        f"{places.name}: {where}: '{rate}' in the formula '{part}' may be the "
-                        f'link {rate} or the rate of {link}; call one of the links otherwise'
+                        f"{places.name}: {where}: '{rate}' in the formula {quoted(part)} may be "
+                        f'the link {rate} or the rate of {link}; call one of the links otherwise'
                     )
             try:
                 formula.expression(part, symbols)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.commented import commented
@@ -55,9 +56,5 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
     text = commented(data, scene)
     if (file.parent / SCHEMA).is_file():
         text = f'# yaml-language-server: $schema={SCHEMA}\n{text}'
-    try:
-        with file.open('x', encoding='utf-8') as out:
-            out.write(text)
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    output.write_text(file, text)
     return file

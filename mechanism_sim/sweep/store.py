@@ -7,7 +7,6 @@ disk before the next is taken, so that whatever ends a sweep costs the unfinishe
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -17,6 +16,7 @@ from typing import IO, Any, Self
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from mechanism_sim import output, strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.sweep.labels import column, label_columns
 from mechanism_sim.sweep.plan import Plan
@@ -91,7 +91,7 @@ class Journal:
 
     def _parsed(self, line: bytes, number: int) -> dict[str, Any]:
         try:
-            entry = json.loads(line)
+            entry = strict_json.loads(line)
             if isinstance(entry, dict) and (number == 1 or {'key', 'row'} <= entry.keys()):
                 return entry
         except ValueError:
@@ -106,7 +106,7 @@ class Journal:
         self.rows[finished.key] = finished.row
 
     def _append(self, entry: dict[str, Any]) -> None:
-        self._file.write(json.dumps(entry, allow_nan=False).encode() + b'\n')
+        self._file.write(strict_json.dumps(entry).encode() + b'\n')
         self._file.flush()
         os.fsync(self._file.fileno())
 
@@ -140,14 +140,9 @@ def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> Non
     columns += [(field, [row.get(field.name) for row in rows]) for field in results]
     schema = pa.schema([field for field, _ in columns], {'sweep': plan.name, 'title': plan.title})
     table = pa.table([pa.array(v, f.type) for f, v in columns], schema=schema)
-    part = file.with_name(f'.{file.name}.part')
-    try:
-        with part.open('wb') as stream:
-            pq.write_table(table, stream)
-            _to_disk(stream)
-        part.replace(file)
-    except OSError as error:
-        raise InputError(f"'{file}' cannot be written: {error.strerror}") from error
+    with output.beside(file) as part, part.open('wb') as stream:
+        pq.write_table(table, stream)
+        _to_disk(stream)
 
 
 def _to_disk(stream: IO[bytes]) -> None:

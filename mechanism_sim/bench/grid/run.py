@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from mechanism_sim import output
 from mechanism_sim.bench.grid import cams, four_bars, linkages, machines, trains
 from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
 from mechanism_sim.errors import InputError, nearest
@@ -87,7 +88,7 @@ def write_scenes(cases: Sequence[GridCase], folder: Path) -> None:
     InputError
         If it cannot be written there.
     """
-    try:
+    with output.told(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for case in cases:
             scene, revolutions, duration = case.draft()
@@ -96,5 +97,3 @@ def write_scenes(cases: Sequence[GridCase], folder: Path) -> None:
             head = f'# mechanism-sim solve {case.name}.yaml {asked}\n'
             text = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None)
             (folder / f'{case.name}.yaml').write_text(head + text, encoding='utf-8')
-    except OSError as error:
-        raise InputError(f"--output: '{folder}' cannot be written: {error.strerror}") from error

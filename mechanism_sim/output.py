@@ -1,0 +1,66 @@
+"""Files that commands write: complete under their name, or not there, and one sentence.
+
+A file is written beside its place and renamed, so that a full disk or a kill never leaves a piece
+that looks like a result, nor costs the one that was there before.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mechanism_sim.errors import InputError, RunError
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE}
+"""What is no fault of the name that was given."""
+
+
+@contextmanager
+def told(path: Path | str) -> Iterator[None]:
+    """Errors of the system while a file is written, as one sentence.
+
+    Raises
+    ------
+    InputError
+        If nothing can be written there.
+    RunError
+        If the disk is full or gone.
+    """
+    try:
+        yield
+    except OSError as error:
+        kind = RunError if error.errno in _FULL else InputError
+        raise kind(f"'{path}' cannot be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def beside(path: Path | str) -> Iterator[Path]:
+    """Where to write what gets its name when it is complete; raises what `told` does.
+
+    The name keeps its ending. Devices and pipes are written themselves.
+    """
+    named = Path(path)
+    with told(named):
+        target = named.resolve()
+        if target.exists() and not target.is_file():
+            yield target
+            return
+        part = target.with_name(f'.{target.stem}.part{target.suffix}')
+        try:
+            yield part
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def write_text(path: Path | str, text: str) -> None:
+    """Write a text in UTF-8; raises what `told` does."""
+    write_bytes(path, text.encode('utf-8'))
+
+
+def write_bytes(path: Path | str, data: bytes) -> None:
+    """Write bytes; raises what `told` does."""
+    with beside(path) as part:
+        part.write_bytes(data)

@@ -1,0 +1,145 @@
+"""What `--json` prints is JSON as its standard has it, for every command and every outcome."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from mechanism_sim import strict_json
+from mechanism_sim.cli import main
+from mechanism_sim.cli.entry import make_parser
+from mechanism_sim.errors import RunError
+
+SHORT = ('--duration', '0.03')
+LOOSE = 'four_bar_clearance'
+
+
+def strict(text):
+    """What a text means to a parser that knows no NaN."""
+
+    def refuse(name):
+        raise ValueError(name)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.fixture(scope='module')
+def files(tmp_path_factory):
+    """Names that commands below use, in a folder of their own."""
+    folder = tmp_path_factory.mktemp('json')
+    with pytest.raises(SystemExit) as ended:
+        main(['run', LOOSE, *SHORT, '--record', str(folder / 'run.mcap'), '--json'])
+    assert ended.value.code == 0
+    (folder / 'broken.mcap').write_bytes((folder / 'run.mcap').read_bytes()[:5000] + b'\xff' * 500)
+    (folder / 'sweep.yaml').write_text(
+        'title: two speeds\nscene: four_bar_nominal\nduration: 0.02\n'
+        'grid: {drive.speed: [300 rpm, 350 rpm]}\n'
+    )
+    return folder
+
+
+# {} is the folder; what ends well, and what is refused
+GOOD = {
+    'new': ('{}/new',),
+    'scenes': ('--schema',),
+    'check': (LOOSE,),
+    'equations': ('four_bar_nominal',),
+    'solve': (LOOSE, *SHORT),
+    'run': (LOOSE, *SHORT),
+    'draw': ('four_bar_nominal', '-o', '{}/drawn.svg'),
+    'cycle': ('four_bar_nominal',),
+    'animate': ('four_bar_nominal', '--duration', '0.005', '-o', '{}/film.gif'),
+    'report': ('{}/run.mcap', '-o', '{}/page.html'),
+    'plot': ('four_bar_nominal', 'velocity.rocker', *SHORT, '-o', '{}/plot.svg'),
+    'layout': (LOOSE, '--for', 'foxglove', '-o', '{}/layout.json'),
+    'sound': ('gear_rattle', '--duration', '0.1', '-o', '{}/run.wav'),
+    'info': ('{}/run.mcap',),
+    'analyze': ('{}/run.mcap',),
+    'sweep': ('{}/sweep.yaml', '-o', '{}/table.parquet', '--workers', '1'),
+    'contact-loss': (LOOSE,),
+    'profile': ('eccentric_cam', 'contact'),
+    'teeth': ('3.5',),
+    'export': ('four_bar_nominal', '--format', 'urdf', '-o', '{}/machine.urdf'),
+    'bench': (),
+    'completion': ('bash',),
+}
+
+# their good ends take minutes, or somebody who looks on
+ONLY_BAD = {'identify', 'experiment', 'statistics', 'starts', 'periodic', 'lift-off', 'view'}
+
+BAD = {
+    **dict.fromkeys((*GOOD, *ONLY_BAD), ('no_such_thing',)),
+    'scenes': ('--no-such-option',),
+    'new': ('{}/new', '--from', 'no_such_thing'),
+    'layout': ('no_such_thing', '--for', 'rviz'),
+    'info': ('{}/broken.mcap', '--no-such-option'),
+    'analyze': ('{}/run.mcap', '--skip', '-1'),
+    'solve': (LOOSE, '--set', 'drive.speed=.nan'),
+    'identify': ('{}/broken.mcap', '--fit', 'x'),
+    'teeth': ('-1',),
+}
+
+
+def test_every_command_is_tried():
+    commands = set(make_parser().commands().choices) - {'node'}  # which has no --json
+    assert commands == set(GOOD) | ONLY_BAD == set(BAD)
+
+
+def run(capsys, files, name, args):
+    with pytest.raises(SystemExit) as ended:
+        main([name, *(str(a).format(files) for a in args), '--json'])
+    return ended.value.code, capsys.readouterr()
+
+
+@pytest.mark.parametrize('name', sorted(GOOD))
+def test_results_are_strict_json(capsys, files, name):
+    code, said = run(capsys, files, name, GOOD[name])
+    assert code == 0, said.err
+    strict(said.out)
+
+
+@pytest.mark.parametrize('name', sorted(BAD))
+def test_refusals_are_strict_json(capsys, files, name):
+    code, said = run(capsys, files, name, BAD[name])
+    assert code == 2, said.err
+    found = strict(said.out)
+    assert found['code'] == 2
+    assert said.err == f'mechanism-sim: {found["error"]}\n'
+
+
+def test_what_numpy_computes_is_written():
+    @dataclass
+    class Outcome:
+        ok: object
+        figure: object
+
+    data = [Outcome(np.bool_(True), np.float64(0.5)), {'n': np.int64(3), 'x': np.eye(2)}]
+    found = strict(strict_json.dumps(data))
+    assert found == [{'ok': True, 'figure': 0.5}, {'n': 3, 'x': [[1.0, 0.0], [0.0, 1.0]]}]
+
+
+@pytest.mark.parametrize('bad', [float('nan'), np.float64('inf'), np.array([1.0, -np.inf])])
+def test_what_is_not_finite_is_no_result(bad):
+    with pytest.raises(RunError, match=r'not finite: final\.rocker.* is '):
+        strict_json.dumps({'final': {'rocker': bad}})
+
+
+@pytest.mark.parametrize('text', ['NaN', '[Infinity]', '1e999', '[' * 100_000, '{'])
+def test_what_is_not_json_is_not_read(text):
+    with pytest.raises(ValueError, match=r'number|deep|Expecting'):
+        strict_json.loads(text)
+
+
+def test_a_snapshot_with_another_digit_is_refused(tmp_path, capsys):
+    file = tmp_path / 'end.json'
+    with pytest.raises(SystemExit) as ended:
+        main(['solve', LOOSE, *SHORT, '--save', str(file)])
+    assert ended.value.code == 0
+    file.write_text(file.read_text().replace('0x1.', '0x1.1', 1))
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as ended:
+        main(['solve', LOOSE, '--duration', '0.04', '--resume', str(file), '--json'])
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert 'it was damaged or changed' in strict(said.out)['error']
