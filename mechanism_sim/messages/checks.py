@@ -39,8 +39,8 @@ UNKNOWN_AS_NAN = frozenset(
 )
 """Messages that say NaN of what is not known."""
 
-LARGEST, LARGEST_COEFFICIENT = 1e60, 1e150
-"""Magnitudes of numbers in SI units, and in units of a high power of the time."""
+LARGEST, LARGEST_COEFFICIENT = 1e60, float(np.finfo(float).max)
+"""Magnitudes of numbers in SI units; of powers of the time, which may be as short as 1e-16 s."""
 
 
 def impossible_number(message: Any) -> str | None:
