@@ -1,4 +1,4 @@
-"""Compliant contact: the normal force as a law of depth and rate.
+"""Compliant contact: the normal force as a law of depth and rate (friction: `hybrid/dynamics`).
 
 Every law is arithmetic on what it is given: numbers, arrays (elementwise) and heyoka expressions
 all serve, for the parameters too, so that a parameter of a compiled scene may take their place.

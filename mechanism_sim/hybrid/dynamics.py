@@ -377,7 +377,11 @@ class Dynamics:
         return self.compressed(i)[0] * ((self.margin + sign * self.relief(i)) / self.approach[i])
 
     def _pushed(self, tangential: Vector) -> tuple[Vector, Vector]:
-        """Forces of compliant contacts along their rows, and friction: known where they slide."""
+        """Forces of compliant contacts along their rows, and Coulomb's friction.
+
+        ``T = -mu N sign(v)`` where they slide; where they stick, what keeps ``dv/dt = 0`` with the
+        second derivatives `tangential` of the slips without contact forces.
+        """
         m = len(self.normal)
         N: Vector = []
         T: Vector = [None] * m

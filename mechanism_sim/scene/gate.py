@@ -173,7 +173,13 @@ def _try_together(machine: Machine, duration: float) -> None:
 
 
 def _try_loops(machine: Machine, duration: float) -> None:
-    """Whether loops without clearance can close along the drives, wherever the other links go."""
+    """Refuse drives along which loops without clearance cannot close, wherever other links go.
+
+    Raises
+    ------
+    InputError
+        When, and which loop stays open; places `_STEP` apart are tried.
+    """
     mechanism, laws = machine.mechanism, machine.plan.laws
     firm = [joint for joint in mechanism.cut if joint not in machine.clearances]
     prescribed = machine.plan.prescribed
@@ -184,7 +190,9 @@ def _try_loops(machine: Machine, duration: float) -> None:
     q = np.array([[known.get(c, 0.0)] for c in mechanism.coordinates])
     ways = [way_of(laws[c], duration) for c in prescribed]
     scale = loops.scale[loops.held]
-    count = math.ceil(sum((high - low) / (_STEP * x) for (low, high), x in zip(ways, scale)))  # noqa: B905
+    count = math.ceil(
+        sum((high - low) / (_STEP * x) for (low, high), x in zip(ways, scale, strict=True))
+    )
     for k in range(min(count, _STEPS) + 1):
         t = duration * k / max(count, 1)
         law = [next(x for x in reversed(laws[c]) if x.valid_from <= t) for c in prescribed]
