@@ -49,6 +49,7 @@ def beside(path: Path | str) -> Iterator[Path]:
             return
         part = target.with_name(f'.{target.stem}.part{target.suffix}')
         try:
+            part.touch()  # before anybody works for it
             yield part
             part.replace(target)
         finally:

@@ -46,6 +46,7 @@ _TAIL = 1e-13
 _ROUNDED = 8.0
 """times what rounding leaves open in coordinates: smaller last terms are no more than that."""
 _SHORTEST = 2.0**-20
+_SHORT, _MOST_SHORT = 2.0**-14, 400  # so many pieces of such a share in a row lead nowhere
 _LONGEST = 0.1
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
@@ -97,6 +98,7 @@ class NominalRun:
         self._last = np.array(first, dtype=float)
         self._slope = slope
         self._share = 0.5  # of the greatest length of a piece
+        self._short = 0  # pieces in a row
 
     def change_law(self, law: Law) -> None:
         """Let a law replace the present one from ``law.valid_from`` on.
@@ -186,6 +188,13 @@ class NominalRun:
                     break
             self._share *= 0.5
             h *= 0.5
+        self._short = self._short + 1 if self._share < _SHORT else 0
+        if self._short > _MOST_SHORT:
+            place = self._ideal.kinematics.independence(values[:, :1])[0]
+            raise RunError(
+                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its closures '
+                f'hardly determine it there (independence {place:.2g} of 1)'
+            )
         coefficients = fit_powers(values, h)
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
             _, local = law.about(Fraction(self.time))

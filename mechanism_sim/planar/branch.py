@@ -163,7 +163,7 @@ def _fitted(
     """
     n, count = q.shape
     sought, scale = kinematics.sought, kinematics.scale
-    samples = np.empty((n, count, 2 * _PAIRS))
+    samples = np.zeros((n, count, 2 * _PAIRS))
     trust = np.zeros((count, 2 * _PAIRS))
     even, odd = np.zeros((n, count)), np.zeros((n, count))
     least = _TRUSTED * width * pace
@@ -188,6 +188,9 @@ def _fitted(
         samples[:, :, _PAIRS - 1 - k], samples[:, :, _PAIRS + k] = before, after
         weight = np.where(sure, independence, 0.0)
         trust[:, _PAIRS - 1 - k], trust[:, _PAIRS + k] = weight[:count], weight[count:]
+        hopeful = (trust > 0.0).sum(axis=1) + 2 * (_PAIRS - 1 - k) > _DEGREE + 2
+        if not hopeful.any():
+            break
     good = (trust > 0.0).sum(axis=1) > _DEGREE + 2
     best = np.maximum(trust.max(axis=1), 1e-300)
     trust /= best[:, None]

@@ -21,6 +21,7 @@ from mechanism_sim.planar.protocols import Relation
 Array = NDArray[np.float64]
 
 _ITERATIONS = 60
+_PATIENCE = 8  # iterations in which what is left open must halve
 _ROUNDING = 32.0 * float(np.finfo(float).eps)
 
 
@@ -107,7 +108,8 @@ class Kinematics:
         """
         q = np.array(guess, dtype=float)
         goal = 0.0 if targets is None else targets
-        for _ in range(_ITERATIONS):
+        least, since = np.full(q.shape[1], np.inf), np.zeros(q.shape[1], dtype=int)
+        for k in range(_ITERATIONS):
             off, J = self.closure(q)
             off = off - goal
             if not (np.isfinite(off).all() and np.isfinite(J).all()):
@@ -118,7 +120,10 @@ class Kinematics:
             # no step turns a link by more than half a radian: it would leave its branch
             reach = np.abs(step / self.scale[self.sought]).max(axis=1, initial=0.0)
             q[self.sought] += (step * np.minimum(1.0, 0.5 / np.maximum(reach, 1e-300))[:, None]).T
-            if (reach <= 1e-9).all():
+            size = np.abs(off).max(axis=1, initial=0.0)
+            halved = size <= 0.5 * least
+            least, since = np.where(halved, size, least), np.where(halved, k, since)
+            if ((reach <= 1e-9) | (k - since >= _PATIENCE)).all():
                 break
         left = np.abs(self.closure(q)[0] - goal).max(axis=1, initial=0.0)
         return q, np.where(left <= self.rounding, 0.0, left)

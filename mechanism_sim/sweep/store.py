@@ -55,10 +55,8 @@ class Journal:
                 f"the table '{table}' exists already and has no journal to go on from: choose "
                 'another name, or give --restart to replace it'
             )
-        try:
+        with output.told(self.path):
             self._file = self.path.open('a+b')
-        except OSError as error:
-            raise InputError(f"'{self.path}' cannot be written: {error.strerror}") from error
         try:
             self._begin(plan, restart)
         except InputError:
@@ -106,15 +104,17 @@ class Journal:
         self.rows[finished.key] = finished.row
 
     def _append(self, entry: dict[str, Any]) -> None:
-        self._file.write(strict_json.dumps(entry).encode() + b'\n')
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        with output.told(self.path):
+            self._file.write(strict_json.dumps(entry).encode() + b'\n')
+            self._file.flush()
+            os.fsync(self._file.fileno())
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_failure: object) -> None:
-        self._file.close()
+        with output.told(self.path):
+            self._file.close()
 
 
 def journal_of(table: Path) -> Path:
