@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import mechanism_sim as ms
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
+from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.scene import run_length
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.gate import way_of
@@ -122,3 +124,27 @@ def test_the_cost_of_the_gate_does_not_grow_with_the_length_of_the_run(
         machine_of(firm, **{'drive.speed': speed, 'duration': duration})
     assert len(steps) == 3
     assert max(steps) < 1.5 * min(steps)
+
+
+@pytest.mark.parametrize(
+    ('scene', 'change', 'said'),
+    [
+        ('slider_crank', {'links.crank.length': '5 m'}, 'it may be at a dead point'),
+        ('scotch_yoke', {'joints.crank_yoke.axis': '9e-5 deg'}, 'closures hardly determine it'),
+    ],
+)
+def test_what_cannot_be_followed_is_given_up_soon(
+    monkeypatch: pytest.MonkeyPatch, scene: str, change: dict[str, str], said: str
+) -> None:
+    tried = 0
+    closure = Kinematics.closure
+
+    def counted(*args: Any) -> Any:
+        nonlocal tried
+        tried += 1
+        return closure(*args)
+
+    monkeypatch.setattr(Kinematics, 'closure', counted)
+    with pytest.raises(InputError, match=said):
+        ms.load_scene(scene, change)
+    assert 10 < tried < 30_000

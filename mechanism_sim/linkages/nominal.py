@@ -190,10 +190,9 @@ class NominalRun:
             h *= 0.5
         self._short = self._short + 1 if self._share < _SHORT else 0
         if self._short > _MOST_SHORT:
-            place = self._ideal.kinematics.independence(values[:, :1])[0]
             raise RunError(
-                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its closures '
-                f'hardly determine it there (independence {place:.2g} of 1)'
+                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: '
+                'its closures hardly determine it there'
             )
         coefficients = fit_powers(values, h)
         for law, i in zip(self._laws, self._ideal.driven, strict=True):
