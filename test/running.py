@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import socket
 import subprocess
 import sys
 import warnings
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from middleware_network import free_port
 
 from mechanism_sim.cli import main
 
@@ -35,9 +35,7 @@ APART = {'identify', 'node', 'run', 'sweep', 'view'}
 
 def environment() -> dict[str, str]:
     """Environment with a router port and a domain that nobody else uses."""
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     return {
         **os.environ,
         'MECHANISM_SIM_MIDDLEWARE': middleware,

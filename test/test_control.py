@@ -300,7 +300,7 @@ def there(name, key):
 while not (len(statuses) == 5 and there('linkage', 'time [s]')
            and there('crank_drive', 'announced [s]')):
     spin_once(node, timeout_sec=0.1)
-found['statuses'] = statuses
+found['statuses'] = json.loads(json.dumps(statuses))  # later ones say more
 def parameter(owner, name):
     kind = service_class('rcl_interfaces/srv/GetParameters')
     client = node.create_client(kind, f'{owner}/get_parameters')

@@ -573,17 +573,27 @@ def test_reading_needs_a_few_chunks_of_memory_only(tmp_path):
     assert peak < 8e6  # of 40 MB
 
 
-def test_writing_keeps_up_with_a_hundred_thousand_messages_per_second(tmp_path):
-    payload, count, best = bytes(200), 20_000, np.inf
-    for attempt in range(3):
-        with BagWriter(tmp_path / f'{attempt}.mcap') as writer:
-            writer.add_topic('/a', STRING, RESULT)
-            start = time.process_time()
+def test_writing_costs_little_more_than_the_library_below_it(tmp_path):
+    """Some 9 us a message on a quiet machine: beside the bare writer, whatever the machine does."""
+    payload, count, ours, bare = bytes(200), 4_000, [], []
+    with BagWriter(tmp_path / 'ours.mcap') as writer, (tmp_path / 'bare.mcap').open('wb') as file:
+        writer.add_topic('/a', STRING, RESULT)
+        below = Writer(file, chunk_size=1 << 20)
+        below.start()
+        schema = below.register_schema(STRING, 'ros2msg', b'string data')
+        channel = below.register_channel('/a', 'cdr', schema)
+        for _ in range(7):
+            start = time.thread_time()
             for k in range(count):
                 writer.write('/a', payload, k)
             writer.flush()
-            best = min(best, time.process_time() - start)
-    assert count / best > 100_000
+            middle = time.thread_time()
+            for k in range(count):
+                below.add_message(channel, k, payload, k)
+            ours.append(middle - start)
+            bare.append(time.thread_time() - middle)
+        below.finish()
+    assert min(ours) < 2.5 * min(bare)
 
 
 def test_a_bag_says_how_long_its_recording_took(tmp_path):
