@@ -574,7 +574,7 @@ def test_reading_needs_a_few_chunks_of_memory_only(tmp_path):
 
 
 def test_writing_costs_little_more_than_the_library_below_it(tmp_path):
-    """Some 9 us a message on a quiet machine: beside the bare writer, whatever the machine does."""
+    """Some 9 us a message on quiet machines: beside the bare writer, whatever the machine does."""
     payload, count, ours, bare = bytes(200), 4_000, [], []
     with BagWriter(tmp_path / 'ours.mcap') as writer, (tmp_path / 'bare.mcap').open('wb') as file:
         writer.add_topic('/a', STRING, RESULT)
