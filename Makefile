@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 SCENE ?= four_bar_clearance
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
-.PHONY: run test lint docs install clean
+.PHONY: run test test-all lint docs install clean
 run: install
 	@mkdir -p runs
 	$(BIN)/mechanism-sim run $(SCENE) --revolutions 10 --processes --record $(BAG)
@@ -15,6 +15,9 @@ run: install
 # One more than two cores: tests of nodes wait for processes of their own.
 test: install
 	$(BIN)/pytest -n 3 --dist worksteal
+
+test-all: install
+	$(BIN)/pytest -n 3 --dist worksteal -m ''
 
 lint: install
 	$(BIN)/ruff check .

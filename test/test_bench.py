@@ -261,6 +261,7 @@ def test_bench_as_json_and_files(tmp_path):
         assert ET.parse(tmp_path / f'{name}.svg').getroot().tag.endswith('svg')
 
 
+@pytest.mark.deep
 def test_costs_by_size(monkeypatch):
     """One point or two of every family in this process; those with nodes are measured alike."""
     monkeypatch.setattr(sizes, 'REVOLUTIONS', 1)
@@ -288,6 +289,7 @@ def test_costs_by_size(monkeypatch):
     assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 4
 
 
+@pytest.mark.deep
 def test_nodes_on_a_middleware(monkeypatch, tmp_path):
     """One measurement of each kind between real processes."""
     monkeypatch.setattr(lines, 'backends', lambda: ['zenoh'])
@@ -330,6 +332,7 @@ def test_what_an_instrument_shows_agrees_with_power_series_of_its_state_equation
     assert run.error(found + 1e-3) == pytest.approx(1e-3, rel=1e-6)
 
 
+@pytest.mark.deep
 def test_filters_of_scipy_come_near_to_what_the_instrument_shows(monkeypatch):
     monkeypatch.setattr(measured, 'RUN', Measured(2))
     largest = np.abs(measured.RUN.reference).max()

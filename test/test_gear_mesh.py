@@ -64,6 +64,7 @@ def test_rattle_agrees_with_another_integrator(gears):
     assert len(follows) == len(seated)
 
 
+@pytest.mark.deep
 def test_a_geared_loose_four_bar_agrees_with_another_integrator():
     """A revolution of the crank: teeth on both flanks and the pin, against SciPy."""
     machine, span = ms.load_scene('gear_four_bar'), 0.17
@@ -253,7 +254,10 @@ def test_stiff_teeth_come_near_to_rigid_ones():
     assert compressed == pytest.approx(force / 1e9, rel=1e-6)
 
 
-@pytest.mark.parametrize(('play', 'turns'), [({}, 100_000), ({'width': '0.1 mm'}, 10_000)])
+@pytest.mark.parametrize(
+    ('play', 'turns'),
+    [pytest.param({}, 100_000, marks=pytest.mark.deep), ({'width': '0.1 mm'}, 10_000)],
+)
 def test_teeth_stay_in_mesh_over_many_turns(play, turns):
     """No whole turn is lost, no drift gathers; with play the teeth rest on one flank."""
     torque = 1e-6 if play else 0.0

@@ -170,7 +170,14 @@ def off(points, outline):
     return np.hypot(*(foot - points[:, None]).transpose(2, 0, 1)).min(axis=1)
 
 
-@pytest.mark.parametrize('name', ['gear_pair', 'gear_box', 'planetary', 'compound_planetary'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'gear_pair',
+        'planetary',
+        *(pytest.param(n, marks=pytest.mark.deep) for n in ('gear_box', 'compound_planetary')),
+    ],
+)
 def test_drawn_teeth_touch_and_do_not_overlap_while_they_turn(name):
     """Flanks are drawn as chords: they miss the involute by less than a micrometre."""
     machine = loaded(name)

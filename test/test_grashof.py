@@ -112,6 +112,7 @@ def turns_by_motion(joints, samples=1001):
     return np.array([winding(z) for z in (pin_a, arm, pin_a + arm - ground)]) != 0
 
 
+@pytest.mark.deep
 def test_ten_thousand_random_four_bars_move_as_they_are_classified():
     joints = drawn_at_random(COUNT)
     lengths = lengths_of(joints)

@@ -132,6 +132,7 @@ def test_what_goes_wrong_is_told_apart(monkeypatch):
         assert judged(Draft(scene)).kind == 'energy'
 
 
+@pytest.mark.deep
 def test_what_is_exchanged_is_the_integral_of_power():
     """Of a slider-crank with a drag: the drive gives and takes, densely sampled."""
     machine = ms.load_scene('slider_crank', {

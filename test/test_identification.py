@@ -57,6 +57,7 @@ def test_clearance_is_found_and_an_idle_parameter_is_not():
     assert 'the signal does not tell' in render(found)
 
 
+@pytest.mark.deep
 def test_a_noise_floor_that_the_scene_does_not_know_is_noticed_or_found():
     loud = {f'{JOINT}.radial': 0.00017, 'sensors.rocker.noise.rms': 20.0}
     signal = recorded(loud, SHORT)
@@ -75,6 +76,7 @@ def test_a_noise_floor_that_the_scene_does_not_know_is_noticed_or_found():
     assert not unlike(found)
 
 
+@pytest.mark.deep
 def test_a_seed_fixes_everything_and_processes_change_nothing():
     steady = {'drive': {'speed': '600 rpm'}}
     signal = recorded(TRUTH, steady, 5000)
@@ -116,6 +118,7 @@ def bag(path, signal):
     return str(path)
 
 
+@pytest.mark.deep
 def test_the_command_takes_bags_of_several_speeds(tmp_path):
     bags, scenes = [], []
     for speed in (500, 650):

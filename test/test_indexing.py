@@ -91,6 +91,7 @@ def play(c, e=0.3):
     return geneva(4, joints=joints)
 
 
+@pytest.mark.deep
 def test_a_wheel_with_play_rattles_between_its_walls_and_the_ideal_one_comes_back():
     ideal = ms.simulate(geneva(4), revolutions=1.5).samples(np.array([0.72])).observed
     off = []

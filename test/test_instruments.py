@@ -51,6 +51,7 @@ def bags(tmp_path_factory):
     return [read_bag(folder / f'{name}.mcap') for name in ('one', 'many')]
 
 
+@pytest.mark.deep
 def test_blocks_are_those_of_the_channel_in_one_process_and_in_many(bags):
     machine = ms.load_scene(SCENE)
     solution = ms.simulate(machine, revolutions=2)

@@ -104,7 +104,10 @@ def batches_of(pace: float, seconds: float, lost: tuple[float, float] = (0.0, 0.
     return live, found
 
 
-@pytest.mark.parametrize(('pace', 'seconds'), [(1e-3, 20.0), (0.05, 8.0), (1.0, 8.0), (40.0, 5.0)])
+@pytest.mark.parametrize(
+    ('pace', 'seconds'),
+    [(1e-3, 20.0), (0.05, 8.0), (1.0, 8.0), pytest.param(40.0, 5.0, marks=pytest.mark.deep)],
+)
 def test_motion_goes_on_evenly_and_charts_are_full(pace, seconds, tmp_path):
     live, batches = batches_of(pace, seconds)
     seen = shown(tmp_path, live, batches, seconds)

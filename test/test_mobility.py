@@ -185,6 +185,7 @@ def test_a_parallelogram_in_line_chooses_between_two_motions():
     assert chain((0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (2.0, 0.0)).freedoms() == (1, 2, 1)
 
 
+@pytest.mark.deep
 def test_four_joints_in_line_go_on_unless_one_link_spans_the_others():
     random = np.random.default_rng(0)
     spanned = 0

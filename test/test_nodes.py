@@ -32,7 +32,13 @@ def solved() -> dict:
 
 
 @pytest.mark.parametrize(
-    ('processes', 'rate'), [(False, '50 Hz'), (False, '500 Hz'), (True, '50 Hz'), (True, '500 Hz')]
+    ('processes', 'rate'),
+    [
+        (False, '50 Hz'),
+        pytest.param(False, '500 Hz', marks=pytest.mark.deep),
+        pytest.param(True, '50 Hz', marks=pytest.mark.deep),
+        (True, '500 Hz'),
+    ],
 )
 def test_motion_and_impacts_are_bit_identical_however_they_are_published(
     backend, tmp_path, solved, processes, rate
@@ -61,7 +67,9 @@ DRIVES = {
 
 
 @pytest.mark.usefixtures('backend')
-@pytest.mark.parametrize('name', DRIVES)
+@pytest.mark.parametrize(
+    'name', ['torque', *(pytest.param(n, marks=pytest.mark.deep) for n in DRIVES if n != 'torque')]
+)
 def test_every_drive_moves_the_nodes_as_it_moves_the_solution(tmp_path, name):
     args = [part for text in DRIVES[name] for part in ('--set', text)]
     args += ['--duration', '0.4']
@@ -75,6 +83,7 @@ def test_every_drive_moves_the_nodes_as_it_moves_the_solution(tmp_path, name):
     assert max(law.law_id for law in laws) == (2 if name == 'profile' else 1)
 
 
+@pytest.mark.deep
 def test_the_digest_tells_different_runs_apart(solved):
     other = run_json('solve', SCENE, '--revolutions', TURNS, '--rtol', '1e-11')
     assert other['digest'] != solved['digest']
@@ -383,6 +392,7 @@ def test_two_runs_on_one_network_are_kept_apart():
     assert 'is running in this domain' in second.stderr
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures('backend')
 def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
     bag = tmp_path / 'nominal.mcap'

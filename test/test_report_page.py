@@ -316,6 +316,7 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
     assert tab.complaints == []
 
 
+@pytest.mark.deep
 def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
     """350 turns, 17,000 impacts: less than 10 MB, and the last instant is there."""
     run = recorded(simulated('four_bar_clearance', duration=60.0))

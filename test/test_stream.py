@@ -267,6 +267,7 @@ print(peak[0], peak[4])
 """
 
 
+@pytest.mark.deep
 def test_memory_does_not_grow_with_the_run():
     """Of the motion of 1,200 more revolutions, 200 MB, nothing is left."""
     done = subprocess.run(

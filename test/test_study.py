@@ -91,6 +91,7 @@ def test_statistics_count_what_the_solution_counts():
     assert means['share of flight'].mean == pytest.approx(open_share, abs=5e-3)
 
 
+@pytest.mark.deep
 def test_confidence_intervals_cover_a_much_longer_run():
     short = statistics(loose(0.5, 'seated'), 320, 20)
     long = statistics(loose(0.5, 'seated', rtol=1e-11), 3020, 20)

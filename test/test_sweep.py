@@ -291,7 +291,13 @@ def in_session(session: int) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize('how', ['kill all', 'kill the parent', 'Ctrl-C'])
+@pytest.mark.parametrize(
+    'how',
+    [
+        'kill all',
+        *(pytest.param(how, marks=pytest.mark.deep) for how in ('kill the parent', 'Ctrl-C')),
+    ],
+)
 def test_a_sweep_that_was_ended_goes_on_and_writes_the_same_table(reference, tmp_path, how):
     file, table = sweep_file(tmp_path, SWEEP), tmp_path / 'again.parquet'
     journal = tmp_path / 'again.parquet.journal'
@@ -329,6 +335,7 @@ def test_a_sweep_that_was_ended_goes_on_and_writes_the_same_table(reference, tmp
     assert len(keys) == len(set(keys)) == RUNS
 
 
+@pytest.mark.deep
 def test_a_dask_cluster_writes_the_same_table(reference, tmp_path):
     distributed = pytest.importorskip('distributed')
     file, table = sweep_file(tmp_path, SWEEP), tmp_path / 'dask.parquet'
@@ -370,6 +377,7 @@ def test_a_bag_that_cannot_be_written_ends_the_sweep_but_fails_no_run(tmp_path):
     assert not keys_of(tmp_path / 't.parquet.journal')
 
 
+@pytest.mark.deep
 def test_a_run_that_fails_keeps_the_others(tmp_path):
     text = (
         'scene: four_bar_clearance\nset: {start: centred}\nrevolutions: 1\nbags: true\n'

@@ -134,6 +134,7 @@ def slide(tab: Any, path: str, place: int) -> None:
     tab.page.locator(f'input[data-path="{path}"]').fill(str(place))
 
 
+@pytest.mark.deep
 def test_a_page_shows_the_machine_that_runs_and_what_it_asks_for_is_done(node, tab):
     heard = Listener(node)
     with started('view', '--port', '0', '--json') as view:
@@ -355,6 +356,7 @@ def test_every_control_is_in_its_limits_and_what_it_sets_is_a_value_of_the_scene
         assert changed.value == pytest.approx(control.high)
 
 
+@pytest.mark.deep
 def test_two_servers_find_ports_of_their_own():
     servers = [Server({}, port, list, print) for port in (0, 0)]
     third = Server({}, servers[0].port, list, print)

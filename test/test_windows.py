@@ -75,6 +75,7 @@ def rows_of(table):
     return pyarrow.dataset.dataset(folder_of(table)).to_table().to_pylist()
 
 
+@pytest.mark.deep
 def test_windows_are_what_the_node_publishes(reference, tmp_path):
     """The same samples to the last bit, by messages of a run in another process."""
     rows = [row for row in rows_of(reference) if row['run'] == 5]
@@ -194,6 +195,7 @@ def test_two_workers_write_the_same_files_and_a_lost_one_is_made_again(reference
     assert same(table, reference)
 
 
+@pytest.mark.deep
 def test_a_killed_sweep_goes_on_and_writes_the_same_files(reference, tmp_path):
     file, table = sweep_file(tmp_path, SWEEP), tmp_path / 'one.parquet'
     journal = tmp_path / 'one.parquet.journal'
@@ -254,6 +256,7 @@ def test_a_run_with_too_few_triggers_fails_and_leaves_no_file(tmp_path):
     assert not list(folder_of(table).iterdir())
 
 
+@pytest.mark.deep
 def test_the_example_learns_from_motions_it_was_not_asked_about(tmp_path):
     model_selection = pytest.importorskip('sklearn.model_selection')
     root = Path(__file__).parents[1]

@@ -6,8 +6,25 @@ import pytest
 
 from mechanism_sim.bench.hard import cases, run
 
+DEEP = {
+    'a_million_revolutions_later', 'closure_after_five_thousand_revolutions', 'cut_anywhere',
+    'forty_windows_in_a_line', 'four_loose_joints', 'friction_in_four_joints',
+    'hundred_thousand_revolutions', 'measured_law', 'near_the_change_point',
+    'rigid_limit_of_hertz', 'statistics_at_every_tolerance', 'ten_thousand_revolutions',
+    'ten_links_two_loose_joints', 'ten_thousand_swings', 'thousand_indexings',
+}  # fmt: skip
 
-@pytest.mark.parametrize('case', cases(), ids=lambda case: case.name)
+
+def marked():
+    found = cases()
+    assert {case.name for case in found} >= DEEP
+    return [
+        pytest.param(case, marks=[pytest.mark.deep] * (case.name in DEEP), id=case.name)
+        for case in found
+    ]
+
+
+@pytest.mark.parametrize('case', marked())
 def test_hard_case(case):
     (outcome,) = run((case,))
     assert not outcome.failure
