@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 # Before NumPy is loaded, and for all processes that tests start: threads of BLAS in several
 # processes on few cores wait for each other, ten times as long as the work takes.
@@ -30,6 +31,20 @@ settings.load_profile('house')
 # Tests compile more than a user's cache holds, and open theirs once in a worker: heyoka's folder
 # with its usual limit. To compile all anew would be most of the work of many tests.
 code_cache.FOLDER, code_cache.LIMIT = 'heyoka', 20 * 2**30
+
+
+ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+
+
+@pytest.fixture(autouse=True)
+def signals() -> None:
+    """No signal is ignored, whoever started the tests and whatever a command did in this process.
+
+    Processes inherit what is ignored: those of later tests could not be ended.
+    """
+    for number, usual in ENDING.items():
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
 
 
 @pytest.fixture(scope='module', params=running.BACKENDS)

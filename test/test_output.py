@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from running import run as command
 
 from mechanism_sim import output
 from mechanism_sim.cli import main
@@ -67,9 +68,8 @@ def given(tmp_path_factory):
     found['sweep'].write_text(
         'title: one speed\nscene: four_bar_nominal\nduration: 0.02\nset: {drive.speed: 300 rpm}\n'
     )
-    with pytest.raises(SystemExit) as ended:
-        main(['run', 'four_bar_clearance', *SHORT, '--record', str(found['bag'])])
-    assert ended.value.code == 0
+    done = command('run', 'four_bar_clearance', *SHORT, '--record', str(found['bag']))
+    assert done.returncode == 0, done.stderr
     return found
 
 

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from running import run as command
 
 from mechanism_sim.analysis import analyze, render
 from mechanism_sim.analysis.record import read_record
-from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.recording import info, read_bag, render_info
 
@@ -26,9 +26,10 @@ SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1
 def whole(tmp_path_factory):
     """A short run with an impact or two, recorded by the nodes."""
     path = tmp_path_factory.mktemp('bags') / 'whole.mcap'
-    with pytest.raises(SystemExit) as ended:
-        main(['run', 'four_bar_clearance', '--duration', '0.06', '--json', '--record', str(path)])
-    assert ended.value.code == 0
+    done = command(
+        'run', 'four_bar_clearance', '--duration', '0.06', '--json', '--record', str(path)
+    )
+    assert done.returncode == 0, done.stderr
     return path
 
 
