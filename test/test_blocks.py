@@ -14,9 +14,20 @@ ELSEWHERE = {'docs/tutorial.md'}  # test_tutorial.py follows it word by word
 NOT_RUN = [block for found in PAGES.values() for block in found if block.mark == 'not run']
 
 
+DEEP = {
+    *(f'docs/{page}.md' for page in ('analysis', 'animation', 'faq', 'report', 'reproducibility')),
+    *(f'docs/{page}.md' for page in ('studies', 'howto/machine_learning', 'howto/my_mechanism')),
+}
+
+
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(
-    'page', [p for p, found in PAGES.items() if set(found) - set(NOT_RUN) and p not in ELSEWHERE]
+    'page',
+    [
+        pytest.param(p, marks=[pytest.mark.deep] * (p in DEEP))
+        for p, found in PAGES.items()
+        if set(found) - set(NOT_RUN) and p not in ELSEWHERE
+    ],
 )
 def test_what_a_page_says_can_be_run(page, tmp_path, monkeypatch):
     for name, value in workplace(tmp_path).items():

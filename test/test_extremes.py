@@ -36,7 +36,12 @@ SCENES = {
 """The samples of ten scenes take 20 s of CPU time together: they are what the proof costs."""
 
 
-@pytest.mark.parametrize('name', SCENES)
+QUICK = {'four_bar_nominal', 'four_bar_clearance'}
+
+
+@pytest.mark.parametrize(
+    'name', [pytest.param(n, marks=[pytest.mark.deep] * (n not in QUICK)) for n in SCENES]
+)
 def test_extremes_against_dense_sampling(name):
     """No sample of 1e6 lies outside of a reported range, and the ends are met when it says."""
     overrides, duration = SCENES[name]
