@@ -25,7 +25,7 @@ MOST = 30_000
 DEEPEST = 24
 """Levels of lists and keys in each other."""
 
-LONGEST_KEY, LONGEST_TEXT = 100, 10_000
+LONGEST_KEY, LONGEST_TEXT, LONGEST_DESCRIPTION = 100, 1000, 10_000
 """Characters."""
 
 _TAG = 'tag:yaml.org,2002:'
@@ -97,7 +97,8 @@ def check(data: Any, where: tuple[str, ...] = ()) -> None:
     if len(where) > DEEPEST:
         raise DocumentError(f'{place}: more than {DEEPEST} levels in each other')
     if isinstance(data, str):
-        _check_text(data, place)
+        described = where[-1:] == ('description',)
+        _check_text(data, place, LONGEST_DESCRIPTION if described else LONGEST_TEXT)
     elif isinstance(data, int) and abs(data) > 1.7e308:
         raise DocumentError(f'{place}: the number must be below 1.7e308')
     elif isinstance(data, Mapping):
@@ -111,16 +112,16 @@ def check(data: Any, where: tuple[str, ...] = ()) -> None:
                 raise DocumentError(
                     f'{place}: the key {quoted(key)} is longer than {LONGEST_KEY} characters'
                 )
-            _check_text(key, place)
+            _check_text(key, place, LONGEST_KEY)
             check(value, (*where, key))
     elif isinstance(data, list | tuple):
         for i, value in enumerate(data):
             check(value, (*where, str(i)))
 
 
-def _check_text(text: str, place: str) -> None:
-    if len(text) > LONGEST_TEXT:
-        raise DocumentError(f'{place}: the text is longer than {LONGEST_TEXT} characters')
+def _check_text(text: str, place: str, longest: int) -> None:
+    if len(text) > longest:
+        raise DocumentError(f'{place}: the text is longer than {longest} characters')
     for letter in text:
         if not letter.isprintable() and not letter.isspace():
             raise DocumentError(
