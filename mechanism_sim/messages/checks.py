@@ -1,16 +1,18 @@
-"""What ROS would refuse in a message: its C code wants a float where a definition says float64.
+"""What is wrong with a message: one that is to be sent, or that somebody has sent.
 
-An ``int`` in a float field passes unnoticed here and is an error, or garbage, in rclpy.
+What ROS would refuse: its C code wants a float where a definition says float64. An ``int`` in a
+float field passes unnoticed here and is an error, or garbage, in rclpy.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from mechanism_sim.messages.definitions import field_descriptions
+from mechanism_sim.messages.definitions import OWN, field_descriptions, type_name
 
 _PYTHON = {'string': str, 'bool': bool, 'float32': float, 'float64': float}
 
@@ -43,10 +45,28 @@ LARGEST, LARGEST_COEFFICIENT = 1e60, float(np.finfo(float).max)
 """Magnitudes of numbers in SI units; of powers of the time, which may be as short as 1e-16 s."""
 
 
+LATEST = 2.0**31
+"""[s] A stamp holds no more."""
+
+_FEW = 100  # numbers are summed faster one by one
+
+Objection = Callable[[Any], str | None]
+
+
 def impossible_number(message: Any) -> str | None:
     """The first field that holds a number no machine has: NaN, infinite, or beyond all bounds."""
-    kind = message.__msgtype__
-    for field in _numeric(kind):
+    kind = type_name(type(message))
+    some, many = _numeric(kind)
+    if kind not in UNKNOWN_AS_NAN:
+        # Almost always all is well, which a sum says soonest: NaN and infinity get into it.
+        numbers = [getattr(message, field) for field in some]
+        for field in many:
+            values = getattr(message, field)
+            few = len(values) < _FEW
+            numbers += values.tolist() if few else [np.min(values), np.max(values)]
+        if sum(map(abs, numbers)) <= LARGEST:
+            return None
+    for field in (*some, *many):
         most = LARGEST_COEFFICIENT if field == 'coefficients' else LARGEST
         sizes = np.abs(getattr(message, field))
         if kind in UNKNOWN_AS_NAN:
@@ -56,15 +76,122 @@ def impossible_number(message: Any) -> str | None:
     return None
 
 
+def objection(message: Any) -> str | None:
+    """What nobody of good faith would have sent in a message that somebody did send, if anything.
+
+    Stamps are times. Messages of this package hold numbers that a machine may have, as many as
+    they say, and times that a stamp may hold.
+    """
+    for find in _objections(type_name(type(message))):
+        if found := find(message):
+            return found
+    return None
+
+
 @cache
-def _numeric(name: str) -> tuple[str, ...]:
-    """Fields of floating-point numbers, one or many."""
-    found = []
-    for field, (kind, inner) in field_descriptions(name):
-        element = inner[0] if kind in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (kind, inner)
-        if element[0] == Nodetype.BASE and element[1][0].startswith('float'):
-            found.append(field)
+def _objections(name: str) -> tuple[Objection, ...]:
+    found = [*_about_stamps(name)]
+    if name.startswith(f'{OWN}/msg/'):
+        found.append(_about_numbers)
+        found += [find for kind, find in _CONTRADICTIONS.items() if name == f'{OWN}/msg/{kind}']
     return tuple(found)
+
+
+def _about_numbers(message: Any) -> str | None:
+    field = impossible_number(message)
+    return field and f'{field} holds a number that no machine has'
+
+
+def _about_stamps(name: str) -> Iterator[Objection]:
+    """What looks at every ``builtin_interfaces/msg/Time`` in a message, however deep."""
+    for field, (kind, inner) in field_descriptions(name):
+        many = kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}
+        element, inside = inner[0] if many else (kind, inner)
+        if element != Nodetype.NAME:
+            continue
+        get = attrgetter(field)
+        if inside == 'builtin_interfaces/msg/Time':
+            finds: tuple[Objection, ...] = (_no_time,)
+        else:
+            finds = tuple(_about_stamps(inside))
+        for find in finds:
+            yield _of_all(get, find) if many else _of_one(get, find)
+
+
+def _of_one(get: Callable[[Any], Any], find: Objection) -> Objection:
+    return lambda message: find(get(message))
+
+
+def _of_all(get: Callable[[Any], Any], find: Objection) -> Objection:
+    return lambda message: next(filter(None, map(find, get(message))), None)
+
+
+def _no_time(stamp: Any) -> str | None:
+    if stamp.sec >= 0 and stamp.nanosec < 1_000_000_000:
+        return None
+    return f'{stamp.sec} s and {stamp.nanosec} ns are no time'
+
+
+def _about_progress(message: Any) -> str | None:
+    if len(message.topics) != len(message.counts):
+        return f'it has {len(message.topics)} topics, but {len(message.counts)} counts'
+    return _beyond(message, 'time')
+
+
+def _about_law(message: Any) -> str | None:
+    kind, count = message.kind, len(message.coefficients)
+    if kind not in {message.PRESCRIBED, message.TORQUE}:
+        return f'there is no kind {kind} of laws'
+    if count != 3 if kind == message.TORQUE else not count:
+        return f'a law of kind {kind} has not {count} coefficients'
+    return _beyond(message, 'valid_from', 'valid_until')
+
+
+def _about_motion(message: Any) -> str | None:
+    m, n, r = message.segments, len(message.coordinates), len(message.joints)
+    for field, count in (
+        ('start', m),
+        ('start_low', m),
+        ('duration', m),
+        ('turns', m * n),
+        ('coefficients', m * n * (message.degree + 1)),
+        ('modes', m * r),
+    ):
+        if len(getattr(message, field)) != count:
+            return f'it has {len(getattr(message, field))} values of {field}, not {count}'
+    for field, each in (('approach_speeds', m), ('torque_laws', 3 * m)):
+        if len(values := getattr(message, field)) % max(each, 1) or (len(values) and not m):
+            return f'it has {len(values)} values of {field} for {m} segments'
+    start, duration = np.asarray(message.start), np.asarray(message.duration)
+    if m and (duration.min() < 0.0 or start[0] < 0.0 or (start[1:] < start[:-1]).any()):
+        return 'its segments do not follow each other'
+    return _beyond(message, 'known_until')
+
+
+def _beyond(message: Any, *fields: str) -> str | None:
+    for field in fields:
+        if not 0.0 <= getattr(message, field) < LATEST:
+            return f'{field} = {getattr(message, field):g} s is no time of a run'
+    return None
+
+
+_CONTRADICTIONS = {
+    'Progress': _about_progress,
+    'DriveLaw': _about_law,
+    'Motion': _about_motion,
+}
+
+
+@cache
+def _numeric(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Fields of one floating-point number, and of many."""
+    some, many = [], []
+    for field, (kind, inner) in field_descriptions(name):
+        listed = kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}
+        element = inner[0] if listed else (kind, inner)
+        if element[0] == Nodetype.BASE and element[1][0].startswith('float'):
+            (many if listed else some).append(field)
+    return tuple(some), tuple(many)
 
 
 def _refusals_of_one(value: Any, kind: Nodetype, inner: Any, here: str) -> Iterator[str]:
