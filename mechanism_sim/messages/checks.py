@@ -48,6 +48,7 @@ LARGEST, LARGEST_COEFFICIENT = 1e60, float(np.finfo(float).max)
 LATEST = 2.0**31
 """[s] A stamp holds no more."""
 
+_LAST_MODE = 6  # RECOVERING, of ModeChange
 _FEW = 100  # numbers are summed faster one by one
 
 Objection = Callable[[Any], str | None]
@@ -163,6 +164,8 @@ def _about_motion(message: Any) -> str | None:
         if len(values := getattr(message, field)) % max(each, 1) or (len(values) and not m):
             return f'it has {len(values)} values of {field} for {m} segments'
     start, duration = np.asarray(message.start), np.asarray(message.duration)
+    if len(message.modes) and np.max(message.modes) > _LAST_MODE:
+        return f'there is no mode {np.max(message.modes)} of contact'
     if m and (duration.min() < 0.0 or start[0] < 0.0 or (start[1:] < start[:-1]).any()):
         return 'its segments do not follow each other'
     return _beyond(message, 'known_until')
@@ -185,7 +188,8 @@ _CONTRADICTIONS = {
 @cache
 def _numeric(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Fields of one floating-point number, and of many."""
-    some, many = [], []
+    some: list[str] = []
+    many: list[str] = []
     for field, (kind, inner) in field_descriptions(name):
         listed = kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}
         element = inner[0] if listed else (kind, inner)

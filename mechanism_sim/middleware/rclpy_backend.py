@@ -125,7 +125,7 @@ _USUAL: dict[signal.Signals, tuple[Any, SignalHandlerOptions]] = {
 }
 
 
-class Node(rclpy.node.Node):
+class Node(rclpy.node.Node):  # type: ignore[misc]
     """A node of rclpy whose subscriptions judge what comes."""
 
     def create_subscription(
