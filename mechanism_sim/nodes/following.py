@@ -7,7 +7,7 @@ from typing import Any
 
 from mechanism_sim.hybrid.tape import Motion as MotionBatch
 from mechanism_sim.messages import Motion
-from mechanism_sim.messages.segments import motion_of
+from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
@@ -62,11 +62,9 @@ class Following:
 
     def _foreign(self, message: Any, motion: MotionBatch) -> str:
         """Why a piece of motion is none of this run; empty if it is one."""
-        physics, begin = self._node.machine.physics, float(motion.curve.start[0])
-        if tuple(message.coordinates) != tuple(physics.coordinates):
-            return 'it is of another machine'
-        if tuple(message.joints) != tuple(physics.clearances):
-            return 'it is of a machine with other clearances'
+        if reason := foreign(message, self._node.machine):
+            return reason
+        begin = float(motion.curve.start[0])
         if abs(begin - self._time) > ROUNDING * max(1.0, begin):
             return f'it begins at {begin:.9g} s, but the motion is known up to {self._time:.9g} s'
         return ''
