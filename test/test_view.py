@@ -417,8 +417,8 @@ def test_a_page_that_floods_is_sent_away(serving):
 def test_of_commands_that_wait_the_newest_counts_and_only_so_many_wait():
     asked = Mailbox()
     given = Command('set', 'a', 1), Command('set', 'b', 2), Command('play'), Command('set', 'a', 3)
-    for command in (*given, Command('pause'), Command('step'), Command('step')):
-        asked.put(command)
+    for asking in (*given, Command('pause'), Command('step'), Command('step')):
+        asked.put(asking)
     newest = [Command('set', 'b', 2), Command('set', 'a', 3), Command('pause'), Command('step')]
     assert list(iter(asked.take, None)) == newest
     for n in range(1000):
