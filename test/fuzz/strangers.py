@@ -58,10 +58,10 @@ NUMBERS = (
 )  # fmt: skip
 
 
-def all_numbers_good(value: Any, own: bool, field: str = '') -> bool:
+def all_numbers_good(value: Any, own: bool, field: str = '', unknown: bool = False) -> bool:
     """Whether all stamps are times, and numbers of this package those of a machine."""
     if isinstance(value, float):
-        return not own or abs(value) <= 1e60
+        return not own or abs(value) <= 1e60 or (unknown and math.isnan(value))
     if isinstance(value, np.ndarray):
         most = sys.float_info.max if field == 'coefficients' else 1e60
         return not own or value.dtype.kind != 'f' or bool(np.all(np.abs(value) <= most))
@@ -71,14 +71,16 @@ def all_numbers_good(value: Any, own: bool, field: str = '') -> bool:
         return True
     if value.__msgtype__ == 'builtin_interfaces/msg/Time':
         return bool(value.sec >= 0 and value.nanosec < 10**9)
+    unknown = value.__msgtype__.endswith(('CamState', 'GearState', 'GenevaState'))
     names = [n for n in value.__dataclass_fields__ if n != '__msgtype__']
-    return all(all_numbers_good(getattr(value, n), own, n) for n in names)
+    return all(all_numbers_good(getattr(value, n), own, n, unknown) for n in names)
 
 
 def is_message(data: bytes, kind: str) -> bool:
     """Whether bytes are a good message, by rosbags and the rule above."""
     if data[:2] != b'\x00\x01':
         return False
+    message_class(kind)  # before rosbags takes its own
     try:
         message = typestore().deserialize_cdr(data, kind)
     except (SerdeError, ValueError):
@@ -176,9 +178,9 @@ class Stranger:
         """Send so much, as long as the run goes on; `each` is called now and then."""
         ways = [self._put] * 6 + [self._ask] * 2 + [self._announce]
         ways.append(self._wild)
-        for n in range(messages):
+        while (sent := self.sent.total() - self.sent['held back']) < messages:
             self.dice.choice(ways)()
-            if n % 500 == 499:
+            if sent % 500 == 499:
                 each()
                 if not going():
                     return
