@@ -37,14 +37,15 @@ from running import command, environment
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.messages import Parameter as ParameterMessage
 from mechanism_sim.messages import (
+    MessageError,
     ParameterValue,
     deserialize,
     message_class,
     serialize,
     service_class,
 )
+from mechanism_sim.messages import Parameter as ParameterMessage
 from mechanism_sim.messages.definitions import typestore
 
 SCENE = 'four_bar_clearance'
@@ -108,6 +109,33 @@ def damaged(dice: random.Random, data: bytes) -> bytes:
         else:
             found[:4] = dice.choice((b'\x00\x00\x00\x00', b'\x00\x03\x00\x00', b'\xff' * 4, b''))
     return bytes(found)
+
+
+def twisted(dice: random.Random, data: bytes, kind: str) -> bytes:
+    """A message with other values in some fields, of their types."""
+    message = deserialize(data, kind)
+    names = list(message_class(kind).__dataclass_fields__)
+    for name in dice.choices(names, k=dice.choice((1, 1, 2, 4))):
+        value: Any = getattr(message, name)
+        if isinstance(value, float):
+            value = dice.choice((0.0, -1.0, 1e59, -1e59, 1e-300, 2.0 * value, value + 0.1))
+        elif isinstance(value, bool):
+            value = not value
+        elif isinstance(value, int):
+            value = dice.choice((0, 1, 2, 3, 255, value + 1, abs(value - 1), 2**31))
+        elif isinstance(value, str):
+            value = dice.choice(('', 'crank', 'linkage', 'crank_drive', 'coupler_rocker', '\0é'))
+        elif isinstance(value, np.ndarray) and len(value):
+            whole = value.dtype.kind in 'iu'
+            factor = dice.choice((0, 1, 2)) if whole else 10.0 ** dice.randrange(-50, 50)
+            value = dice.choice((value[::-1], value[:-1], np.roll(value, 1), value * factor))
+        elif isinstance(value, list):
+            value = dice.choice((value[::-1], value[:-1], value * 2))
+        setattr(message, name, value)
+    try:
+        return serialize(message)
+    except (MessageError, struct.error, OverflowError):
+        return data
 
 
 class Stranger:
@@ -216,6 +244,8 @@ class Stranger:
         samples = self.heard.get(key) or [(serialize(message_class(kind)()), b'')]
         base, real = self.dice.choice(list(samples))
         data, attachment = self._bytes(base), self._attachment(real)
+        if self.well_formed and self.dice.random() < 0.5:
+            data = twisted(self.dice, base, kind)
         good = attachment is not None and len(attachment) == 33 and attachment[16] == 16
         if good and is_message(data, kind) and not self.well_formed:
             # The same once more is no news; of what is kept for late joiners that is not known.
