@@ -316,7 +316,7 @@ def test_a_partner_of_another_version_ends_the_run_in_a_sentence(tmp_path):
     """Two installations, one of them with another Motion."""
     other = tmp_path / 'other'
     source = Path(mechanism_sim.__file__).parent
-    shutil.copytree(source, other / source.name, ignore=shutil.ignore_patterns('__pycache__'))
+    shutil.copytree(source, other / source.name)
     shutil.copytree(source.parent / 'msg', other / 'msg')
     with (other / 'msg' / 'Motion.msg').open('a') as definition:
         definition.write('float64 novelty\n')
