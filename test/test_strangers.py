@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from middleware_network import PATIENCE, Network, spin_until
+from middleware_network import PATIENCE, Network, eventually, spin_until
 from running import command, environment
 
 import mechanism_sim
@@ -237,6 +237,9 @@ def test_a_parameter_of_an_unknown_type_is_refused_with_a_reason(quick):
 def test_a_reply_that_is_none_does_not_count(quick, network):
     """A rival serves the same name, and answers with junk before the service does."""
     where = key(quick, '/shared', 'std_srvs/srv/Trigger')
+    _, name, kind, known_hash = where.split('/')
+    start = f'@ros2_lv/{quick.context.domain}/a/1/2/SS/%/%/rival'
+    token = f'{start}/%{name}/{kind}/{known_hash}/::,:,:,:,,'
     rival = network.start(f"""
         import zenoh
         from mechanism_sim.middleware.config import session_config
@@ -246,10 +249,12 @@ def test_a_reply_that_is_none_does_not_count(quick, network):
                 query.reply({where!r}, b'junk')
             print('answered')
         session.declare_queryable({where!r}, answer, complete=True)
+        token = session.liveliness().declare_token({token!r})  # who sees this reaches that
         print('up')
         input()
     """)
     rival.expect('up')
+    assert eventually(lambda: quick.context.graph.count('SS', '/shared') == 1)
     quick.create_service(Trigger, 'shared', lambda _, r: setattr(r, 'message', 'yes') or r)
     client = quick.create_client(Trigger, 'shared')
     assert client.wait_for_service(PATIENCE)

@@ -56,25 +56,8 @@ Objection = Callable[[Any], str | None]
 
 def impossible_number(message: Any) -> str | None:
     """The first field that holds a number no machine has: NaN, infinite, or beyond all bounds."""
-    kind = type_name(type(message))
-    some, many = _numeric(kind)
-    if kind not in UNKNOWN_AS_NAN:
-        # Almost always all is well, which a sum says soonest: NaN and infinity get into it.
-        numbers = [getattr(message, field) for field in some]
-        for field in many:
-            values = getattr(message, field)
-            few = len(values) < _FEW
-            numbers += values.tolist() if few else [np.min(values), np.max(values)]
-        if sum(map(abs, numbers)) <= LARGEST:
-            return None
-    for field in (*some, *many):
-        most = LARGEST_COEFFICIENT if field == 'coefficients' else LARGEST
-        sizes = np.abs(getattr(message, field))
-        if kind in UNKNOWN_AS_NAN:
-            sizes = np.nan_to_num(sizes, nan=0.0, posinf=np.inf)
-        if not np.all(sizes <= most):
-            return field
-    return None
+    kind: Any = type(message)
+    return _about_numbers(kind)(message)
 
 
 def objection(message: Any) -> str | None:
@@ -83,44 +66,77 @@ def objection(message: Any) -> str | None:
     Stamps are times. Messages of this package hold numbers that a machine may have, as many as
     they say, and times that a stamp may hold.
     """
-    for find in _objections(type_name(type(message))):
+    kind: Any = type(message)
+    for find in _objections(kind):
         if found := find(message):
             return found
     return None
 
 
 @cache
-def _objections(name: str) -> tuple[Objection, ...]:
+def _objections(kind: Any) -> tuple[Objection, ...]:
+    name = type_name(kind)
     found = [*_about_stamps(name)]
     if name.startswith(f'{OWN}/msg/'):
-        found.append(_about_numbers)
-        found += [find for kind, find in _CONTRADICTIONS.items() if name == f'{OWN}/msg/{kind}']
+        find = _about_numbers(kind)
+        found.append(
+            lambda message: (
+                (field := find(message)) and f'{field} holds a number that no machine has'
+            )
+        )
+        found += [find for own, find in _CONTRADICTIONS.items() if name == f'{OWN}/msg/{own}']
     return tuple(found)
 
 
-def _about_numbers(message: Any) -> str | None:
-    field = impossible_number(message)
-    return field and f'{field} holds a number that no machine has'
+@cache
+def _about_numbers(kind: Any) -> Objection:
+    """What gives the first field of a message of this type with an impossible number."""
+    name = type_name(kind)
+    some, many = _numeric(name)
+    unknown = name in UNKNOWN_AS_NAN
+    # With a name too many it gives a tuple in any case.
+    numbers = attrgetter(*some, *some[:1]) if some else lambda _: ()
+
+    def find(message: Any) -> str | None:
+        # Almost always all is well, which a sum says soonest: NaN and infinity get into it.
+        total = sum(map(abs, numbers(message)))
+        for field in many:
+            if size := len(values := getattr(message, field)):
+                few = values if size < _FEW else np.array([np.max(values), np.min(values)])
+                total += sum(map(abs, few.tolist()))
+        if total <= LARGEST and not unknown:
+            return None
+        for field in (*some, *many):
+            most = LARGEST_COEFFICIENT if field == 'coefficients' else LARGEST
+            sizes = np.abs(getattr(message, field))
+            if unknown:
+                sizes = np.nan_to_num(sizes, nan=0.0, posinf=np.inf)
+            if not np.all(sizes <= most):
+                return field
+        return None
+
+    return find
 
 
-def _about_stamps(name: str) -> Iterator[Objection]:
+def _about_stamps(name: str, path: str = '') -> Iterator[Objection]:
     """What looks at every ``builtin_interfaces/msg/Time`` in a message, however deep."""
     for field, (kind, inner) in field_descriptions(name):
         many = kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}
         element, inside = inner[0] if many else (kind, inner)
         if element != Nodetype.NAME:
             continue
-        get = attrgetter(field)
-        if inside == 'builtin_interfaces/msg/Time':
-            finds: tuple[Objection, ...] = (_no_time,)
+        here, of_time = f'{path}{field}', inside == 'builtin_interfaces/msg/Time'
+        if many:
+            finds = (_no_time,) if of_time else _about_stamps(inside)
+            yield from (_of_all(attrgetter(here), find) for find in finds)
+        elif of_time:
+            yield _of_one(attrgetter(here))
         else:
-            finds = tuple(_about_stamps(inside))
-        for find in finds:
-            yield _of_all(get, find) if many else _of_one(get, find)
+            yield from _about_stamps(inside, f'{here}.')
 
 
-def _of_one(get: Callable[[Any], Any], find: Objection) -> Objection:
-    return lambda message: find(get(message))
+def _of_one(get: Callable[[Any], Any]) -> Objection:
+    return lambda message: _no_time(get(message))
 
 
 def _of_all(get: Callable[[Any], Any], find: Objection) -> Objection:
