@@ -273,6 +273,8 @@ def test_queues_are_bounded_in_bytes_and_memories_in_publishers(quick, stranger,
     for n in range(20):
         gid = struct.pack('<qqB16s', 1, 0, 16, bytes([n]) * 16)
         stranger('put', where, serialize(String(data=f'{n:4}' + 'x' * 2996)), gid)
+    stranger('ask', f'@mechanism_sim/{quick.context.domain}/*')  # answered when all has come
+    assert 0 < len(subscription.inbox) <= 3
     spin_until(quick, lambda: bool(heard) and heard[-1].startswith('  19'))
     assert len(subscription._latest) == 5
 

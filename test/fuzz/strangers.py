@@ -15,6 +15,7 @@ import json
 import math
 import random
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -38,12 +39,15 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages import (
+    DriveLaw,
     MessageError,
     ParameterValue,
+    Progress,
     deserialize,
     message_class,
     serialize,
     service_class,
+    type_name,
 )
 from mechanism_sim.messages import Parameter as ParameterMessage
 from mechanism_sim.messages.definitions import typestore
@@ -205,7 +209,7 @@ class Stranger:
     def go(self, messages: int, going: Callable[[], bool], each: Callable[[], Any]) -> None:
         """Send so much, as long as the run goes on; `each` is called now and then."""
         ways = [self._put] * 6 + [self._ask] * 2 + [self._announce]
-        ways.append(self._wild)
+        ways += [self._wild, self._go_astray]
         while (sent := self.sent.total() - self.sent['held back']) < messages:
             self.dice.choice(ways)()
             if sent % 500 == 499:
@@ -275,6 +279,20 @@ class Stranger:
             f'@mechanism_sim/{self.domain}/x', f'{self.domain}/progress/x/y',
         ))  # fmt: skip
         self._send(key, self._bytes(b'\0\1\0\0' + bytes(60)), b'no attachment of ROS')
+
+    def _go_astray(self) -> None:
+        """A good message that is none of the run's business."""
+        dice, run = self.dice, self.dice.choice((2, 7, 2**32 - 1))
+        message = dice.choice((
+            Progress(node='nobody', topics=['/motion', '/impacts'], counts=[10**6, 10**9],
+                     finished=True, again=True, time=1e9),
+            Progress(node='linkage', run=run, finished=True, again=True, time=1e9),
+            DriveLaw(run=run, coordinate='crank', kind=1, law_id=77, valid_until=1e9,
+                     coefficients=[0.0, 1.0]),
+        ))  # fmt: skip
+        name = type_name(type(message)).replace('/msg/', '::msg::dds_::') + '_'
+        key = next(key for key in sorted(self.topics) if f'/{name}/' in key)
+        self._send(key, serialize(message), struct.pack('<qqB16s', 1, 0, 16, dice.randbytes(16)))
 
     def _ask(self) -> None:
         key = self.dice.choice(sorted(self.services))
@@ -502,20 +520,23 @@ def main() -> None:
         args = given.duration, '--processes', *pace
         run, stranger, code = disturb(folder, given.messages, given.seed, *args)
         said = run.stderr()
+        same = analyze(run.bag).digest == digest_of(given.duration)
+        bad = code or not same or 'Traceback' in said or run.memory > 500.0
+        if bad:
+            kept = Path(tempfile.gettempdir(), f'strangers-{given.seed}')
+            shutil.copy(run.bag, kept.with_suffix('.mcap'))
+            kept.write_text(said)
         found = {
             'code': code,
             'sent': dict(stranger.sent),
             'seconds': time.monotonic() - began,
-            'same motion': analyze(run.bag).digest == digest_of(given.duration),
+            'same motion': same,
             'traceback': 'Traceback' in said,
             'warnings': said.count('[WARN]'),
             'slowest answer [s]': stranger.slowest,
             'memory [MB]': run.memory,
         }
     print(json.dumps(found, indent=2))
-    bad = code or not found['same motion'] or found['traceback'] or run.memory > 500.0
-    if bad:
-        Path(tempfile.gettempdir(), f'strangers-{given.seed}').write_text(said)
     sys.exit(bool(bad))
 
 
