@@ -306,7 +306,9 @@ class Stranger:
             self.sent['held back'] += 1
             return
         payload = None if self.dice.random() < 0.05 else data
-        where = f'{self.domain}/**' if self.dice.random() < 0.002 else key
+        where = key
+        if self.dice.random() < 0.002:  # of all services; for one of them it may be good
+            where, attachment = f'{self.domain}/**', b'no attachment of ROS'
         self.session.get(
             where, lambda _: None, payload=payload, attachment=attachment, timeout=10.0,
             target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE,
