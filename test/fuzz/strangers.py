@@ -372,7 +372,10 @@ class Stranger:
             where, payload=request, attachment=attachment, timeout=PATIENCE,
             target=zenoh.QueryTarget.ALL,
         )  # fmt: skip
+        answers = list(answers)
         found = [answer.ok.payload.to_bytes() for answer in answers if answer.ok is not None]
+        if not found:
+            print(name, [answer.err.payload.to_bytes() for answer in answers])
         if found and name == 'get_simulation_state':
             response = service_class(kind).Response
             self.playing = deserialize(found[0], response).state.state == PLAYING
@@ -470,7 +473,7 @@ def disturb(
 
         def each() -> None:
             run.look()
-            assert stranger.state()
+            assert stranger.state(), f'{run.process.poll()}: {run.stderr()[-3000:]}'
 
         stranger.go(messages, run.going, each)
         stranger.finish(run.going)
