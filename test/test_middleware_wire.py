@@ -67,6 +67,12 @@ def test_tokens():
         '@ros2_lv/0/zid/0/0/MP/%/%/node',
         '@ros2_lv/0/zid/0/0/MP/%/%/node/%t/a::msg::dds_::B_/h/9::,:,:,:,,',
         'other/0/zid/0/0/NN/%/%/node',
+        '@ros2_lv/0/zid/0/0/MP/%/%/node/%t/B/h/::,:,:,:,,',
+        '@ros2_lv/0/zid/0/0/MP/%/%/node/%t/a::msg::dds_::B_/h/::,-1:,:,:,,',
+        '@ros2_lv/0/zid/0/0/MP/%/%/node/t/a::msg::dds_::B_/h/::,:,:,:,,',
+        '@ros2_lv/0/zid/0/0/MP/%/%/a b/%t/a::msg::dds_::B_/h/::,:,:,:,,',
+        '@ros2_lv/0/zid/0/99999999999999999999/NN/%/%/node',
+        '@ros2_lv/0/zid/0/0/NN/%/%/n' + 'o' * 2000 + 'de',
     ],
 )
 def test_what_is_no_token_is_none(key):
@@ -155,7 +161,8 @@ def test_both_back_ends_offer_the_same_names():
             if isinstance(statement, ast.ImportFrom)
             for alias in statement.names
         }
-        imported |= {s.name for s in tree.body if isinstance(s, ast.FunctionDef)}
+        made = ast.FunctionDef, ast.ClassDef
+        imported |= {s.name for s in tree.body if isinstance(s, made)}
         (listed,) = (s.value for s in tree.body if isinstance(s, ast.Assign))
         offered[backend] = set(ast.literal_eval(listed))
         assert offered[backend] <= imported

@@ -7,10 +7,11 @@ import json
 import math
 import os
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 import pytest
 from middleware_network import PATIENCE, eventually
 from running import command, run
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import mechanism_sim as ms
@@ -33,7 +34,7 @@ from mechanism_sim.messages.segments import motion_of, pack
 from mechanism_sim.nodes.qos import LATCHED
 from mechanism_sim.pages.controls import controls
 from mechanism_sim.pages.live import MOST, Live
-from mechanism_sim.pages.server import Server
+from mechanism_sim.pages.server import PAGES, Command, Mailbox, Server
 from mechanism_sim.pages.view import NEWEST
 
 SCENE = 'four_bar_clearance'
@@ -203,19 +204,19 @@ def operate(tab: Any, heard: Listener) -> None:
 
 def refuse(address: str) -> None:
     """A page of another site may not even speak; what makes no sense is answered."""
-    socket = address.replace('http', 'ws') + 'live'
+    live = address.replace('http', 'ws') + 'live'
     for origin in ('http://example.org', address.rstrip('/').replace('http', 'https'), 'null'):
         with pytest.raises(InvalidStatus, match='403'):
-            connect(socket, origin=origin)
-    with connect(socket, origin=address.rstrip('/')) as page:
+            connect(live, origin=origin)
+    with connect(live, origin=address.rstrip('/')) as page:
         for asked, said in (
-            ({'type': 'dance'}, "'dance'"),
             ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 2}, 'outside 0 to 1'),
-            ({'type': 'set', 'path': 'scene', 'value': 1}, 'scene cannot be set'),
-            ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 10**400}, 'inf is outside'),
+            ({'type': 'set', 'path': 'scene', 'value': 1}, "'scene' cannot be set"),
+            ({'type': 'set', 'path': f'{PLAY}.restitution', 'value': 10**20}, '1e+20 is outside'),
         ):
-            for nonsense in ('no JSON', '[1]', '[' * 20_000, b'\xff'):
-                page.send(nonsense)
+            with connect(live, origin=address.rstrip('/')) as junk:
+                junk.send('no JSON')
+                assert closed(junk) == 1007
             page.send(json.dumps(asked))
             while (found := json.loads(page.recv(PATIENCE)))['type'] != 'message':
                 pass
@@ -354,6 +355,99 @@ def test_every_control_is_in_its_limits_and_what_it_sets_is_a_value_of_the_scene
         assert control.low <= control.value <= control.high
         changed = controls(ms.load_scene(scene, [control.override(control.high)]))[path]
         assert changed.value == pytest.approx(control.high)
+
+
+def closed(page: Any) -> int:
+    """The code with which a page is sent away."""
+    with suppress(ConnectionClosed):
+        while page.recv(PATIENCE):
+            pass
+    return int(page.close_code)
+
+
+@pytest.fixture
+def serving():
+    """A server that keeps what pages ask for, and its address for them."""
+    asked = Mailbox()
+    server = Server({}, 0, lambda: [{'type': 'waiting'}], asked.put)
+    yield server, asked, server.address.replace('http', 'ws') + 'live'
+    server.close()
+
+
+@pytest.mark.parametrize(
+    ('junk', 'code'),
+    [
+        ('no JSON', 1007),
+        ('{"type": "set", "path": "a", "value": NaN}', 1007),
+        ('{"type": "set", "path": "a", "value": 1e400}', 1007),
+        ('[' * 5000, 1007),
+        (b'\xff\xfe', 1007),
+        ('[1]', 1008),
+        ('{"type": "dance"}', 1008),
+        ('{"type": ["play"]}', 1008),
+        ('{"type": "set", "path": "a", "value": true}', 1008),
+        ('{"type": "set", "path": 3, "value": 1}', 1008),
+        (json.dumps({'type': 'set', 'path': 'a', 'value': 10**400}), 1008),
+        (' ' * 20_000, 1009),
+        (b'x' * 2_000_000, 1009),
+    ],
+)
+def test_a_page_that_talks_nonsense_is_sent_away_and_others_are_not(serving, junk, code):
+    server, asked, address = serving
+    with connect(address) as good, connect(address) as bad:
+        bad.send(junk)
+        assert closed(bad) == code
+        good.send('{"type": "pause"}')
+        assert eventually(lambda: asked.take() == Command('pause'))
+        server.send({'type': 'state'})
+        assert [json.loads(good.recv(PATIENCE))['type'] for _ in range(2)] == ['waiting', 'state']
+
+
+def test_a_page_that_floods_is_sent_away(serving):
+    _, asked, address = serving
+    with connect(address) as good, connect(address) as bad:
+        with suppress(ConnectionClosed):
+            for _ in range(1_000_000):
+                bad.send('{"type": "step"}')
+        assert closed(bad) == 1008
+        assert list(iter(asked.take, None)) == [Command('step')]
+        good.send('{"type": "reset"}')
+        assert eventually(lambda: asked.take() == Command('reset'))
+
+
+def test_of_commands_that_wait_the_newest_counts_and_only_so_many_wait():
+    asked = Mailbox()
+    given = Command('set', 'a', 1), Command('set', 'b', 2), Command('play'), Command('set', 'a', 3)
+    for asking in (*given, Command('pause'), Command('step'), Command('step')):
+        asked.put(asking)
+    newest = [Command('set', 'b', 2), Command('set', 'a', 3), Command('pause'), Command('step')]
+    assert list(iter(asked.take, None)) == newest
+    for n in range(1000):
+        asked.put(Command('set', f'p{n}', n))
+    assert [c.value for c in iter(asked.take, None)] == list(range(700, 1000))
+
+
+def test_a_page_that_takes_nothing_is_cut_off_and_pages_are_counted(serving):
+    server, _, address = serving
+    with connect(address) as good, socket.create_connection(('127.0.0.1', server.port)) as deaf:
+        deaf.sendall(
+            b'GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n'
+            b'Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n'
+            b'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'
+        )
+        assert eventually(lambda: server.pages == 2)
+        while server.pages == 2:
+            server.send({'type': 'state', 'text': 'x' * 1_000_000})
+            while json.loads(good.recv(PATIENCE))['type'] != 'state':
+                pass
+        assert server.pages == 1
+    with ExitStack() as open_pages:
+        assert eventually(lambda: server.pages == 0)
+        for _ in range(PAGES):
+            open_pages.enter_context(connect(address))
+        assert eventually(lambda: server.pages == PAGES)
+        with pytest.raises(InvalidStatus, match='503'):
+            connect(address)
 
 
 @pytest.mark.deep

@@ -12,6 +12,7 @@ fields the constants of their message only.
 
 from typing import Any
 
+from mechanism_sim.messages.checks import objection
 from mechanism_sim.messages.classes import (
     action_class,
     deserialize,
@@ -20,7 +21,6 @@ from mechanism_sim.messages.classes import (
     message_class,
     serialize,
     service_class,
-    type_name,
     uint8_array,
     uint64_array,
 )
@@ -36,6 +36,7 @@ from mechanism_sim.messages.definitions import (
     own_messages,
     service_type_hash,
     type_hash,
+    type_name,
 )
 from mechanism_sim.messages.origin import ros_installed
 from mechanism_sim.messages.stamps import seconds, stamp
@@ -52,6 +53,7 @@ __all__ = [
     'int64_array',
     'message_class',
     'message_folder',
+    'objection',
     'own_messages',
     'ros_installed',
     'seconds',

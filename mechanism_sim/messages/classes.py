@@ -25,6 +25,7 @@ from mechanism_sim.messages.definitions import (
     MessageError,
     defaults,
     field_descriptions,
+    type_name,
     typestore,
 )
 from mechanism_sim.messages.origin import ros_installed
@@ -97,17 +98,6 @@ def action_class(name: str) -> type[Any]:
     )
 
 
-def type_name(cls: type[Any]) -> str:
-    """``pkg/msg/Name``, ``pkg/srv/Name`` or ``pkg/action/Name`` of a class."""
-    for mark in ('__msgtype__', '__srvtype__', '__actiontype__'):
-        if (name := getattr(cls, mark, None)) is not None:
-            return str(name)
-    package, kind, *_ = [*cls.__module__.split('.'), '']
-    if kind not in {'msg', 'srv', 'action'}:
-        raise MessageError(f'{cls.__name__} is not a class of a message or service')
-    return f'{package}/{kind}/{cls.__name__}'
-
-
 def serialize(message: Any) -> bytes:
     """CDR of a message: header 00 01 00 00, then XCDR1 in little-endian order.
 
@@ -132,12 +122,13 @@ def deserialize(data: bytes | bytearray | memoryview, kind: type[Any] | str) -> 
     Raises MessageError if the bytes are not such a message.
     """
     cls = message_class(kind) if isinstance(kind, str) else kind
-    if ros_installed():
-        return import_module('rclpy.serialization').deserialize_message(bytes(data), cls)
     try:
+        if ros_installed():
+            return import_module('rclpy.serialization').deserialize_message(bytes(data), cls)
         return typestore().deserialize_cdr(bytes(data), cls.__msgtype__)
-    except SerdeError as error:
-        raise MessageError(f'{len(data)} bytes are no {cls.__msgtype__}: {error}') from error
+    # Whoever sent them: rclpy has no exception of its own for bytes that are no message.
+    except (SerdeError, ValueError, RuntimeError, OverflowError, MemoryError) as error:
+        raise MessageError(f'{len(data)} bytes are no {type_name(cls)}: {error}') from error
 
 
 def _typed_array(dtype: str, code: str, values: ArrayLike) -> Any:

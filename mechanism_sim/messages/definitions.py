@@ -58,6 +58,17 @@ class MessageError(ValueError):
     """A message is unknown, is not what its definition says, or cannot be decoded."""
 
 
+def type_name(cls: type[Any]) -> str:
+    """``pkg/msg/Name``, ``pkg/srv/Name`` or ``pkg/action/Name`` of a class."""
+    for mark in ('__msgtype__', '__srvtype__', '__actiontype__'):
+        if (name := getattr(cls, mark, None)) is not None:
+            return str(name)
+    package, kind, *_ = [*cls.__module__.split('.'), '']
+    if kind not in {'msg', 'srv', 'action'}:
+        raise MessageError(f'{cls.__name__} is not a class of a message or service')
+    return f'{package}/{kind}/{cls.__name__}'
+
+
 @cache
 def message_folder() -> Path:
     """Folder of this package's own definitions."""

@@ -19,6 +19,7 @@ from mechanism_sim.messages.classes import (
 )
 from mechanism_sim.messages.stamps import stamp
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+from mechanism_sim.scene.machine import Machine
 
 Array = NDArray[np.float64]
 
@@ -81,6 +82,23 @@ def motion_of(message: Any) -> Motion:
     except ValueError as error:
         raise InputError(f'a Motion message contradicts its own counts: {error}.') from error
     return Motion(curve_of(segments), segments.modes, approach, torques)
+
+
+def foreign(message: Any, machine: Machine) -> str:
+    """Why a Motion message is of no run of a machine; empty if it may be one."""
+    joints = tuple(machine.physics.clearances)
+    each = max(int(message.segments), 1)
+    if tuple(message.coordinates) != tuple(machine.physics.coordinates):
+        return 'it is of another machine'
+    if tuple(message.joints) != joints or len(message.approach_speeds) not in {
+        0,
+        each * len(joints),
+    }:
+        return 'it is of a machine with other clearances'
+    drives = 3 * each * len(machine.system.powered) if machine.dynamic else 0
+    if message.segments and machine.dynamic and len(message.torque_laws) != drives:
+        return 'it is of a machine with other drives'
+    return ''
 
 
 def pack(

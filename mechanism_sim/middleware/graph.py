@@ -21,36 +21,41 @@ class Graph:
         self._named: dict[tuple[str, str], dict[str, Token]] = defaultdict(dict)
         self._changed = Condition()
 
-    def add(self, key: str) -> None:
-        """Take in the token of a key; what is not a token is passed over."""
+    def add(self, key: str) -> bool:
+        """Take in the token of a key; False if it is none."""
         token = parse_token(key)
         if token is None:
-            return
+            return False
         with self._changed:
             self._tokens[key] = token
             self._named[token.kind, token.name][key] = token
             self._changed.notify_all()
+        return True
 
     def remove(self, key: str) -> None:
         """Forget a token."""
         with self._changed:
             token = self._tokens.pop(key, None)
             if token is not None:
-                self._named[token.kind, token.name].pop(key, None)
+                named = self._named[token.kind, token.name]
+                named.pop(key, None)
+                if not named:
+                    del self._named[token.kind, token.name]
                 self._changed.notify_all()
 
-    def find(self, kind: str, name: str) -> list[Token]:
-        """Endpoints of a kind on a topic or service."""
+    def find(self, kind: str, name: str) -> dict[str, Token]:
+        """Endpoints of a kind on a topic or service, by their keys."""
         with self._changed:
-            return list(self._named.get((kind, name), {}).values())
+            return dict(self._named.get((kind, name), {}))
 
     def count(self, kind: str, name: str, type_name: str | None = None) -> int:
         """Number of endpoints of a kind on a topic or service, of one type if it is given."""
-        return sum(type_name in {None, token.type} for token in self.find(kind, name))
+        found = self.find(kind, name).values()
+        return sum(type_name in {None, token.type} for token in found)
 
     def nodes(self) -> list[Token]:
         """Every node."""
-        return self.find(NODE, '')
+        return list(self.find(NODE, '').values())
 
     def names_and_types(self, kinds: Iterable[str]) -> list[tuple[str, list[str]]]:
         """Names of topics or services with their types, sorted."""

@@ -10,7 +10,8 @@ there waits too. Two exceptions keep this from ever locking up:
   or it awaits a reply), samples from others do not wait either: two processes that publish to
   each other cannot stop each other.
 
-In these cases the queue grows beyond its limit.
+In these cases the queue grows beyond its limit. What comes from outside is judged before it gets
+here: see ``refusals``.
 """
 
 from collections import deque
@@ -22,7 +23,7 @@ from typing import Any, Protocol
 from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.session import Context
 
-LIMIT = 1000  # samples that a KEEP_ALL subscription holds before its publishers wait,
+LIMIT = 1000  # samples that a KEEP_ALL subscription holds before its publishers wait, requests,
 LIMIT_BYTES = 32_000_000  # or bytes
 RECHECK = 0.05  # [s]
 
@@ -42,6 +43,7 @@ class Overflow(Enum):
 
     WAIT = 'wait'
     DROP_OLDEST = 'drop oldest'
+    REFUSE = 'refuse'
     GROW = 'grow'
 
 
@@ -72,20 +74,25 @@ class Inbox:
     def __len__(self) -> int:
         return len(self._items)
 
-    def put(self, item: Any, size: int = 0, *, local: bool = False) -> None:
-        """Add an item of a size in bytes; ``local``: it comes from this process."""
+    def put(self, item: Any, size: int = 0) -> bool:
+        """Add an item of a size in bytes; False if there is no room for it."""
         with self._changed:
-            if self._overflow is Overflow.WAIT and not local and self._fills(1.0):
-                self._wait_for_room()
+            if self._overflow is Overflow.WAIT and self._fills(1.0):
+                # What this process publishes is delivered inside that call.
+                if not self._context.waits.here():
+                    self._wait_for_room()
+            elif self._overflow is Overflow.REFUSE and self._fills(1.0):
+                return False
             if not self._open:
-                return
+                return True
             self._items.append((item, size))
             self._bytes += size
-            if self._overflow is Overflow.DROP_OLDEST and len(self._items) > self._limit:
-                self._bytes -= self._items.popleft()[1]
-                return
-            if self._ready is not None:
+            if self._overflow is Overflow.DROP_OLDEST and self._overflows():
+                while self._overflows():
+                    self._bytes -= self._items.popleft()[1]
+            elif self._ready is not None:
                 self._ready.put(self._owner)
+            return True
 
     def take(self) -> Any:
         """Next item, None if there is none or its group waits; called by the executor."""
@@ -128,6 +135,10 @@ class Inbox:
         while self._open and self._fills(0.5) and not self._context.waits.long():
             self._changed.wait(RECHECK)
         self._waiting -= 1
+
+    def _overflows(self) -> bool:
+        many = len(self._items) > self._limit
+        return many or (len(self._items) > 1 and self._bytes > LIMIT_BYTES)
 
     def _fills(self, part: float) -> bool:
         return len(self._items) >= part * self._limit or self._bytes >= part * LIMIT_BYTES

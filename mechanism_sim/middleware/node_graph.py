@@ -90,15 +90,14 @@ class NodeGraph:
 
     def _infos(self, kind: str, topic: str) -> list[TopicEndpointInfo]:
         found = self.context.graph.find(kind, self.resolve_topic_name(topic))
-        domain = self.context.domain
         return [
             TopicEndpointInfo(
                 token.node,
                 token.namespace,
                 token.type,
                 token.hash,
-                list(wire.gid(wire.token_key(domain, token))),
+                list(wire.gid(key)),
                 token.qos,
             )
-            for token in found
+            for key, token in found.items()
         ]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.messages import float64_array, int64_array, message_class
+from mechanism_sim.middleware.errors import InvalidParameterTypeException
 
 
 class ParameterKind(IntEnum):
@@ -101,8 +102,15 @@ class Parameter:
 
     @classmethod
     def from_parameter_msg(cls, message: Any) -> 'Parameter':
-        """Parameter of a ``rcl_interfaces/msg/Parameter``."""
-        kind = ParameterKind(message.value.type)
+        """Parameter of a ``rcl_interfaces/msg/Parameter``.
+
+        Raises InvalidParameterTypeException if it is of a type that there is not.
+        """
+        try:
+            kind = ParameterKind(message.value.type)
+        except ValueError:
+            reason = f'{message.name}: there is no type {message.value.type} of parameters'
+            raise InvalidParameterTypeException(reason) from None
         if kind == ParameterKind.NOT_SET:
             return cls(message.name)
         value = getattr(message.value, _FIELDS[kind][0])

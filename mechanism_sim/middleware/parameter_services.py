@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.messages import message_class, service_class, uint8_array
 from mechanism_sim.middleware.errors import (
+    InvalidParameterTypeException,
     ParameterNotDeclaredException,
     ParameterUninitializedException,
 )
@@ -102,6 +103,6 @@ def _set_atomically(node: 'Node', request: Any, response: Any) -> Any:
 def _set_or_refuse(node: 'Node', messages: Iterable[Any]) -> Any:
     try:
         return node.set_parameters_atomically(map(Parameter.from_parameter_msg, messages))
-    except ParameterNotDeclaredException as error:
+    except (ParameterNotDeclaredException, InvalidParameterTypeException) as error:
         result = message_class('rcl_interfaces/msg/SetParametersResult')
         return result(successful=False, reason=str(error))

@@ -132,7 +132,9 @@ class Parameters:
         changed: Listed = []
         gone: Listed = []
         for parameter in parameters:
-            known = self._declared[parameter.name]
+            known = self._declared.get(parameter.name)
+            if known is None:  # named twice, and gone
+                continue
             if parameter.type_ == ParameterKind.NOT_SET:
                 gone.append(parameter)
                 del self._declared[parameter.name]

@@ -38,7 +38,6 @@ class Publisher:
         self._one_at_a_time = Lock()
         token = node.token(wire.PUBLISHER, topic, self._type, qos)
         self._gid = wire.gid(wire.token_key(context.domain, token))
-        context.gids.add(self._gid)
         self._publisher = _declare(context.session, context.key(topic, self._type), qos)
         self._token = context.announce(token)
 
@@ -61,7 +60,6 @@ class Publisher:
     def destroy(self) -> None:
         """Take the publisher off the network."""
         self._context.retract(self._token)
-        self._context.gids.discard(self._gid)
         if isinstance(self._publisher, zenoh.Publisher):
             self._context.undeclare(self._publisher)
         else:

@@ -1,5 +1,7 @@
 """What this room offers, from rclpy: the same names, and `leave`.
 
+Beyond rclpy, a `Node` drops messages that nobody of good faith would have sent.
+
 What differs from rclpy:
 
 - ``init`` leaves signals alone that the program handles itself.
@@ -10,10 +12,11 @@ What differs from rclpy:
 
 import signal
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import rclpy
+import rclpy.node
 from rclpy import (
     ok,
     shutdown,
@@ -41,7 +44,6 @@ from rclpy.exceptions import (
 )
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import (
@@ -61,7 +63,9 @@ from rclpy.time import Time
 from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 
+from mechanism_sim.messages import MessageError, objection
 from mechanism_sim.middleware.errors import MiddlewareError
+from mechanism_sim.middleware.refusals import Refusals, judged
 
 __all__ = [
     'ActionClient',
@@ -119,6 +123,31 @@ _USUAL: dict[signal.Signals, tuple[Any, SignalHandlerOptions]] = {
     signal.SIGINT: (signal.default_int_handler, SignalHandlerOptions.SIGINT),
     signal.SIGTERM: (signal.SIG_DFL, SignalHandlerOptions.SIGTERM),
 }
+
+
+class Node(rclpy.node.Node):  # type: ignore[misc]
+    """A node of rclpy whose subscriptions judge what comes."""
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[[Any], Any], *given: Any, **how: Any
+    ) -> Any:
+        """Subscription whose callback gets the message, or with ``raw`` its bytes."""
+        refusals, raw = Refusals(), how.get('raw', False)
+
+        def take(message: Any) -> None:
+            try:
+                if raw:
+                    judged(message, msg_type)
+                elif reason := objection(message):
+                    raise MessageError(reason)
+            except MessageError as error:
+                warn = self.get_logger().warning
+                refusals.count(subscription.topic_name, 'message', str(error), warn)
+            else:
+                callback(message)
+
+        subscription = super().create_subscription(msg_type, topic, take, *given, **how)
+        return subscription
 
 
 def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:

@@ -2,29 +2,34 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from mechanism_sim.messages import MessageError, deserialize, serialize, type_name
+from mechanism_sim.messages import MessageError, serialize, type_name
 from mechanism_sim.middleware import wire
 from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.future import Future
-from mechanism_sim.middleware.inbox import Inbox
+from mechanism_sim.middleware.inbox import LIMIT, Inbox, Overflow
 from mechanism_sim.middleware.qos import QoSProfile
+from mechanism_sim.middleware.refusals import judged
 from mechanism_sim.middleware.tasks import await_or_execute
 
 if TYPE_CHECKING:
     from mechanism_sim.middleware.node import Node
 
+LONGEST = 1_000_000  # bytes of a request
 PATIENCE = 3e7  # [s]: a service that answers later, and the result of an action, take their time
 
 
 class Service:
     """Answers requests; the callback gets the request and an empty response and gives it back.
+
+    What is no request gets an error for an answer, and so does one too many of those that wait.
 
     A coroutine function may ``await`` futures before it does; see ``callback_groups`` for what
     runs meanwhile.
@@ -45,34 +50,48 @@ class Service:
         self._context = context
         self._callback = callback
         self._tasks = node.tasks
+        self._say = node.voice.say
         self.callback_group = group
         self._key = context.key(name, type_name(kind))
-        self.inbox = Inbox(context, self, group=group)
+        self.inbox = Inbox(context, self, LIMIT, Overflow.REFUSE, group)
         self._queryable = context.session.declare_queryable(
-            self._key, direct(self.inbox.put), complete=True
+            self._key, direct(self._receive), complete=True
         )
         self._token = context.announce(node.token(wire.SERVICE, name, type_name(kind), qos))
 
     def execute(self) -> bool:
         """Begin to answer one request; False if none waits."""
-        query: zenoh.Query | None = self.inbox.take()
-        if query is None:
+        item = self.inbox.take()
+        if item is None:
             return False
-        self._tasks.start(self._answer(query), self.callback_group)
+        self._tasks.start(self._answer(*item), self.callback_group)
         return True
 
-    async def _answer(self, query: zenoh.Query) -> None:
+    def _receive(self, query: zenoh.Query) -> None:
+        """Take in a request, in Zenoh's thread, or say what is wrong with it."""
+        try:
+            asked, request = self._read(query)
+            if self.inbox.put((query, asked, request)):
+                return
+            reason = f'{LIMIT} requests wait already'
+        except MessageError as error:
+            reason = str(error)
+        self._context.refuse(self.srv_name, 'request', reason, self._say)
+        with query, suppress(zenoh.ZError):
+            query.reply_err(reason)
+
+    def _read(self, query: zenoh.Query) -> tuple[wire.Attachment, Any]:
+        extra, payload = query.attachment, query.payload
+        asked = None if extra is None else wire.parse_attachment(extra.to_bytes())
+        if asked is None or payload is None:
+            raise MessageError('a request of ROS has a payload and an attachment of 33 bytes')
+        data = payload.to_bytes()
+        if len(data) > LONGEST:
+            raise MessageError(f'{len(data)} bytes are more than a request may have')
+        return asked, judged(data, self.srv_type.Request)
+
+    async def _answer(self, query: zenoh.Query, asked: wire.Attachment, request: Any) -> None:
         with query:
-            attachment = query.attachment
-            asked = None if attachment is None else wire.parse_attachment(attachment.to_bytes())
-            if asked is None or query.payload is None:
-                query.reply_err('A request of ROS has a payload and an attachment of 33 bytes')
-                return
-            try:
-                request = deserialize(query.payload.to_bytes(), self.srv_type.Request)
-            except MessageError as error:
-                query.reply_err(str(error))
-                return
             response = await await_or_execute(self._callback, request, self.srv_type.Response())
             query.reply(
                 self._key,
@@ -102,6 +121,7 @@ class Client:
         self.srv_type = kind
         self.srv_name = name
         self._context = context
+        self._say = node.voice.say
         self._sequence = count(1)
         token = node.token(wire.CLIENT, name, type_name(kind), qos)
         self._gid = wire.gid(wire.token_key(context.domain, token))
@@ -135,7 +155,13 @@ class Client:
     def call_async(self, request: Any) -> Future:
         """Ask; the executor that spins the node fulfils the future."""
         future = Future()
-        self._ask(request, lambda answer: self.inbox.put((future, answer)))
+        waiting = [future]
+
+        def answered(outcome: Any) -> None:
+            with suppress(IndexError):  # only the first counts
+                self.inbox.put((waiting.pop(), outcome))
+
+        self._ask(request, answered)
         return future
 
     def call(self, request: Any, timeout_sec: float | None = None) -> Any:
@@ -144,7 +170,7 @@ class Client:
         Raises TimeoutError, or MiddlewareError if the service refuses or goes away.
         """
         future = Future()
-        self._ask(request, lambda answer: self._fulfil(future, answer))
+        self._ask(request, lambda outcome: _fulfil(future, outcome))
         with self._context.waits:
             if not future.wait(timeout_sec):
                 raise TimeoutError(f'{self.srv_name} has not answered for {timeout_sec} s')
@@ -155,7 +181,7 @@ class Client:
         item = self.inbox.take()
         if item is None:
             return False
-        self._fulfil(*item)
+        _fulfil(*item)
         return True
 
     def destroy(self) -> None:
@@ -164,26 +190,38 @@ class Client:
         self.inbox.close()
         self._context.undeclare(self._querier)
 
-    def _ask(self, request: Any, answered: Callable[[zenoh.Reply | None], Any]) -> None:
-        """Send a request; ``answered`` gets every reply, and None when no more will come."""
+    def _ask(self, request: Any, answered: Callable[[Any], Any]) -> None:
+        """Send a request; ``answered`` gets every response, or MiddlewareError for there is none.
+
+        What is no response is dropped: it is not from who serves this.
+        """
         data = serialize(request)
         attachment = wire.pack_attachment(next(self._sequence), time.time_ns(), self._gid)
-        callback = direct(answered, lambda: answered(None))
+
+        def receive(reply: zenoh.Reply) -> None:
+            try:
+                answered(self._outcome(reply))
+            except MessageError as error:
+                self._context.refuse(self.srv_name, 'reply', str(error), self._say)
+
+        none = MiddlewareError(f'{self.srv_name} did not answer')
+        callback = direct(receive, lambda: answered(none))
         with self._context.waits:
             self._querier.get(callback, payload=data, attachment=attachment)
 
-    def _fulfil(self, future: Future, answer: zenoh.Reply | None) -> None:
-        if future.done():
-            return
-        if answer is None:
-            future.set_exception(MiddlewareError(f'{self.srv_name} did not answer'))
-        elif answer.ok is not None:
-            try:
-                response = deserialize(answer.ok.payload.to_bytes(), self.srv_type.Response)
-            except MessageError as error:
-                future.set_exception(error)
-            else:
-                future.set_result(response)
-        else:
-            text = '' if answer.err is None else answer.err.payload.to_bytes().decode()
-            future.set_exception(MiddlewareError(f'{self.srv_name} refused: {text}'))
+    def _outcome(self, reply: zenoh.Reply) -> Any:
+        """Response, or MiddlewareError; raises MessageError for what is neither."""
+        if reply.ok is not None:
+            return judged(reply.ok.payload.to_bytes(), self.srv_type.Response)
+        data = b'' if reply.err is None else reply.err.payload.to_bytes()
+        text = data[:LONGEST].decode(errors='replace')
+        return MiddlewareError(f'{self.srv_name} refused: {text}')
+
+
+def _fulfil(future: Future, outcome: Any) -> None:
+    if future.done():
+        return
+    if isinstance(outcome, MiddlewareError):
+        future.set_exception(outcome)
+    else:
+        future.set_result(outcome)

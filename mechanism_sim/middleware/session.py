@@ -23,6 +23,7 @@ from mechanism_sim.middleware.arguments import Arguments
 from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.graph import Graph
+from mechanism_sim.middleware.refusals import Refusals, Say
 from mechanism_sim.middleware.waits import Waits
 
 FAREWELL = '@mechanism_sim'
@@ -47,8 +48,10 @@ class Context:
         self.zid = str(self.session.zid())
         self.graph = Graph()
         self.is_open = True
-        self.gids: set[bytes] = set()
         self.inboxes: set[Closable] = set()
+        self.refusals = Refusals()
+        #: of the nodes: what Zenoh's threads have to say
+        self.voices: list[Say] = []
         self._kept: list[Any] = []
         self.waits = Waits()
         self._hashed = config.has_type_hashes()
@@ -135,10 +138,17 @@ class Context:
             raise MiddlewareError('A process that stands still did not let the session end')
         return flushed
 
+    def refuse(self, topic: str, kind: str, reason: str, say: Say | None = None) -> None:
+        """Count what is dropped, and have a node warn of it if it is time to."""
+        voices = [say] if say else self.voices[:1]
+        for voice in voices:
+            self.refusals.count(topic, kind, reason, voice)
+
     def _on_token(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         if sample.kind == zenoh.SampleKind.PUT:
-            self.graph.add(key)
+            if not self.graph.add(key):
+                self.refuse(f'{wire.TOKENS}/{self.domain}', 'token', f'{key[:200]!r} is no token')
         else:
             self.graph.remove(key)
 

@@ -3,13 +3,14 @@
 import time
 from collections.abc import Callable
 from inspect import signature
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import zenoh
 from zenoh import ext
 from zenoh.handlers import Callback
 
-from mechanism_sim.messages import deserialize, type_name
+from mechanism_sim.messages import MessageError, type_name
 from mechanism_sim.middleware import wire
 from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.callbacks import direct
@@ -20,16 +21,20 @@ from mechanism_sim.middleware.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
+from mechanism_sim.middleware.refusals import judged
 
 if TYPE_CHECKING:
     from mechanism_sim.middleware.node import Node
+
+PUBLISHERS = 1000  # whose last sequence numbers a subscription remembers
 
 
 class Subscription:
     """Hands the messages of one topic to a callback, in the order in which they arrive.
 
     The callback takes the message, or the message and a dictionary about it as in rclpy; with
-    ``raw`` it gets the serialised bytes. What comes twice from one publisher is handed on once.
+    ``raw`` it gets the serialised bytes. What comes twice from one publisher is handed on once,
+    and what is no message is dropped with a warning.
     """
 
     def __init__(
@@ -51,7 +56,9 @@ class Subscription:
         self._context = context
         self._callback = node.tasks.plain(callback, group)
         self._with_info = _takes_info(callback)
+        self._say = node.voice.say
         self._latest: dict[bytes, int] = {}
+        self._one_at_a_time = Lock()
         self._received = 0
         self.callback_group = group
         self.inbox = Inbox(context, self, *_queue(qos), group)
@@ -65,8 +72,7 @@ class Subscription:
         item = self.inbox.take()
         if item is None:
             return False
-        data, attachment, received = item
-        message = data if self.raw else deserialize(data, self.msg_type)
+        message, attachment, received = item
         if not self._with_info:
             self._callback(message)
             return True
@@ -92,19 +98,39 @@ class Subscription:
         self._context.undeclare(self._subscriber)
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        """Take in a sample, in Zenoh's thread; one without the attachment of ROS is not ROS's."""
+        """Take in a sample, in Zenoh's thread, if it is one of ROS with a message."""
         extra = sample.attachment
         attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
         if attachment is None or sample.kind != zenoh.SampleKind.PUT:
+            self._refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
             return
         # An advanced subscriber sees to this itself, and may bring in what came before.
-        if self.qos_profile.durability == DurabilityPolicy.VOLATILE:
-            if attachment.sequence <= self._latest.get(attachment.gid, 0):
-                return
-            self._latest[attachment.gid] = attachment.sequence
+        once = self.qos_profile.durability == DurabilityPolicy.VOLATILE
+        if once and attachment.sequence <= self._latest.get(attachment.gid, 0):
+            return
         data = sample.payload.to_bytes()
-        item = (data, attachment, time.time_ns())
-        self.inbox.put(item, len(data), local=attachment.gid in self._context.gids)
+        try:
+            message = judged(data, self.msg_type)
+        except MessageError as error:
+            self._refuse('message', str(error))
+            return
+        if once and not self._is_news(attachment):
+            return
+        item = (data if self.raw else message, attachment, time.time_ns())
+        if not self.inbox.put(item, len(data)):
+            self._refuse('queue', 'its queue is full')
+
+    def _is_news(self, attachment: wire.Attachment) -> bool:
+        """Whether a publisher has not sent this before."""
+        with self._one_at_a_time:
+            last = self._latest.pop(attachment.gid, 0)
+            self._latest[attachment.gid] = max(last, attachment.sequence)
+            if len(self._latest) > PUBLISHERS:
+                del self._latest[next(iter(self._latest))]
+            return attachment.sequence > last
+
+    def _refuse(self, kind: str, reason: str) -> None:
+        self._context.refuse(self.topic_name, kind, reason, self._say)
 
 
 def _takes_info(callback: Callable[..., Any]) -> bool:
@@ -124,7 +150,7 @@ def _queue(qos: QoSProfile) -> tuple[int, Overflow]:
     # An advanced subscriber calls back under a lock of its own; what waits there could hold up a
     # publisher of this process.
     if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
-        return LIMIT, Overflow.GROW
+        return 100 * LIMIT, Overflow.REFUSE
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     return LIMIT, Overflow.WAIT if reliable else Overflow.DROP_OLDEST
 

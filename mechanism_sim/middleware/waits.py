@@ -18,6 +18,10 @@ class Waits:
     def __exit__(self, *_: object) -> None:
         self._since.pop(get_ident(), None)
 
+    def here(self) -> bool:
+        """Whether it is this thread that calls: what it does now happens inside that call."""
+        return get_ident() in self._since
+
     def long(self) -> bool:
         """Whether some thread has been waiting for a while."""
         now = time.monotonic()

@@ -4,6 +4,7 @@ Read from its sources (``liveliness_utils.cpp``, ``attachment_helpers.cpp``), re
 0.1.9 to rolling 0.12.0.
 """
 
+import re
 import struct
 from typing import NamedTuple
 
@@ -23,6 +24,13 @@ NODE, PUBLISHER, SUBSCRIPTION, SERVICE, CLIENT = 'NN', 'MP', 'MS', 'SS', 'SC'
 NO_HASH = 'TypeHashNotSupported'  # what Humble writes
 
 _ATTACHMENT = struct.Struct('<qqB16s')
+_TOKEN = re.compile(
+    rf'{TOKENS}/\d+/(?P<session>\w+)/(?P<node_id>\d{{1,18}})/(?P<entity_id>\d{{1,18}})/'
+    r'(?P<kind>NN|MP|MS|SS|SC)/[^/]+/(?P<namespace>[\w%]+)/(?P<node>\w+)'
+    r'(?:/(?P<name>%[\w%]+)/(?P<type>\w+::\w+::dds_::\w+_)/(?P<hash>\w+)/(?P<qos>[\d:,]*)(?:/.*)?)?',
+    re.ASCII,
+)
+_LONGEST = 2000  # characters of a token
 _INFINITE = (9223372036, 854775807)
 _SECOND = 1_000_000_000
 
@@ -83,20 +91,24 @@ def token_key(domain: int, token: Token) -> str:
 
 def parse_token(key: str) -> Token | None:
     """Token of a key, None if it is not one."""
-    fields = key.split('/')
-    if len(fields) < 9 or fields[0] != TOKENS:
+    found = _TOKEN.fullmatch(key) if len(key) <= _LONGEST else None
+    if found is None or (found['kind'] == NODE) != (found['name'] is None):
         return None
-    _, _, session, node_id, entity_id, kind, _, namespace, node = fields[:9]
+    known = (
+        found['session'],
+        int(found['node_id']),
+        int(found['entity_id']),
+        found['kind'],
+        _demangle(found['namespace']) or '/',
+        found['node'],
+    )
+    if found['kind'] == NODE:
+        return Token(*known)
     try:
-        known = (session, int(node_id), int(entity_id), kind, _demangle(namespace) or '/', node)
-        if kind == NODE:
-            return Token(*known)
-        if len(fields) < 13 or kind not in {PUBLISHER, SUBSCRIPTION, SERVICE, CLIENT}:
-            return None
-        name, type_name, type_hash, qos = fields[9:13]
-        return Token(*known, _demangle(name), ros_type(type_name), type_hash, parse_qos(qos))
+        qos = parse_qos(found['qos'])
     except ValueError:
         return None
+    return Token(*known, _demangle(found['name']), ros_type(found['type']), found['hash'], qos)
 
 
 def gid(key: str) -> bytes:

@@ -19,7 +19,9 @@ from mechanism_sim.messages import (
     KeyValue,
     ParameterDescriptor,
     SetParametersResult,
+    type_name,
 )
+from mechanism_sim.messages.definitions import OWN
 from mechanism_sim.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 
@@ -42,6 +44,7 @@ class DescribedNode(Node):
     Attributes
     ----------
     results : names of the topics on which it publishes results
+    spoken : names of the topics with messages of this package that it publishes or hears
     done : whether it has nothing left to do
     keeps : whether it keeps what others say, and should hear it even if one of them has failed
     """
@@ -51,6 +54,7 @@ class DescribedNode(Node):
 
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         self.results: list[str] = []
+        self.spoken: set[str] = set()
         super().__init__(name, parameter_overrides=list(parameters))
         self.add_on_set_parameters_callback(_finite)
 
@@ -104,7 +108,25 @@ class DescribedNode(Node):
         publisher = super().create_publisher(msg_type, topic, copy(qos_profile), **how)
         if qos_profile is RESULTS:
             self.results.append(publisher.topic_name)
+        self._note(msg_type, publisher.topic_name)
         return publisher
+
+    def create_subscription(
+        self, msg_type: type[Any], topic: str, callback: Any, qos_profile: Any, **how: Any
+    ) -> Any:
+        """Subscription to a topic."""
+        heard = super().create_subscription(msg_type, topic, callback, qos_profile, **how)
+        self._note(msg_type, heard.topic_name)
+        return heard
+
+    def _note(self, msg_type: type[Any], topic: str) -> None:
+        if type_name(msg_type).startswith(f'{OWN}/'):
+            self.spoken.add(topic)
+
+    def ignore(self, topic: str, reason: str) -> None:
+        """Warn that a message was not taken, though it is one; seldom, however many there are."""
+        self.get_logger().warning(f'ignored what came on {topic}: {reason}',
+                                  throttle_duration_sec=10.0)  # fmt: skip
 
     def create_timer(self, *given: Any, **how: Any) -> Any:
         """Timer of wall time, also if the node's own time is that of the simulation."""

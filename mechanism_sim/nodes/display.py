@@ -89,8 +89,12 @@ class Display(SimulationNode):
         return self._impacts >= sum(map(int, announced))
 
     def _struck(self, message: Any) -> None:
+        flash = self._picture.struck(message)
+        if flash is None:
+            self.ignore(self._topic, f'the machine has no joint {message.joint!r} with clearance')
+            return
         self._impacts += 1
-        self.send(self._forces, self._picture.struck(message))
+        self.send(self._forces, flash)
         self._following.look()
 
     def _take(self, motion: Motion) -> None:

@@ -7,9 +7,12 @@ from typing import Any
 
 from mechanism_sim.hybrid.tape import Motion as MotionBatch
 from mechanism_sim.messages import Motion
-from mechanism_sim.messages.segments import motion_of
+from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
+
+ROUNDING = 1e-9
+"""Of times, relative: pieces of motion that follow each other meet."""
 
 
 class Following:
@@ -38,12 +41,17 @@ class Following:
         """All partners are there: the motion will come by itself."""
 
     def _on_motion(self, message: Any) -> None:
+        if not self._node.goes_on(message.run):
+            return
         if message.run != self._node.run:
             self._node.begin_run(message.run)
             self._time, self._ended = 0.0, False
             self._reset()
         if message.segments:
             motion = motion_of(message)
+            if reason := self._foreign(message, motion):
+                self._node.ignore(self._topic, reason)
+                return
             self._time = motion.curve.end
             self._take(motion)
         if message.known_until > self._time or not message.segments:
@@ -51,6 +59,15 @@ class Following:
         else:
             self._node.report_soon(self._time)
         self.look()
+
+    def _foreign(self, message: Any, motion: MotionBatch) -> str:
+        """Why a piece of motion is none of this run; empty if it is one."""
+        if reason := foreign(message, self._node.machine):
+            return reason
+        begin = float(motion.curve.start[0])
+        if abs(begin - self._time) > ROUNDING * max(1.0, begin):
+            return f'it begins at {begin:.9g} s, but the motion is known up to {self._time:.9g} s'
+        return ''
 
     def look(self) -> None:
         """End if all motion is here: the last report of who publishes it says how much it is."""

@@ -171,8 +171,13 @@ class Picture:
         return not (self._forces or self._lenses or self._springs)
 
     def struck(self, impact: Any) -> Any:
-        """A flash at the joint of an Impact message; its volume stands for the impulse."""
-        joint = self._joint_of[impact.joint]
+        """A flash at the joint of an Impact message; its volume stands for the impulse.
+
+        None if the machine has no such joint.
+        """
+        joint = self._joint_of.get(impact.joint)
+        if joint is None:
+            return None
         self._hardest = max(self._hardest, impact.normal_impulse)
         share = impact.normal_impulse / self._hardest if self._hardest else 1.0
         size = 4.0 * self._symbol * max(share, 1e-3) ** (1.0 / 3.0)

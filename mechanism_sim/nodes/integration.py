@@ -68,6 +68,7 @@ class Integration:
         self._restitutions = Restitutions(node, self._change)
         self._start_over()
         node.create_subscription(DriveLaw, 'drive', node.once_ready(self._follow), RESULTS)
+        self._drive = node.resolve_topic_name('drive')
 
     def begin(self) -> None:
         """A run begins: describe the scene."""
@@ -112,6 +113,8 @@ class Integration:
 
     def _follow(self, message: Any) -> None:
         """Advance to where the law is known to hold."""
+        if not self._node.goes_on(message.run):
+            return
         if message.run != self._node.run:
             self._node.begin_run(message.run)
             if self._machine is not self._node.machine:
@@ -131,12 +134,19 @@ class Integration:
 
     def _advance(self, message: Any) -> None:
         law = events.law_of(message, self._machine.mechanism.displacements)
+        if law.coordinate != self._machine.main or type(law) is not type(self._machine.law):
+            self._node.ignore(self._drive, 'it is no law of the drive of this machine')
+            return
         if self._run is None:
             self._run = self._machine.start(law)
             for path, value in self._restitutions.changed.items():
                 self._change(path, value)
         elif message.law_id != self._law_id:
-            self._run.change_law(law)
+            try:
+                self._run.change_law(law)
+            except ValueError as error:
+                self._node.ignore(self._drive, str(error))
+                return
         self._law_id = message.law_id
         while True:
             before = self._run.steps

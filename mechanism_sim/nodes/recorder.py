@@ -129,8 +129,8 @@ class Recorder(SimulationNode):
             if kind != _NO_STAMP and len(data) >= offset + _STAMP.size:
                 seconds, nanoseconds = _STAMP.unpack_from(data, offset)
                 self._now = seconds * 1_000_000_000 + nanoseconds
-            if topic in tells and (number := _run_of(data)) > self.run:
-                self.begin_run(number)
+            if topic in tells and _run_of(data) == self.run + 1:
+                self.begin_run(self.run + 1)
             if latched and self._ended:
                 # Its run is not known here yet: topics do not wait for each other.
                 self._ahead.append((topic, data))

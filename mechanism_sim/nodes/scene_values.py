@@ -99,6 +99,8 @@ class Handing:
             return f'nobody serves {client.service_name}'
         parameter = Parameter(OVERRIDES, value=value).to_parameter_msg()
         answer: Any = await client.call_async(self._kind.Request(parameters=[parameter]))
+        if len(answer.results) != 1:
+            return f'{client.service_name} gave {len(answer.results)} results for one parameter'
         (result,) = answer.results
         return '' if result.successful else str(result.reason)
 

@@ -26,6 +26,7 @@ from mechanism_sim.scene.gate import admit
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
 SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
 REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
+FAREWELL = 1.0  # [s] a node stays that has found a partner of another version
 GONE_AFTER = 3.0  # [s] a partner may be out of the graph before it counts as lost
 LONG = 0.0, 1e12  # [s]
 
@@ -80,6 +81,7 @@ class SimulationNode(DescribedNode):
         self.partners = [p for p in self.names('partners') if p != name]
         self._listeners = self.names('listeners')
         self._deadline = time.monotonic() + self.value('partner_timeout')
+        self._different = ''
         self._missing_since: dict[str, float] = {}
         self._seen: set[str] = set()
         self._soon: float | None = None
@@ -165,6 +167,12 @@ class SimulationNode(DescribedNode):
         if not self.ready:
             unheard = self._unheard()
             if not missing and not unheard and time.monotonic() > self._settled:
+                if self._different:
+                    raise RunError(self._different)
+                if different := self._difference():
+                    # Before this node leaves its partner shall see it, and end by itself.
+                    self._different, self._settled = different, time.monotonic() + FAREWELL
+                    return
                 self.ready = True
                 self.destroy_timer(self._watch)
                 self._watch = self.create_timer(0.5, self._look)
@@ -198,6 +206,24 @@ class SimulationNode(DescribedNode):
                     'until then is kept'
                 )
 
+    def _difference(self) -> str:
+        """Which partner has other types of messages, so that nothing of it would be heard."""
+        for topic in sorted(self.spoken):
+            types: dict[str, set[tuple[str, str]]] = {}
+            for seen in (self.get_publishers_info_by_topic, self.get_subscriptions_info_by_topic):
+                for info in seen(topic):
+                    if info.node_namespace == self.get_namespace():
+                        known = info.topic_type, str(getattr(info, 'topic_type_hash', ''))
+                        types.setdefault(info.node_name, set()).add(known)
+            ours = types.get(self.get_name(), set())
+            for partner in self.partners:
+                if ours and partner in types and not types[partner] & ours:
+                    return (
+                        f"{self.get_name()}: '{partner}' is of another version: it has another "
+                        f'type of messages on {topic}; start all nodes of a run from one version'
+                    )
+        return ''
+
     def _unheard(self) -> tuple[str, str] | None:
         """A listener and a topic of results of this node that it has not subscribed to yet."""
         for topic in self.results if self._listeners else ():
@@ -209,9 +235,13 @@ class SimulationNode(DescribedNode):
 
     def _on_progress(self, message: Any) -> None:
         # One that reports of the run before has not heard yet that it is over.
-        if message.node != self.get_name() and message.run >= self.run:
+        if message.node in self.partners and self.goes_on(message.run):
             self.progress_of[message.node] = message
             self.on_progress(message)
+
+    def goes_on(self, number: int) -> bool:
+        """Whether a run is the present one, or the next."""
+        return self.run <= number <= self.run + 1
 
     def begin_run(self, number: int) -> None:
         """All begins anew at time 0: the books, what is known of the partners, the machine."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages.events import described
-from mechanism_sim.messages.segments import motion_of
+from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.force_markers import preview
 from mechanism_sim.pages.recorded import PER_TURN
 from mechanism_sim.pages.stage import Frames, packed, stage_of
@@ -43,7 +43,6 @@ class Live:
         self.stage = stage_of(self.machine, seen.found.solution.samples(t).observed)
         self.step = min(self.machine.period / PER_TURN, _SLOWEST)
         self.epoch, self.run = 0, 0
-        self._names = tuple(self.machine.physics.coordinates)
         self._forget()
 
     def _forget(self) -> None:
@@ -54,7 +53,7 @@ class Live:
 
     def take(self, message: Any) -> None:
         """A Motion message; of another run, time begins anew."""
-        if tuple(message.coordinates) != self._names:
+        if foreign(message, self.machine):
             return  # of a run whose scene is not here yet
         if message.run != self.run:
             self.epoch, self.run = self.epoch + 1, message.run

@@ -79,6 +79,8 @@ class Operator:
         )  # fmt: skip
         if isinstance(answer, str):
             return answer
+        if len(answer.results) != 1:
+            return f"'{owner}' gave {len(answer.results)} results for one parameter"
         (result,) = answer.results
         return '' if result.successful else str(result.reason) or f'{name} was refused'
 

@@ -1,34 +1,80 @@
-"""The web server of the live view: its page, and messages both ways, on this machine only."""
+"""The web server of the live view: its page, and messages both ways, on this machine only.
+
+Whoever sends what no page of ours would, or more than a hand can ask for, is cut off; the run and
+the other pages do not notice.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import errno
-import json
 import logging
 import socket
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
-from threading import Thread
-from typing import Any
+from threading import Lock, Thread
+from typing import Any, NamedTuple
 
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
+from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 
 HOST = '127.0.0.1'
 SOCKET = '/live'
 SLOW = 2_000_000
 """Bytes that wait for a page from which on it gets no more frames until it has taken them."""
+STUCK = 4 * SLOW
+"""Bytes that wait for a page from which on it is cut off."""
+PAGES = 50
+"""That may be open."""
+LARGEST = 10_000
+"""Bytes of a command."""
+BURST, RATE = 300.0, 100.0
+"""Commands a page may send at once, and [1/s] from then on: all sliders move at once at 20 Hz."""
+LARGEST_VALUE = 1e30
+KINDS = 'play', 'pause', 'step', 'reset', 'set'
 
 _POLICY = "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; "
 _POLICY += "connect-src 'self'; img-src data:; frame-ancestors 'none'"
 
 Content = tuple[str, str]
 """Type and text of what is served at a path."""
+
+
+class Command(NamedTuple):
+    """What a page asks for: one of `KINDS`; of ``set`` which control, and its value."""
+
+    type: str
+    path: str = ''
+    value: float = 0.0
+
+
+class Mailbox:
+    """Commands that wait: of those that undo each other the newest only."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, Command] = {}
+        self._lock = Lock()
+
+    def put(self, command: Command) -> None:
+        """Add a command, from any thread."""
+        subject = command.path or {'pause': 'play'}.get(command.type, command.type)
+        with self._lock:
+            self._waiting.pop(subject, None)
+            self._waiting[subject] = command
+            if len(self._waiting) > BURST:
+                del self._waiting[next(iter(self._waiting))]
+
+    def take(self) -> Command | None:
+        """The command that has waited longest; None if there is none."""
+        with self._lock:
+            first = next(iter(self._waiting), None)
+            return None if first is None else self._waiting.pop(first)
 
 
 class Server:
@@ -39,7 +85,7 @@ class Server:
     contents : by path
     port : 0 for any; if it is taken, any other
     greet : messages for a page that has just been opened
-    hear : called, in the server's thread, with every message of a page
+    hear : called, in the server's thread, with every command of a page
 
     Attributes
     ----------
@@ -56,7 +102,7 @@ class Server:
         contents: Mapping[str, Content],
         port: int,
         greet: Callable[[], list[dict[str, Any]]],
-        hear: Callable[[dict[str, Any]], None],
+        hear: Callable[[Command], None],
     ) -> None:
         self._contents, self._greet, self._hear = contents, greet, hear
         self._socket = _listening(port)
@@ -81,7 +127,7 @@ class Server:
     def send(self, message: dict[str, Any], may_drop: bool = False) -> None:
         """Send to all pages; `may_drop`: not to those that have not taken what came before."""
         if self._pages:
-            text = json.dumps(message, allow_nan=False)
+            text = strict_json.dumps(message)
             self._loop.call_soon_threadsafe(self._send, text, may_drop)
 
     def close(self) -> None:
@@ -99,7 +145,7 @@ class Server:
             origins=[*own, None],  # type: ignore[list-item]
             process_request=self._answer,
             compression=None,
-            max_size=100_000,
+            max_size=LARGEST,
             close_timeout=1.0,
             logger=_silent(),
         ):
@@ -107,10 +153,12 @@ class Server:
 
     def _answer(self, _connection: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition('?')[0]
-        if path == SOCKET:
+        if path == SOCKET and len(self._pages) < PAGES:
             return None
         kind, text = self._contents.get(path, ('text/plain', ''))
         status = HTTPStatus.OK if path in self._contents else HTTPStatus.NOT_FOUND
+        if path == SOCKET:
+            status, text = HTTPStatus.SERVICE_UNAVAILABLE, f'{PAGES} pages are open already.\n'
         body = text.encode() or b'There is nothing here.\n'
         headers = Headers(
             {
@@ -128,27 +176,53 @@ class Server:
         self._pages.add(page)
         try:
             for message in self._greet():
-                await page.send(json.dumps(message, allow_nan=False))
-            async for text in page:
-                if heard := _read(text):
-                    self._hear(heard)
+                await page.send(strict_json.dumps(message))
+            await self._listen(page)
         except ConnectionClosed:
             pass  # as pages are, without a word
         finally:
             self._pages.discard(page)
 
+    async def _listen(self, page: ServerConnection) -> None:
+        """Hear a page, until it goes or is sent away."""
+        left, last = BURST, self._loop.time()
+        async for text in page:
+            now = self._loop.time()
+            left, last = min(BURST, left + (now - last) * RATE) - 1.0, now
+            if left < 0.0:
+                await page.close(CloseCode.POLICY_VIOLATION, 'too many commands')
+                return
+            try:
+                command = command_of(strict_json.loads(text))
+            except ValueError:
+                await page.close(CloseCode.INVALID_DATA, 'no JSON')
+                return
+            if command is None:
+                await page.close(CloseCode.POLICY_VIOLATION, f'no command; known: {KINDS}')
+                return
+            self._hear(command)
+
     def _send(self, text: str, may_drop: bool) -> None:
         waiting = {page: page.transport.get_write_buffer_size() for page in self._pages}
+        for page, size in waiting.items():
+            if size > STUCK:
+                page.transport.abort()
         broadcast([page for page, size in waiting.items() if not may_drop or size < SLOW], text)
 
 
-def _read(text: str | bytes) -> dict[str, Any]:
-    """What a page says; nothing where it is no message. Numbers are floats, however long."""
-    try:
-        message = json.loads(text, parse_int=float)
-    except (ValueError, RecursionError):
-        return {}
-    return message if isinstance(message, dict) else {}
+def command_of(message: Any) -> Command | None:
+    """The command that a message of a page is, if any."""
+    if not isinstance(message, dict) or message.get('type') not in KINDS:
+        return None
+    kind = message['type']
+    if kind != 'set':
+        return Command(kind)
+    path, value = message.get('path'), message.get('value')
+    if not isinstance(path, str) or isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    if abs(value) > LARGEST_VALUE:
+        return None
+    return Command(kind, path, float(value))
 
 
 def _silent() -> logging.Logger:

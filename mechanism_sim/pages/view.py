@@ -6,12 +6,11 @@ import time
 import webbrowser
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from markupsafe import Markup
 
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError, RunError, quoted
 from mechanism_sim.messages import Impact, Motion, String
 from mechanism_sim.middleware import (
     HistoryPolicy,
@@ -28,7 +27,7 @@ from mechanism_sim.pages.assets import asset, embedded, render
 from mechanism_sim.pages.controls import Control, controls
 from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
-from mechanism_sim.pages.server import Content, Server
+from mechanism_sim.pages.server import Command, Content, Mailbox, Server
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'live'
 PORT = 8080
@@ -78,7 +77,7 @@ class View(DescribedNode):
         self._controls: dict[str, Control] = {}
         self._waiting = {'type': 'waiting', 'starting': starting}
         self._greeting: list[dict[str, Any]] = [self._waiting]
-        self._asked: SimpleQueue[dict[str, Any]] = SimpleQueue()
+        self._asked = Mailbox()
         self._busy_since: float | None = None
         self._state: int | None = None
         self._paused_here = False
@@ -204,13 +203,12 @@ class View(DescribedNode):
         now = time.monotonic()
         if self._busy_since is not None and now < self._busy_since + _PATIENCE:
             return
-        try:
-            message = self._asked.get_nowait()
-        except Empty:
+        command = self._asked.take()
+        if command is None:
             return
         self._busy_since = now
         try:
-            reason = await self._do(message)
+            reason = await self._do(command)
         except MiddlewareError as error:
             reason = str(error)
         finally:
@@ -218,8 +216,8 @@ class View(DescribedNode):
         if reason:
             self._say(reason)
 
-    async def _do(self, message: dict[str, Any]) -> str:
-        kind, operator = message.get('type'), self._operator
+    async def _do(self, command: Command) -> str:
+        kind, operator = command.type, self._operator
         if kind == 'play':
             self._paused_here = False
             return await operator.go(PLAYING)
@@ -230,14 +228,12 @@ class View(DescribedNode):
             return await operator.step(1)
         if kind == 'reset':
             return await operator.reset()
-        if kind == 'set':
-            return await self._set(message.get('path'), message.get('value'))
-        return f'a page asked for {kind!r}, which there is not'
+        return await self._set(command.path, command.value)
 
-    async def _set(self, path: Any, value: Any) -> str:
-        control, operator = self._controls.get(str(path)), self._operator
-        if control is None or isinstance(value, bool) or not isinstance(value, int | float):
-            return f'{path} cannot be set to {value!r}'
+    async def _set(self, path: str, value: float) -> str:
+        control, operator = self._controls.get(path), self._operator
+        if control is None:
+            return f'{quoted(path)} cannot be set'
         if not control.low <= value <= control.high:
             return f'{control.label}: {value:g} is outside {control.low:g} to {control.high:g}'
         if control.effect == 'now':
