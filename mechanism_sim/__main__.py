@@ -1,6 +1,24 @@
-"""``python -m mechanism_sim``."""
+"""The programs: ``mechanism-sim``, ``python -m mechanism_sim``, executables of the nodes."""
 
-from mechanism_sim.cli import main
+import sys
+from pathlib import PurePath
+
+from mechanism_sim import ending
+
+
+def main() -> None:
+    """The command line."""
+    ending.begin()
+    from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
+
+    command()
+
+
+def node() -> None:
+    """A node, by the name of the executable: ``linkage`` is ``mechanism-sim node linkage``."""
+    sys.argv[1:1] = ['node', PurePath(sys.argv[0]).stem]
+    main()
+
 
 if __name__ == '__main__':
     main()

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from mechanism_sim import ending
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.middleware import (
     InvalidQosOverridesError,
@@ -29,12 +30,9 @@ from mechanism_sim.terminal import tell
 if TYPE_CHECKING:
     from mechanism_sim.nodes.described_node import DescribedNode
 
-INTERRUPTED = 130
-"""Exit code after SIGINT, as shells have it."""
-
 PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 1.0, 1.0
-"""[s] that others get to take in what was published: at the end of a run, after SIGINT, and those
-in this process after another has failed.
+"""[s] that others get to take in what was published: at the end of a run, after a signal, and
+those in this process after another has failed.
 """
 
 
@@ -57,20 +55,22 @@ def run_nodes(
     """
     nodes: list[DescribedNode] = []
     asked_to_end: list[int] = []
+    leaving: list[bool] = []
     executors: list[SingleThreadedExecutor] = []
 
-    def end(number: int, _frame: Any) -> None:
+    def end(number: int, frame: Any) -> None:
         # An exception here could be raised, and be lost, in the middle of the middleware.
-        if asked_to_end:
-            raise KeyboardInterrupt
+        if leaving and not asked_to_end:
+            ending.later(PATIENCE_AFTER_INTERRUPT, ending.quit_now)
+        elif asked_to_end and not leaving:
+            ending.interrupt(number, frame)
         asked_to_end.append(number)
         for executor in executors:
             # CPython 3.11 may forget the time-out of a queue when a signal interrupts it.
             executor.wake()
 
     # Also where a shell started us in the background and had SIGINT ignored.
-    signal.signal(signal.SIGINT, end)
-    signal.signal(signal.SIGTERM, end)
+    before = [signal.signal(number, end) for number in ending.SIGNALS]
     code = 0
     try:
         init(list(ros_args))
@@ -80,26 +80,26 @@ def run_nodes(
         for node in nodes:
             executor.add_node(node)
         gc.freeze()  # what is there now stays: the collector need not look through it
-        while ok() and (running() if running else not all(node.done for node in nodes)):
-            if asked_to_end:
-                code = INTERRUPTED
+        while not asked_to_end and ok():
+            if not (running() if running else not all(node.done for node in nodes)):
                 break
             executor.spin_once(timeout_sec=0.1)
     except KeyboardInterrupt:
-        code = INTERRUPTED
+        pass
     except (InputError, ParameterException, InvalidQosOverridesError) as error:
         code = tell(error, 2)
     except (RunError, MiddlewareError) as error:
         code = tell(error, 1)
         _keep(executor, nodes)
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        leaving.append(True)
         try:
-            leave(nodes, PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
+            leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
         except MiddlewareError as error:
-            code = code or tell(error, 1)
-    return code
+            code = code or (0 if asked_to_end else tell(error, 1))
+        for number, handler in zip(ending.SIGNALS, before, strict=True):
+            signal.signal(number, handler or signal.SIG_DFL)
+    return code or (ending.INTERRUPTED if asked_to_end else 0)
 
 
 def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
@@ -129,7 +129,8 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
         remove_ros_args(ros_args)
     except (InputError, RuntimeError) as error:
         sys.exit(tell(error, 2))
-    sys.exit(run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args))
+    code = run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args)
+    sys.exit(ending.say() if code == ending.INTERRUPTED else code)
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
+from mechanism_sim import ending
 from mechanism_sim.errors import RunError
 from mechanism_sim.middleware import Parameter, backend
 from mechanism_sim.nodes.accelerometer import Accelerometer
@@ -26,6 +27,9 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import read_bag, realtime_factor
 from mechanism_sim.scene import Machine
 from mechanism_sim.terminal import tell
+
+if TYPE_CHECKING:
+    import subprocess
 
 NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'crank_drive': CrankDrive,
@@ -186,23 +190,24 @@ class _Children:
         failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:
             name, code = next(iter(failed.items()))
+            # These two could not or would not say so themselves.
             if code < 0:
-                # It could not say so itself.
                 message = f"'{name}' was killed by signal {-code}; the run ends"
                 code = tell(RunError(message), 1)
-            self.code = code
-            self.interrupt()
+            elif code == ending.INTERRUPTED:
+                ending.say(f"'{name}' was interrupted; the run ends")
+            self.interrupt(code)
         if self._deadline is not None and time.monotonic() > self._deadline:
             for process in self._processes.values():
                 process.kill()
         return None in codes.values()
 
-    def interrupt(self) -> None:
-        """Ask all to end."""
+    def interrupt(self, code: int) -> None:
+        """Ask all to end, for a reason that has this exit code."""
+        self.code = self.code or code
         self._deadline = self._deadline or time.monotonic() + END_PATIENCE
         for process in self._processes.values():
             if process.poll() is None:
-                # Not SIGINT: Python complains about it while it is still starting.
                 process.terminate()
 
     def wait(self) -> None:
@@ -221,7 +226,7 @@ def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
             command.append(option)
         elif value is not False:
             command += [option, str(value)]
-    return subprocess.Popen([*command, *plan.ros_args])  # noqa: S603 - our own executable
+    return ending.start([*command, *plan.ros_args])
 
 
 def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
@@ -237,7 +242,7 @@ def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
     code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle(), plan.ros_args)
     if children:
         if code:
-            children[0].interrupt()
+            children[0].interrupt(code)
         children[0].wait()
         code = code or children[0].code
     return code
