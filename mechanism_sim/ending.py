@@ -29,12 +29,14 @@ SIGNALS = signal.SIGINT, signal.SIGTERM
 PARENT = 'MECHANISM_SIM_PARENT'
 """In the environment: id of the parent process, with which it ends and which speaks for it."""
 
-LOOK, GRACE = 0.2, 0.8  # [s] between looks at the parent; to end in good order once it is gone
+LOOK = 0.2  # [s] between looks at the parent
+GRACE = 0.8  # [s] to end in good order without it, and for the main thread to take in a signal
 RETRY = 0.01  # [s] until an interrupt that came at a bad moment is tried again
 
 _silent = False  # somebody else speaks for this process, or it has said already why it ends
 _working = False  # there is something to be put in order
 _holding = False  # a process is being started
+_noticed = 0.0  # [s] when a signal was taken in, by ``time.monotonic``
 
 
 def begin() -> None:
@@ -42,6 +44,10 @@ def begin() -> None:
     global _silent  # noqa: PLW0603
     for number in SIGNALS:
         signal.signal(number, interrupt)
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    Thread(target=_bound, args=[reader], daemon=True).start()
     sys.unraisablehook = _unraisable
     atexit.register(_ignore)  # the first that is registered is called last
     parent = os.environ.pop(PARENT, '')
@@ -145,7 +151,23 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     if _holding or _imports(frame):
         later(RETRY, os.kill, os.getpid(), number)
     else:
+        notice()
         raise KeyboardInterrupt
+
+
+def notice() -> None:
+    """Say that a signal was taken in, and that the end will come of it."""
+    global _noticed  # noqa: PLW0603
+    _noticed = time.monotonic()
+
+
+def _bound(reader: int) -> None:
+    """End where the main thread does not take in a signal: compiling an integrator takes long."""
+    while os.read(reader, 64):
+        earliest = time.monotonic() - GRACE
+        time.sleep(GRACE)
+        if _noticed < earliest:
+            quit_now()
 
 
 def _imports(frame: FrameType | None) -> bool:

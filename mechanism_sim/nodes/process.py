@@ -59,15 +59,18 @@ def run_nodes(
     executors: list[SingleThreadedExecutor] = []
 
     def end(number: int, frame: Any) -> None:
-        # An exception here could be raised, and be lost, in the middle of the middleware.
-        if leaving and not asked_to_end:
-            ending.later(PATIENCE_AFTER_INTERRUPT, ending.quit_now)
-        elif asked_to_end and not leaving:
-            ending.interrupt(number, frame)
+        first = not asked_to_end
         asked_to_end.append(number)
+        if not leaving and not (nodes and first):
+            return ending.interrupt(number, frame)
+        # An exception here could be raised, and be lost, in the middle of the middleware.
+        ending.notice()
+        if leaving and first:
+            ending.later(PATIENCE_AFTER_INTERRUPT, ending.quit_now)
         for executor in executors:
             # CPython 3.11 may forget the time-out of a queue when a signal interrupts it.
             executor.wake()
+        return None
 
     # Also where a shell started us in the background and had SIGINT ignored.
     before = [signal.signal(number, end) for number in ending.SIGNALS]
