@@ -325,8 +325,8 @@ def test_write_flushes_by_itself(tmp_path, monkeypatch):
             now[0] = 0.2 * k
             writer.write('/a', text(str(k)), k)
             seen.append(sum(1 for _ in read_bag(writer.path).raw()))
-    # after 0.6, 1.2 and 1.8 s: never does half a second's worth wait for longer
-    assert seen == [0, 0, 0, 4, 4, 4, 7, 7, 7, 10]
+    # after 0.4, 0.8, 1.2 and 1.6 s: never does a quarter of a second's worth wait for longer
+    assert seen == [0, 0, 3, 3, 5, 5, 7, 7, 9, 9]
 
 
 def test_a_cut_file_gives_a_prefix_wherever_it_is_cut(bag, tmp_path):

@@ -105,6 +105,15 @@ def run_nodes(
     return code or (ending.INTERRUPTED if asked_to_end else 0)
 
 
+def tell_end(name: str, code: int) -> int:
+    """Say why another process ended where it did not say so itself; gives our exit code."""
+    if code < 0:
+        return tell(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
+    if code == ending.INTERRUPTED:
+        return ending.say(f"'{name}' was interrupted; the run ends")
+    return code
+
+
 def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
     """After a failure let the nodes that keep what others say take what was said until then."""
     until = time.monotonic() + PATIENCE_AFTER_FAILURE

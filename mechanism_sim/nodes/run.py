@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
-from mechanism_sim.errors import RunError
 from mechanism_sim.middleware import Parameter, backend
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
@@ -21,12 +20,11 @@ from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
-from mechanism_sim.nodes.process import run_nodes
+from mechanism_sim.nodes.process import run_nodes, tell_end
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import read_bag, realtime_factor
 from mechanism_sim.scene import Machine
-from mechanism_sim.terminal import tell
 
 if TYPE_CHECKING:
     import subprocess
@@ -189,14 +187,7 @@ class _Children:
         codes = {name: process.poll() for name, process in self._processes.items()}
         failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:
-            name, code = next(iter(failed.items()))
-            # These two could not or would not say so themselves.
-            if code < 0:
-                message = f"'{name}' was killed by signal {-code}; the run ends"
-                code = tell(RunError(message), 1)
-            elif code == ending.INTERRUPTED:
-                ending.say(f"'{name}' was interrupted; the run ends")
-            self.interrupt(code)
+            self.interrupt(tell_end(*next(iter(failed.items()))))
         if self._deadline is not None and time.monotonic() > self._deadline:
             for process in self._processes.values():
                 process.kill()

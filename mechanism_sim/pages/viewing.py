@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from mechanism_sim import ending
 from mechanism_sim.middleware import Parameter
-from mechanism_sim.nodes.process import run_nodes
+from mechanism_sim.nodes.process import run_nodes, tell_end
 from mechanism_sim.pages.view import View, say_where
 
 
@@ -46,5 +46,5 @@ def view(
             process.terminate()
             process.wait()
         elif not code:
-            code = process.returncode
+            code = tell_end('run', process.returncode)
     return 0 if code == ending.INTERRUPTED else code
