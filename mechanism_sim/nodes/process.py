@@ -30,7 +30,7 @@ from mechanism_sim.terminal import tell
 if TYPE_CHECKING:
     from mechanism_sim.nodes.described_node import DescribedNode
 
-PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 1.0, 1.0
+PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 0.5, 1.0
 """[s] that others get to take in what was published: at the end of a run, after a signal, and
 those in this process after another has failed.
 """

@@ -41,10 +41,11 @@ def view(
         return [node]
 
     code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args)
+    ended = code == ending.INTERRUPTED
     for process in runs:
         if process.poll() is None:
             process.terminate()
             process.wait()
         elif not code:
             code = tell_end('run', process.returncode)
-    return 0 if code == ending.INTERRUPTED else code
+    return 0 if ended else code
