@@ -30,13 +30,15 @@ PARENT = 'MECHANISM_SIM_PARENT'
 """In the environment: id of the parent process, with which it ends and which speaks for it."""
 
 LOOK = 0.2  # [s] between looks at the parent
-GRACE = 0.8  # [s] to end in good order without it, and for the main thread to take in a signal
+GRACE = 0.8  # [s] to end in good order without it
+PATIENCE = 0.4  # [s] for the main thread to take in a signal
 RETRY = 0.01  # [s] until an interrupt that came at a bad moment is tried again
 
 _silent = False  # somebody else speaks for this process, or it has said already why it ends
 _working = False  # there is something to be put in order
 _holding = False  # a process is being started
 _noticed = 0.0  # [s] when a signal was taken in, by ``time.monotonic``
+_patience = PATIENCE
 
 
 def begin() -> None:
@@ -161,11 +163,18 @@ def notice() -> None:
     _noticed = time.monotonic()
 
 
+def allow(patience: float = PATIENCE) -> None:
+    """Give the main thread so long to take in a signal [s]: it has what should not be cut off."""
+    global _patience  # noqa: PLW0603
+    _patience = patience
+
+
 def _bound(reader: int) -> None:
     """End where the main thread does not take in a signal: compiling an integrator takes long."""
     while os.read(reader, 64):
-        earliest = time.monotonic() - GRACE
-        time.sleep(GRACE)
+        patience = _patience
+        earliest = time.monotonic() - patience
+        time.sleep(patience)
         if _noticed < earliest:
             quit_now()
 

@@ -82,6 +82,8 @@ def run_nodes(
         nodes += make()
         for node in nodes:
             executor.add_node(node)
+        if any(node.keeps for node in nodes):
+            ending.allow(PATIENCE)
         gc.freeze()  # what is there now stays: the collector need not look through it
         while not asked_to_end and ok():
             if not (running() if running else not all(node.done for node in nodes)):
@@ -100,6 +102,7 @@ def run_nodes(
             leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
         except MiddlewareError as error:
             code = code or (0 if asked_to_end else tell(error, 1))
+        ending.allow()
         for number, handler in zip(ending.SIGNALS, before, strict=True):
             signal.signal(number, handler or signal.SIG_DFL)
     return code or (ending.INTERRUPTED if asked_to_end else 0)

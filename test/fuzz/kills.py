@@ -132,11 +132,16 @@ def takes_signals(pid: int) -> bool:
     return bool((masks[0] | masks[1]) >> (signal.SIGTERM - 1) & 1)
 
 
-def kill(folder: Path, kind: str, victim: str, number: int, moment: float, short: bool) -> Kill:
-    """Start a command, kill one of its processes, and look."""
+def kill(
+    folder: Path, kind: str, victim: str, number: int, moment: float | None, short: bool
+) -> Kill:
+    """Start a command, kill one of its processes, and look.
+
+    `moment` [s] is that after the start of the process; None: once something is recorded.
+    """
     mark = uuid.uuid4().hex
     env = environment() | {MARK: mark}
-    found = Kill(kind, victim, number, moment)
+    found = Kill(kind, victim, number, moment or 0.0)
     length = ('--duration', '1') if short else ('--duration', '1000')
     paced = (*length, '--realtime-factor', '1')
     bag = folder / 'run.mcap'
@@ -154,7 +159,10 @@ def kill(folder: Path, kind: str, victim: str, number: int, moment: float, short
         pid = None
         while pid is None and head.poll() is None:
             pid = find(mark, head, victim)
-        time.sleep(moment)
+        while moment is None and not (bag.exists() and bag.stat().st_size > 20_000):
+            assert head.poll() is None
+            time.sleep(0.01)
+        time.sleep(moment or 0.0)
         killed = time.monotonic()
         if pid is not None and head.poll() is None and pid in alive(mark):
             found.early = not takes_signals(pid)
