@@ -40,6 +40,7 @@ def run_nodes(
     make: Callable[[], Sequence[DescribedNode]],
     running: Callable[[], bool] | None = None,
     ros_args: Sequence[str] = (),
+    stop: Callable[[int], None] | None = None,
 ) -> int:
     """Make nodes, run them until all are done, and take them down in good order.
 
@@ -48,6 +49,7 @@ def run_nodes(
     make : makes the nodes, once the network is joined
     running : instead of the nodes says whether to go on; asked ten times a second
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
+    stop : called with the exit code, before the network is left, when the end comes early
 
     Returns
     -------
@@ -98,10 +100,13 @@ def run_nodes(
         _keep(executor, nodes)
     finally:
         leaving.append(True)
+        code = code or (ending.INTERRUPTED if asked_to_end else 0)
+        if code and stop:
+            stop(code)
         try:
             leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
         except MiddlewareError as error:
-            code = code or (0 if asked_to_end else tell(error, 1))
+            code = code or tell(error, 1)
         ending.allow()
         for number, handler in zip(ending.SIGNALS, before, strict=True):
             signal.signal(number, handler or signal.SIG_DFL)

@@ -230,10 +230,15 @@ def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
         children.append(_Children(plan))
         return monitors
 
-    code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle(), plan.ros_args)
-    if children:
-        if code:
-            children[0].interrupt(code)
-        children[0].wait()
-        code = code or children[0].code
+    def running() -> bool:
+        return children[0].running() or not monitors[0].idle()
+
+    def stop(code: int) -> None:
+        for started in children:
+            started.interrupt(code)
+
+    code = run_nodes(make, running, plan.ros_args, stop)
+    for started in children:
+        started.wait()
+        code = code or started.code
     return code

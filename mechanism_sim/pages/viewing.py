@@ -40,12 +40,12 @@ def view(
             runs.append(ending.start(command, stdout=subprocess.DEVNULL))
         return [node]
 
-    code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args)
-    ended = code == ending.INTERRUPTED
-    for process in runs:
-        if process.poll() is None:
+    def stop(_code: int) -> None:
+        for process in runs:
             process.terminate()
-            process.wait()
-        elif not code:
-            code = tell_end('run', process.returncode)
-    return 0 if ended else code
+
+    code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args, stop)
+    ended = [r.wait() for r in runs]
+    if code == ending.INTERRUPTED:
+        return 0
+    return code or (tell_end('run', ended[0]) if ended else 0)

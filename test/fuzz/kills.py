@@ -18,6 +18,7 @@ import tempfile
 import time
 import uuid
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
@@ -166,11 +167,9 @@ def kill(
         killed = time.monotonic()
         if pid is not None and head.poll() is None and pid in alive(mark):
             found.early = not takes_signals(pid)
-            try:
+            with suppress(ProcessLookupError):
                 os.kill(pid, number)
                 found.hit = True
-            except ProcessLookupError:
-                pass
         if not found.hit:  # it was done before
             head.wait(60)
             killed = time.monotonic()
@@ -180,7 +179,8 @@ def kill(
         if found.gone > GONE:
             found.wrong.append(f'{found.gone:.2f} s until no process was left')
         for orphan in left:
-            os.kill(orphan, signal.SIGKILL)
+            with suppress(ProcessLookupError):
+                os.kill(orphan, signal.SIGKILL)
         found.code = head.wait()
         err.seek(0)
         found.said = err.read().strip()
