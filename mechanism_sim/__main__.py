@@ -1,5 +1,6 @@
 """The programs: ``mechanism-sim``, ``python -m mechanism_sim``, executables of the nodes."""
 
+import os
 import sys
 from pathlib import PurePath
 
@@ -11,7 +12,14 @@ def main() -> None:
     ending.begin()
     from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
 
-    command()
+    try:
+        command()
+    except SystemExit as ended:
+        if isinstance(ended.code, int) and ended.code:
+            # All is said and in order, and to take down what was imported takes long.
+            sys.stdout.flush()
+            os._exit(ended.code)
+        raise
 
 
 def node() -> None:
