@@ -164,12 +164,12 @@ def kill(
             assert head.poll() is None
             time.sleep(0.01)
         time.sleep(moment or 0.0)
-        killed = time.monotonic()
         if pid is not None and head.poll() is None and pid in alive(mark):
-            found.early = not takes_signals(pid)
+            found.early = victim == 'head' and not takes_signals(pid)
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
                 found.hit = True
+            killed = time.monotonic()
         if not found.hit:  # it was done before
             head.wait(60)
             killed = time.monotonic()
