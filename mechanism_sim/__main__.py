@@ -1,5 +1,6 @@
 """The programs: ``mechanism-sim``, ``python -m mechanism_sim``, executables of the nodes."""
 
+import atexit
 import os
 import sys
 from pathlib import PurePath
@@ -17,6 +18,7 @@ def main() -> None:
     except SystemExit as ended:
         if isinstance(ended.code, int) and ended.code:
             # All is said and in order, and to take down what was imported takes long.
+            atexit._run_exitfuncs()
             sys.stdout.flush()
             os._exit(ended.code)
         raise

@@ -29,8 +29,8 @@ SIGNALS = signal.SIGINT, signal.SIGTERM
 PARENT = 'MECHANISM_SIM_PARENT'
 """In the environment: id of the parent process, with which it ends and which speaks for it."""
 
-LOOK = 0.2  # [s] between looks at the parent
-GRACE = 0.8  # [s] to end in good order without it
+LOOK = 0.1  # [s] between looks at the parent
+GRACE = 0.6  # [s] to end in good order without it
 PATIENCE = 0.4  # [s] for the main thread to take in a signal
 RETRY = 0.01  # [s] until an interrupt that came at a bad moment is tried again
 

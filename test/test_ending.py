@@ -31,6 +31,7 @@ def held():
         end = time.monotonic() + 0.3
         while time.monotonic() < end:
             pass
+        print('started', flush=True)
     time.sleep(30)
 
 class Finalised:
@@ -81,8 +82,9 @@ def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
             assert process.stdout is not None
             assert process.stdout.readline() == 'ready\n'
             process.send_signal(number)
-            _, said = process.communicate(timeout=30)
+            started, said = process.communicate(timeout=30)
         assert (process.returncode, said) == (130, 'mechanism-sim: interrupted\n')
+        assert (started == 'started\n') == ('started' in moment)
 
 
 def handles(pid: int, number: int) -> bool:
