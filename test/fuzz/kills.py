@@ -133,18 +133,16 @@ def takes_signals(pid: int) -> bool:
     return bool((masks[0] | masks[1]) >> (signal.SIGTERM - 1) & 1)
 
 
-def kill(
-    folder: Path, kind: str, victim: str, number: int, moment: float | None, short: bool
-) -> Kill:
+def kill(folder: Path, kind: str, victim: str, number: int, moment: float, length: str) -> Kill:
     """Start a command, kill one of its processes, and look.
 
-    `moment` [s] is that after the start of the process; None: once something is recorded.
+    `moment` [s] is that after the start of the process, or after something is recorded if
+    `length` is 'recording'; if it is 'short', the run lasts a second and may end before.
     """
     mark = uuid.uuid4().hex
     env = environment() | {MARK: mark}
-    found = Kill(kind, victim, number, moment or 0.0)
-    length = ('--duration', '1') if short else ('--duration', '1000')
-    paced = (*length, '--realtime-factor', '1')
+    found = Kill(kind, victim, number, moment)
+    paced = ('--duration', '1' if length == 'short' else '1000', '--realtime-factor', '1')
     bag = folder / 'run.mcap'
     args = {
         'run': ('run', SCENE, '--processes', '--record', str(bag), *paced),
@@ -160,10 +158,10 @@ def kill(
         pid = None
         while pid is None and head.poll() is None:
             pid = find(mark, head, victim)
-        while moment is None and not (bag.exists() and bag.stat().st_size > 20_000):
+        while length == 'recording' and not (bag.exists() and bag.stat().st_size > 20_000):
             assert head.poll() is None
             time.sleep(0.01)
-        time.sleep(moment or 0.0)
+        time.sleep(moment)
         if pid is not None and head.poll() is None and pid in alive(mark):
             found.early = victim == 'head' and not takes_signals(pid)
             with suppress(ProcessLookupError):
@@ -184,7 +182,7 @@ def kill(
         found.code = head.wait()
         err.seek(0)
         found.said = err.read().strip()
-    judge(found, short)
+    judge(found, length == 'short')
     bags = [bag] if kind == 'run' else sorted((folder / 'bags').glob('*.mcap'))
     if witness and found.hit:
         found.lost = witness.lost(bag, killed)
@@ -240,7 +238,7 @@ def read_and_recover(bag: Path, found: Kill) -> None:
         found.wrong.append(f'{bag.name} is not complete')
 
 
-def draw(dice: random.Random, span: float) -> tuple[str, str, int, float, bool]:
+def draw(dice: random.Random, span: float) -> tuple[str, str, int, float, str]:
     """What is killed, how, and when; `span` [s] is what a run of a second takes."""
     kind = dice.choices(('run', 'sweep', 'view'), (70, 15, 15))[0]
     if kind == 'run':
@@ -250,8 +248,11 @@ def draw(dice: random.Random, span: float) -> tuple[str, str, int, float, bool]:
     number = dice.choices((signal.SIGKILL, signal.SIGTERM, signal.SIGINT), (6, 2, 2))[0]
     if kind == 'sweep' and victim == 'child' and number == signal.SIGINT:
         number = signal.SIGTERM  # Ctrl-C is for the sweep
-    short = kind == 'run' and dice.random() < 0.3
-    return kind, victim, number, dice.uniform(0.0, span * (1.1 if short else 1.5)), short
+    length = (
+        dice.choices(('short', 'long', 'recording'), (3, 3, 4))[0] if kind == 'run' else 'long'
+    )
+    most = {'short': 1.1 * span, 'long': 1.5 * span, 'recording': 3.0}[length]
+    return kind, victim, number, dice.uniform(0.0, most), length
 
 
 def main(args: list[str] | None = None) -> int:
