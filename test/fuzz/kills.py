@@ -89,8 +89,13 @@ class Witness:
         seconds, nanoseconds = struct.unpack_from('<iI', sample.payload.to_bytes(), 4)
         self.heard.append((time.monotonic(), seconds * 10**9 + nanoseconds))
 
-    def lost(self, bag: Path, killed: float) -> float:
-        """[s] since the first state came that is not in the bag, at the moment of the kill."""
+    def lost(self, bag: Path, killed: float) -> float | None:
+        """[s] since the first state came that is not in the bag, at the moment of the kill.
+
+        None if nothing came in the last second: nothing was recorded, or this joined late.
+        """
+        if not any(killed - 1.0 < wall < killed for wall, _ in self.heard):
+            return None
         there = set()
         if bag.exists() and f'/{STATES}' in read_bag(bag).topics:
             there = {t for _, _, t in read_bag(bag).raw(f'/{STATES}')}
@@ -186,7 +191,7 @@ def kill(folder: Path, kind: str, victim: str, number: int, moment: float, lengt
     bags = [bag] if kind == 'run' else sorted((folder / 'bags').glob('*.mcap'))
     if witness and found.hit:
         found.lost = witness.lost(bag, killed)
-        if found.lost > LOST:
+        if found.lost is not None and found.lost > LOST:
             found.wrong.append(f'{found.lost:.2f} s of recording are lost')
     for each in bags:
         if each.exists():
