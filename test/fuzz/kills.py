@@ -124,9 +124,8 @@ def find(mark: str, head: subprocess.Popen[str], victim: str) -> int | None:
     if victim == 'head':
         return head.pid
     for pid, words in alive(mark).items():
-        if pid == head.pid or 'resource_tracker' in ' '.join(words):
-            continue
-        if victim == 'child' or words[3:5] == ['node', victim]:
+        child = '--multiprocessing-fork' in words or words[3:4] == ['run']
+        if pid != head.pid and (child if victim == 'child' else words[3:5] == ['node', victim]):
             return pid
     return None
 
