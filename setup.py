@@ -22,9 +22,8 @@ setup(
     ],
     entry_points={
         'console_scripts': [
-            'mechanism-sim = mechanism_sim.cli:main',
-            *(f'{node} = mechanism_sim.nodes.{node}:main' for node in NODES),
-            'view = mechanism_sim.pages.view:main',
+            'mechanism-sim = mechanism_sim.__main__:main',
+            *(f'{node} = mechanism_sim.__main__:node' for node in (*NODES, 'view')),
         ]
     },
 )

@@ -29,6 +29,7 @@ from launch.events.process import ShutdownProcess
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from mechanism_sim.ending import owned
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.run import Plan
 from mechanism_sim.nodes.topics import topics_of
@@ -116,6 +117,7 @@ def _node(plan: Plan, name: str, namespace: str, more: str) -> Node:
     return Node(
         package='mechanism_sim', executable=name, namespace=f'/{namespace}',
         parameters=[more, values] if more else [values], output='screen',
+        additional_env=owned({}),
     )  # fmt: skip
 
 
@@ -132,6 +134,7 @@ def _run(plan: Plan, namespace: str, more: str) -> Node:
     return Node(
         package='mechanism_sim', executable='mechanism-sim', namespace=f'/{namespace}',
         arguments=arguments, parameters=[more] if more else None, output='screen',
+        additional_env=owned({}),
     )  # fmt: skip
 
 

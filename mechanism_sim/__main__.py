@@ -1,6 +1,34 @@
-"""``python -m mechanism_sim``."""
+"""The programs: ``mechanism-sim``, ``python -m mechanism_sim``, executables of the nodes."""
 
-from mechanism_sim.cli import main
+import atexit
+import os
+import sys
+from pathlib import PurePath
+
+from mechanism_sim import ending
+
+
+def main() -> None:
+    """The command line."""
+    ending.begin()
+    from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
+
+    try:
+        command()
+    except SystemExit as ended:
+        if isinstance(ended.code, int) and ended.code:
+            # All is said and in order, and to take down what was imported takes long.
+            atexit._run_exitfuncs()
+            sys.stdout.flush()
+            os._exit(ended.code)
+        raise
+
+
+def node() -> None:
+    """A node, by the name of the executable: ``linkage`` is ``mechanism-sim node linkage``."""
+    sys.argv[1:1] = ['node', PurePath(sys.argv[0]).stem]
+    main()
+
 
 if __name__ == '__main__':
     main()

@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
+from running import FOLLOW
+
 from mechanism_sim import middleware
 
 PATIENCE = 30.0  # [s] for anything that has to happen; machines may be slow
@@ -58,7 +60,7 @@ class Process:
 
     def __init__(self, script: str, environment: dict[str, str], *arguments: object) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, '-c', textwrap.dedent(script), *map(str, arguments)],
+            [sys.executable, '-c', FOLLOW + textwrap.dedent(script), *map(str, arguments)],
             env=environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from middleware_network import free_port
 
+from mechanism_sim import ending
 from mechanism_sim.cli import main
 
 TIMEOUT = 120.0
@@ -58,8 +59,8 @@ def run(*args: str, env: dict[str, str] | None = None) -> subprocess.CompletedPr
     if env is None and not APART.intersection(args[:1]):
         return _here(*args)
     return subprocess.run(
-        command(*args), env=env or environment(), capture_output=True, text=True, timeout=TIMEOUT,
-        check=False,
+        command(*args), env=ending.owned(env or environment()), capture_output=True, text=True,
+        timeout=TIMEOUT, check=False,
     )  # fmt: skip
 
 
@@ -86,10 +87,14 @@ def run_json(*args: str, env: dict[str, str] | None = None) -> Any:
 def start(*args: str, env: dict[str, str]) -> subprocess.Popen[str]:
     """Start a command in the background."""
     pipe = subprocess.PIPE
-    return subprocess.Popen(command(*args), env=env, stdout=pipe, stderr=pipe, text=True)
+    return ending.start(command(*args), env=env, stdout=pipe, stderr=pipe, text=True)
+
+
+FOLLOW = f'from mechanism_sim.ending import follow; follow({os.getpid()})\n'
+"""Beginning of a program that ends with this process."""
 
 
 def script(path: Path, text: str) -> Path:
     """Write a program of another process."""
-    path.write_text(text, encoding='utf-8')
+    path.write_text(FOLLOW + text, encoding='utf-8')
     return path

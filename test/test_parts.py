@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import subprocess
 from importlib import import_module
 from pathlib import Path
 from typing import get_type_hints
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from running import command, environment, run, run_json
+from running import environment, run, run_json, start
 
 import mechanism_sim as ms
 from mechanism_sim import cli
@@ -443,10 +442,7 @@ def test_integrating_and_following_say_the_same(tmp_path, alone):
     beside = tmp_path / 'beside.mcap'
     env, partners = environment(), 'crank_drive,linkage,geneva,recorder'
     nodes = [
-        subprocess.Popen(
-            command('node', name, '--scene', 'geneva', '--partners', partners, *options),
-            env=env, stderr=subprocess.PIPE, text=True,
-        )
+        start('node', name, '--scene', 'geneva', '--partners', partners, *options, env=env)
         for name, *options in (
             ('linkage',), ('geneva',), ('recorder', '--file', str(beside)), ('crank_drive',)
         )

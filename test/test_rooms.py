@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[1] / 'mechanism_sim'
 
 #: the floors, from the ground; a room may import what is below, and itself
 FLOORS = (
-    ('catalogue', 'errors', 'terminal'),
+    ('catalogue', 'ending', 'errors', 'terminal'),
     ('numerics', 'units', 'documents', 'strict_json', 'output'),
     ('planar', 'contact'),
     ('hybrid',),

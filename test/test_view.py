@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import math
-import os
 import signal
 import socket
 import subprocess
@@ -23,7 +22,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import mechanism_sim as ms
-from mechanism_sim import middleware
+from mechanism_sim import ending, middleware
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.tape import Motion
@@ -52,8 +51,7 @@ def ended(process: subprocess.Popen[str]) -> int:
 @contextmanager
 def started(*args: str) -> Iterator[subprocess.Popen[str]]:
     """A command on the network of this process."""
-    env, pipe = dict(os.environ), subprocess.PIPE
-    process = subprocess.Popen(command(*args), env=env, text=True, stdout=pipe)
+    process = ending.start(command(*args), text=True, stdout=subprocess.PIPE)
     try:
         yield process
     finally:

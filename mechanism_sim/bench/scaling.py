@@ -17,6 +17,7 @@ from typing import Any
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim import ending
 from mechanism_sim.bench.chains import SPEED, chain
 from mechanism_sim.errors import RunError
 from mechanism_sim.scene import Machine, load_scene, simulate
@@ -157,9 +158,8 @@ def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
         router = f'tcp/127.0.0.1:{free.getsockname()[1]}'
     command = [sys.executable, '-m', 'mechanism_sim', 'run', 'four_bar_clearance', '--json',
                '--revolutions', str(revolutions), *options]  # fmt: skip
-    child = subprocess.Popen(  # noqa: S603 - our own command
-        command, stdout=subprocess.DEVNULL, env=os.environ | {'MECHANISM_SIM_ROUTER': router}
-    )
+    env = os.environ | {'MECHANISM_SIM_ROUTER': router}
+    child = ending.start(command, stdout=subprocess.DEVNULL, env=env)
     peak = 0
     while True:
         peak = max(peak, _peak_memory(child.pid))

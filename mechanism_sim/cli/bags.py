@@ -32,6 +32,8 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('info', _info, 'say what a bag holds')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
+    sub = command('recover', _recover, 'close a bag whose recorder was killed')
+    sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
     sub = command('analyze', _analyze, 'say what happened in a recorded run')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
     namespace_option(sub)
@@ -113,6 +115,17 @@ def _info(options: argparse.Namespace) -> int:
         print_json(found.to_json())
     else:
         echo(render_info(found))
+    return 0
+
+
+def _recover(options: argparse.Namespace) -> int:
+    from mechanism_sim.recording import recover, render_recovered  # noqa: PLC0415
+
+    found = recover(options.bag)
+    if options.json:
+        print_json(found.to_json())
+    else:
+        echo(render_recovered(found))
     return 0
 
 

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from mechanism_sim import ending
 from mechanism_sim.cli import (
     bags,
     drawings,
@@ -27,7 +28,7 @@ from mechanism_sim.terminal import echo, tell
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run a command; exit code 0 done, 1 failed run, 2 bad input."""
+    """Run a command; exit code 0 done, 1 failed run, 2 bad input, 130 interrupted."""
     parser = make_parser()
     PRINTED.clear()
     given = sys.argv[1:] if args is None else list(args)
@@ -37,15 +38,16 @@ def main(args: Sequence[str] | None = None) -> None:
         complete(parser, parser.commands().choices)
     try:
         options = _read(parser, given)
-        code = options.run(options)
-        sys.stdout.flush()
+        with ending.working():
+            code = options.run(options)
+            sys.stdout.flush()
         sys.exit(code)
     except InputError as error:
         sys.exit(_failed(error, 2, given))
     except RunError as error:
         sys.exit(_failed(error, 1, given))
     except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(ending.say())
     except BrokenPipeError:
         # Whoever read our output has had enough; Python must not complain while closing it.
         _mute()

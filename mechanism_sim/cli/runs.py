@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mechanism_sim import ending
 from mechanism_sim.cli.options import (
     NODE_MODULES,
     Command,
@@ -138,6 +139,8 @@ def _run(options: argparse.Namespace) -> int:
     )  # fmt: skip
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)
+    if outcome.code == ending.INTERRUPTED:
+        ending.say(f'interrupted at {outcome.duration:.6g} s of {end:.6g} s')
     if options.json:
         print_json(outcome.to_json())
     elif outcome.code == 0:

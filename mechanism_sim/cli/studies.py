@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim import output
+from mechanism_sim import ending, output
 from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
 from mechanism_sim.errors import InputError
-from mechanism_sim.terminal import tell
 
 
 def add(command: Command) -> None:
@@ -178,8 +177,6 @@ def _starts(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    import signal  # noqa: PLC0415
-
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
@@ -188,9 +185,6 @@ def _sweep(options: argparse.Namespace) -> int:
     plan = read_plan(options.file)
     table = Path(options.output or f'{plan.name}.parquet')
     chart = report.chart_of(plan, options.plot, options.over)
-    # SIGINT too: a shell that starts us in the background has it ignored
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
             summary, rows = sweep(
@@ -198,7 +192,7 @@ def _sweep(options: argparse.Namespace) -> int:
                 options.restart, show,
             )  # fmt: skip
     except Interrupted as interrupted:
-        return tell(interrupted, 130)
+        return ending.say(str(interrupted))
     if chart:
         report.draw(chart, plan, rows)
     if options.json:

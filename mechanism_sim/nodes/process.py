@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from mechanism_sim import ending
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.middleware import (
     InvalidQosOverridesError,
@@ -29,12 +30,9 @@ from mechanism_sim.terminal import tell
 if TYPE_CHECKING:
     from mechanism_sim.nodes.described_node import DescribedNode
 
-INTERRUPTED = 130
-"""Exit code after SIGINT, as shells have it."""
-
-PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 1.0, 1.0
-"""[s] that others get to take in what was published: at the end of a run, after SIGINT, and those
-in this process after another has failed.
+PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 0.5, 1.0
+"""[s] that others get to take in what was published: at the end of a run, after a signal, and
+those in this process after another has failed.
 """
 
 
@@ -42,6 +40,7 @@ def run_nodes(
     make: Callable[[], Sequence[DescribedNode]],
     running: Callable[[], bool] | None = None,
     ros_args: Sequence[str] = (),
+    stop: Callable[[int], None] | None = None,
 ) -> int:
     """Make nodes, run them until all are done, and take them down in good order.
 
@@ -50,6 +49,7 @@ def run_nodes(
     make : makes the nodes, once the network is joined
     running : instead of the nodes says whether to go on; asked ten times a second
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
+    stop : called with the exit code, before the network is left, when the end comes early
 
     Returns
     -------
@@ -57,20 +57,25 @@ def run_nodes(
     """
     nodes: list[DescribedNode] = []
     asked_to_end: list[int] = []
+    leaving: list[bool] = []
     executors: list[SingleThreadedExecutor] = []
 
-    def end(number: int, _frame: Any) -> None:
-        # An exception here could be raised, and be lost, in the middle of the middleware.
-        if asked_to_end:
-            raise KeyboardInterrupt
+    def end(number: int, frame: Any) -> None:
+        first = not asked_to_end
         asked_to_end.append(number)
+        if not leaving and not (nodes and first):
+            return ending.interrupt(number, frame)
+        # An exception here could be raised, and be lost, in the middle of the middleware.
+        ending.notice()
+        if leaving and first:
+            ending.later(PATIENCE_AFTER_INTERRUPT, ending.quit_now)
         for executor in executors:
             # CPython 3.11 may forget the time-out of a queue when a signal interrupts it.
             executor.wake()
+        return None
 
     # Also where a shell started us in the background and had SIGINT ignored.
-    signal.signal(signal.SIGINT, end)
-    signal.signal(signal.SIGTERM, end)
+    before = [signal.signal(number, end) for number in ending.SIGNALS]
     code = 0
     try:
         init(list(ros_args))
@@ -79,26 +84,41 @@ def run_nodes(
         nodes += make()
         for node in nodes:
             executor.add_node(node)
+        if any(node.keeps for node in nodes):
+            ending.allow(PATIENCE)
         gc.freeze()  # what is there now stays: the collector need not look through it
-        while ok() and (running() if running else not all(node.done for node in nodes)):
-            if asked_to_end:
-                code = INTERRUPTED
+        while not asked_to_end and ok():
+            if not (running() if running else not all(node.done for node in nodes)):
                 break
             executor.spin_once(timeout_sec=0.1)
     except KeyboardInterrupt:
-        code = INTERRUPTED
+        pass
     except (InputError, ParameterException, InvalidQosOverridesError) as error:
         code = tell(error, 2)
     except (RunError, MiddlewareError) as error:
         code = tell(error, 1)
         _keep(executor, nodes)
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        leaving.append(True)
+        code = code or (ending.INTERRUPTED if asked_to_end else 0)
+        if code and stop:
+            stop(code)
         try:
-            leave(nodes, PATIENCE_AFTER_INTERRUPT if code == INTERRUPTED else PATIENCE)
+            leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
         except MiddlewareError as error:
             code = code or tell(error, 1)
+        ending.allow()
+        for number, handler in zip(ending.SIGNALS, before, strict=True):
+            signal.signal(number, handler or signal.SIG_DFL)
+    return code or (ending.INTERRUPTED if asked_to_end else 0)
+
+
+def tell_end(name: str, code: int) -> int:
+    """Say why another process ended where it did not say so itself; gives our exit code."""
+    if code < 0:
+        return tell(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
+    if code == ending.INTERRUPTED:
+        return ending.say(f"'{name}' was interrupted; the run ends")
     return code
 
 
@@ -129,7 +149,8 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
         remove_ros_args(ros_args)
     except (InputError, RuntimeError) as error:
         sys.exit(tell(error, 2))
-    sys.exit(run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args))
+    code = run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args)
+    sys.exit(ending.say() if code == ending.INTERRUPTED else code)
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:

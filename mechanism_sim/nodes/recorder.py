@@ -19,6 +19,7 @@ from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.writer import FLUSH_PERIOD
 
 _STAMP = struct.Struct('<iI')
 _NO_STAMP = 'std_msgs/msg/String'
@@ -63,7 +64,7 @@ class Recorder(SimulationNode):
             self._record(topic, kind, qos)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
         self._add_topics()
-        self.create_timer(0.5, self._flush)
+        self.create_timer(FLUSH_PERIOD, self._flush)
         self.join()
 
     def begin_run(self, number: int) -> None:

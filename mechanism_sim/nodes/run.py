@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
-from mechanism_sim.errors import RunError
+from mechanism_sim import ending
 from mechanism_sim.middleware import Parameter, backend
 from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
@@ -20,12 +20,14 @@ from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
-from mechanism_sim.nodes.process import run_nodes
+from mechanism_sim.nodes.process import run_nodes, tell_end
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import read_bag, realtime_factor
 from mechanism_sim.scene import Machine
-from mechanism_sim.terminal import tell
+
+if TYPE_CHECKING:
+    import subprocess
 
 NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'crank_drive': CrankDrive,
@@ -185,24 +187,18 @@ class _Children:
         codes = {name: process.poll() for name, process in self._processes.items()}
         failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:
-            name, code = next(iter(failed.items()))
-            if code < 0:
-                # It could not say so itself.
-                message = f"'{name}' was killed by signal {-code}; the run ends"
-                code = tell(RunError(message), 1)
-            self.code = code
-            self.interrupt()
+            self.interrupt(tell_end(*next(iter(failed.items()))))
         if self._deadline is not None and time.monotonic() > self._deadline:
             for process in self._processes.values():
                 process.kill()
         return None in codes.values()
 
-    def interrupt(self) -> None:
-        """Ask all to end."""
+    def interrupt(self, code: int) -> None:
+        """Ask all to end, for a reason that has this exit code."""
+        self.code = self.code or code
         self._deadline = self._deadline or time.monotonic() + END_PATIENCE
         for process in self._processes.values():
             if process.poll() is None:
-                # Not SIGINT: Python complains about it while it is still starting.
                 process.terminate()
 
     def wait(self) -> None:
@@ -221,7 +217,7 @@ def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
             command.append(option)
         elif value is not False:
             command += [option, str(value)]
-    return subprocess.Popen([*command, *plan.ros_args])  # noqa: S603 - our own executable
+    return ending.start([*command, *plan.ros_args])
 
 
 def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
@@ -234,10 +230,15 @@ def _in_processes(plan: Plan, watch: Callable[[], Monitor]) -> int:
         children.append(_Children(plan))
         return monitors
 
-    code = run_nodes(make, lambda: children[0].running() or not monitors[0].idle(), plan.ros_args)
-    if children:
-        if code:
-            children[0].interrupt()
-        children[0].wait()
-        code = code or children[0].code
+    def running() -> bool:
+        return children[0].running() or not monitors[0].idle()
+
+    def stop(code: int) -> None:
+        for started in children:
+            started.interrupt(code)
+
+    code = run_nodes(make, running, plan.ros_args, stop)
+    for started in children:
+        started.wait()
+        code = code or started.code
     return code

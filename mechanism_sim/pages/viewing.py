@@ -7,8 +7,9 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 
+from mechanism_sim import ending
 from mechanism_sim.middleware import Parameter
-from mechanism_sim.nodes.process import INTERRUPTED, run_nodes
+from mechanism_sim.nodes.process import run_nodes, tell_end
 from mechanism_sim.pages.view import View, say_where
 
 
@@ -35,21 +36,16 @@ def view(
     def make() -> list[View]:
         node = View(parameters, opened or say_where, bool(run))
         if run:  # now that there is a network to join
-            companion = [sys.executable, '-m', 'mechanism_sim.pages.companion', 'run']
-            runs.append(
-                subprocess.Popen(  # noqa: S603 - ours
-                    [*companion, *run, '--json'],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                )
-            )
+            command = [sys.executable, '-m', 'mechanism_sim', 'run', *run, '--json']
+            runs.append(ending.start(command, stdout=subprocess.DEVNULL))
         return [node]
 
-    code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args)
-    for process in runs:
-        if process.poll() is None:
+    def stop(_code: int) -> None:
+        for process in runs:
             process.terminate()
-            process.wait()
-        elif not code:
-            code = process.returncode
-    return 0 if code == INTERRUPTED else code
+
+    code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args, stop)
+    ended = [r.wait() for r in runs]
+    if code == ending.INTERRUPTED:
+        return 0
+    return code or (tell_end('run', ended[0]) if ended else 0)

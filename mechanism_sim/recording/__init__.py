@@ -10,6 +10,7 @@ from mechanism_sim.recording.inventory import (
     scene_text,
 )
 from mechanism_sim.recording.reader import Bag, Topic, read_bag
+from mechanism_sim.recording.recover import Recovered, recover, render_recovered
 from mechanism_sim.recording.rosbag2 import Qos, QosLike
 from mechanism_sim.recording.writer import BagWriter
 
@@ -19,12 +20,15 @@ __all__ = [
     'BagWriter',
     'Qos',
     'QosLike',
+    'Recovered',
     'Topic',
     'displacements',
     'info',
     'read_bag',
     'realtime_factor',
+    'recover',
     'render_info',
+    'render_recovered',
     'scene_name',
     'scene_text',
 ]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from mechanism_sim import documents, strict_json
 from mechanism_sim.recording.reader import Bag, Topic, read_bag
+from mechanism_sim.recording.writer import lock
 
 
 @dataclass(frozen=True)
@@ -17,7 +19,8 @@ class BagInfo:
     size: [bytes]; start, end: smallest and largest log time [s], simulated; duration: between
     them [s]; scene: name of the scene that made it, None where topic `scene` is missing;
     version: of what it holds, '0' where it does not say; package: version of this package that
-    wrote it; wall_time: how long the recording took [s], None where that is not known.
+    wrote it; wall_time: how long the recording took [s], None where that is not known; recovered:
+    `recover` has closed it.
     """
 
     path: str
@@ -35,6 +38,7 @@ class BagInfo:
     version: str
     package: str
     wall_time: float | None
+    recovered: bool = False
 
     @property
     def realtime_factor(self) -> float | None:
@@ -82,6 +86,7 @@ def info(path: Path | str) -> BagInfo:
         version=bag.version,
         package=bag.package,
         wall_time=bag.wall_time,
+        recovered=bag.recovered,
     )
 
 
@@ -132,7 +137,7 @@ def render_info(bag: BagInfo) -> str:
         kind: f'{bag.duration:.6g} s, from {bag.start:.6g} s to {bag.end:.6g} s',
         'recorded': _pace(bag),
         'messages': f'{bag.messages} on {len(bag.topics)} topics',
-        'complete': 'yes' if bag.complete else 'NO: cut short; what could be read is listed',
+        'complete': _state(bag),
         'written by': _author(bag),
     }
     lines = [f'{key + ":":<12}{value}' for key, value in head.items() if value]
@@ -149,6 +154,19 @@ def _pace(bag: BagInfo) -> str:
     """How fast the run was recorded; empty where that is not known."""
     factor = bag.realtime_factor
     return '' if factor is None else f'in {bag.wall_time:.3g} s, {factor:.3g} x real time'
+
+
+def _state(bag: BagInfo) -> str:
+    """Whether the file is whole, and what to do where it is not."""
+    if bag.complete:
+        return 'yes, but its recorder was killed' if bag.recovered else 'yes'
+    with Path(bag.path).open('rb') as stream:
+        if not lock(stream):
+            return 'NO: it is still being recorded; what could be read is listed'
+    return (
+        'NO: cut short; what could be read is listed, and '
+        f"'mechanism-sim recover {shlex.quote(bag.path)}' closes it"
+    )
 
 
 def _author(bag: BagInfo) -> str:

@@ -47,6 +47,7 @@ class Bag:
         package: Version of this package that wrote it; empty where it does not say.
         wall_time: How long that took [s], from the first message to the last; None of a bag that
             was cut short, or that others wrote.
+        recovered: Whether it was cut short and `recover` has closed it.
 
     """
 
@@ -62,6 +63,7 @@ class Bag:
         recording = layout.metadata.get(RECORDING, {})
         self.version = recording.get('version', '0')
         self.package = recording.get('package', '')
+        self.recovered = recording.get('recovered') == 'yes'
         taken = recording.get('wall_time') if layout.complete else None
         with sound(path, 'what it says of its recording'):
             self.wall_time = None if taken is None else float(taken)
@@ -174,14 +176,20 @@ def read_bag(path: Path | str, progress: Callable[[float], None] | None = None) 
             one file.
 
     """
+    file = file_of(path)
+    return Bag(file, survey(file), progress)
+
+
+def file_of(path: Path | str) -> Path:
+    """Return the file that is meant: `path` itself, or the one in a folder; else InputError."""
     path = Path(path)
-    if path.is_dir():
-        found = sorted(path.glob('*.mcap'))
-        if len(found) != 1:
-            names = ', '.join(file.name for file in found) or 'none'
-            raise InputError(f'{path} is a folder, which has to hold one MCAP file: {names}.')
-        path = found[0]
-    return Bag(path, survey(path), progress)
+    if not path.is_dir():
+        return path
+    found = sorted(path.glob('*.mcap'))
+    if len(found) != 1:
+        names = ', '.join(file.name for file in found) or 'none'
+        raise InputError(f'{path} is a folder, which has to hold one MCAP file: {names}.')
+    return found[0]
 
 
 def _topics(layout: Layout) -> dict[str, Topic]:

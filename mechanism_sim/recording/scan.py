@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Container, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -20,9 +20,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, Header, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
-from zstandard import ZstdError
+from zstandard import ZstdDecompressor, ZstdError
 
 from mechanism_sim.errors import InputError, quoted
 
@@ -68,12 +68,14 @@ def sound(path: Path, what: str) -> Iterator[None]:
 class Layout:
     """What a file holds and where its readable part ends.
 
-    `chunk_channels` maps the offset of a chunk to the channels in it, where an index says so.
+    `chunk_channels` maps the offset of a chunk to the channels in it, where an index says so;
+    `rest` is what can be read of a chunk that was cut: whole records, decompressed.
     """
 
     complete: bool = False
     readable: int = len(MAGIC)
     library: str = ''
+    profile: str = ''
     start: int = 0
     end: int = 0
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -82,6 +84,7 @@ class Layout:
     compression: set[str] = field(default_factory=set)
     chunk_channels: dict[int, frozenset[int]] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    rest: bytes = b''
 
 
 def survey(path: Path) -> Layout:
@@ -93,7 +96,7 @@ def survey(path: Path) -> Layout:
     """
     try:
         with path.open('rb') as stream:
-            if stream.read(len(MAGIC)) != MAGIC:
+            if not MAGIC.startswith(stream.read(len(MAGIC))):  # its writer may have got no further
                 raise InputError(f'{path} is not an MCAP file.')
             return _from_index(path, stream) or _from_records(path, stream)
     except FileNotFoundError:
@@ -127,6 +130,8 @@ def blocks(
         elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
             stream.seek(offset)
             yield stream.read(RECORD.size + length)
+    if layout.rest:
+        yield layout.rest
 
 
 def messages(block: bytes) -> Iterator[tuple[int, int, int, int]]:
@@ -158,6 +163,38 @@ def _records(stream: BinaryIO, limit: int) -> Iterator[tuple[int, int, int]]:
         offset += RECORD.size + length
 
 
+def attachments(stream: BinaryIO, layout: Layout) -> Iterator[Attachment]:
+    """Yield the attachments in the readable part of a file."""
+    for opcode, offset, length in _records(stream, layout.readable):
+        if opcode == Opcode.ATTACHMENT:
+            stream.seek(offset + RECORD.size)
+            yield Attachment.read(ReadDataStream(BytesIO(stream.read(length))))
+
+
+def _rest(piece: bytes) -> bytes:
+    """Return the whole records of a chunk of which only the first bytes are there."""
+    with suppress(*_DAMAGE):
+        opcode, length = RECORD.unpack_from(piece)
+        # A chunk begins with two times, a size, a checksum, the compression, the records' length.
+        (named,) = struct.unpack_from('<I', piece, RECORD.size + 28)
+        start = RECORD.size + 32 + named
+        compression, held = piece[start - named : start], piece[start + 8 :]
+        if opcode != Opcode.CHUNK or len(piece) >= RECORD.size + length:
+            return b''
+        if compression == b'zstd':
+            held = ZstdDecompressor().decompressobj().decompress(held)
+        elif compression:
+            return b''
+        end = 0
+        while end + RECORD.size <= len(held):
+            following = end + RECORD.size + RECORD.unpack_from(held, end)[1]
+            if following > len(held):
+                break
+            end = following
+        return held[:end]
+    return b''
+
+
 def _decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
     with sound(path, f'the chunk at byte {offset}'):
         chunk = Chunk.read(ReadDataStream(BytesIO(body)))
@@ -185,6 +222,7 @@ def _from_index(path: Path, stream: BinaryIO) -> Layout | None:
         complete=True,
         readable=size,
         library=header.library,
+        profile=header.profile,
         start=summary.statistics.message_start_time,
         end=summary.statistics.message_end_time,
         schemas=summary.schemas,
@@ -215,6 +253,12 @@ def _from_records(path: Path, stream: BinaryIO) -> Layout:
             break  # readable up to here, and `complete` says that this is not all
         layout.readable = offset + RECORD.size + length
         layout.complete = opcode == Opcode.FOOTER and layout.readable + len(MAGIC) <= size
+    if not layout.complete:
+        stream.seek(layout.readable)
+        rest = _rest(stream.read(LARGEST_CHUNK))
+        with suppress(DamagedBagError), sound(path, 'a chunk that was cut'):
+            _count(layout, rest, times)
+            layout.rest = rest
     layout.start, layout.end = times or (0, 0)
     return layout
 
@@ -227,17 +271,23 @@ def _note(
         chunk, block = _decompress(path, offset, block[RECORD.size :])
         layout.compression.add(chunk.compression)
     if opcode in {Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
-        held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
-        _register(layout, block)
-        if held:
-            layout.counts.update(channel for channel, _ in held)
-            ends = [log_time for _, log_time in held]
-            times[:] = [min(times[:1] + ends), max(times[1:] + ends)]
+        _count(layout, block, times)
     elif opcode == Opcode.HEADER:
-        layout.library = Header.read(ReadDataStream(BytesIO(block[RECORD.size :]))).library
+        header = Header.read(ReadDataStream(BytesIO(block[RECORD.size :])))
+        layout.library, layout.profile = header.library, header.profile
     elif opcode == Opcode.METADATA:
         found = Metadata.read(ReadDataStream(BytesIO(block[RECORD.size :])))
         layout.metadata[found.name] = found.metadata
+
+
+def _count(layout: Layout, block: bytes, times: list[int]) -> None:
+    """Note what a run of records holds, and the first and the last of the `times` so far."""
+    held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
+    _register(layout, block)
+    if held:
+        layout.counts.update(channel for channel, _ in held)
+        ends = [log_time for _, log_time in held]
+        times[:] = [min(times[:1] + ends), max(times[1:] + ends)]
 
 
 def _register(layout: Layout, block: bytes) -> None:

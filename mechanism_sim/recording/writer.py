@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -10,7 +12,7 @@ from dataclasses import replace
 from io import BufferedWriter
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
 
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
@@ -31,14 +33,16 @@ CHUNK_SIZE = 1 << 20  # [bytes] before compression
 VERSION = 1
 """Of what bags hold: topics, their types, their times. A reader refuses a later one."""
 
+LIBRARY = 'mechanism_sim'
 RECORDING = 'mechanism_sim'
 """Name of the metadata that say how the bag came about.
 
 ``version``: `VERSION`, missing in bags before the first; ``package``: version of the package;
-``wall_time`` [s] of a bag that was closed: from the first message to the last.
+``wall_time`` [s] of a bag that was closed: from the first message to the last; ``recovered``: it
+was closed later.
 """
 
-FLUSH_PERIOD = 0.5  # [s] of wall time: half of the second that a kill may cost
+FLUSH_PERIOD = 0.25  # [s] of wall time: half of what a kill may cost
 
 
 class BagWriter:
@@ -62,7 +66,7 @@ class BagWriter:
     def __init__(self, path: Path | str, *, overwrite: bool = False) -> None:
         self.path = Path(path)
         self._stream: BufferedWriter | None = _create(self.path, overwrite=overwrite)
-        self._mcap = _mcap_writer(self._stream)
+        self._mcap = mcap_writer(self._stream)
         self._lock = threading.RLock()
         self._topics: dict[str, TopicRecord] = {}
         self._schemas: dict[str, int] = {}
@@ -72,7 +76,7 @@ class BagWriter:
         self._flushed = time.monotonic()
         self._written: tuple[float, float] | None = None  # [s] when the first and last message was
         with self._writing():
-            self._mcap.start(profile=Profile.ROS2, library='mechanism_sim')
+            self._mcap.start(profile=Profile.ROS2, library=LIBRARY)
             # Here already, and again at the end: without the version that it states, the quality
             # of service of a bag that was cut would be misread.
             self._add_metadata()
@@ -229,7 +233,13 @@ def _create(path: Path, *, overwrite: bool) -> BufferedWriter:
     """Open `path` for writing; InputError says why it cannot be."""
     try:
         # 'x' creates or fails in one step, so that nothing can slip in between a look and an open.
-        return path.open('wb' if overwrite else 'xb')
+        stream = open(path, 'wb' if overwrite else 'xb', opener=_keeping)  # noqa: SIM115
+        if lock(stream):
+            if path.is_file():
+                stream.truncate(0)
+            return stream
+        stream.close()
+        reason = 'is still being recorded; choose another name or end its recorder first'
     except FileExistsError:
         reason = 'exists already; choose another name or allow overwriting'
     except FileNotFoundError:
@@ -241,7 +251,23 @@ def _create(path: Path, *, overwrite: bool) -> BufferedWriter:
     raise InputError(f'{path} {reason}.')
 
 
-def _mcap_writer(stream: BufferedWriter) -> Any:
+def _keeping(path: str, flags: int) -> int:
+    """Open a file as `open` does, but keep what is in it."""
+    return os.open(path, flags & ~os.O_TRUNC, 0o666)
+
+
+def lock(stream: IO[bytes]) -> bool:
+    """Claim a bag for as long as `stream` is open; False if it is being recorded."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass  # a file system without locks
+    return True
+
+
+def mcap_writer(stream: IO[bytes]) -> Any:
     """Return mcap's writer; as Any, since half of its methods carry no annotations."""
     return Writer(
         stream,

@@ -23,18 +23,16 @@ signal is like any of them.
 from __future__ import annotations
 
 import math
-import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from mechanism_sim import ending
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
 from mechanism_sim.study.measurement import Measurement
@@ -294,20 +292,16 @@ def _computed(tasks: Sequence[_Task], workers: int) -> Iterator[tuple[int, Array
     if workers == 1:
         yield from ((k, _compute(task)) for k, task in enumerate(tasks))
         return
-    # Ctrl-C is for this process, which ends the others; one thread of linear algebra in each
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    deaf = (signal.SIGINT, signal.SIG_IGN)
-    pool = ProcessPoolExecutor(workers, get_context('spawn'), signal.signal, deaf)
     try:
-        futures = {pool.submit(_compute, task): k for k, task in enumerate(tasks)}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+        with ending.workers(workers) as pool:
+            with ending.held():  # in them Ctrl-C stays so: it is for this process, which ends them
+                futures = {pool.submit(_compute, task): k for k, task in enumerate(tasks)}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
     except BrokenProcessPool as error:
         raise RunError(
             'a worker process died, perhaps for lack of memory; --workers 1 takes the least'
         ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _compute(task: _Task) -> Array | str:

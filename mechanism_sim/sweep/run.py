@@ -76,7 +76,7 @@ def sweep(
     RunError
         If the workers cannot go on.
     Interrupted
-        At SIGINT.
+        At SIGINT and SIGTERM.
     """
     check_table(table)
     if workers is not None and (workers < 1 or dask):

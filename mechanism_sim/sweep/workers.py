@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
+from mechanism_sim import ending
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.sweep.row import Finished, Task, compute
 
@@ -33,43 +30,17 @@ def on_this_machine(
     """
     if not tasks:
         return
-    before = set(multiprocessing.active_children())
-    # libraries of linear algebra would take a thread for every core in every process
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    pool = ProcessPoolExecutor(
-        workers, multiprocessing.get_context('spawn'), initializer=_end_with_parent
-    )
     try:
-        # Processes inherit what is blocked: Ctrl-C is for the parent, which ends them.
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            futures = [pool.submit(work, task) for task in tasks]
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        for future in as_completed(futures):
-            yield future.result()
+        with ending.workers(workers) as pool:
+            with ending.held():  # in them Ctrl-C stays so: it is for this process, which ends them
+                futures = [pool.submit(work, task) for task in tasks]
+            for future in as_completed(futures):
+                yield future.result()
     except BrokenProcessPool as error:
         raise RunError(
             'a worker process died, perhaps for lack of memory; the same command goes on from the '
             'finished runs, --workers 1 takes the least memory'
         ) from error
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - before:
-            process.terminate()
-
-
-def _end_with_parent() -> None:
-    """Let this process end when its parent does, even if that is killed."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def wait() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
 
 
 def on_cluster(tasks: Sequence[Task], address: str) -> Generator[Finished, None, None]:

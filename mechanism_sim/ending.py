@@ -1,0 +1,209 @@
+"""How programs of this package end: at a signal by one sentence, and with who started them.
+
+SIGINT and SIGTERM end a program with exit code 130 from its first line on: `begin` comes before
+all other imports. What it starts by `start` ends with it, even if it is killed.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from threading import Thread, Timer
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+    from subprocess import Popen
+
+INTERRUPTED = 130
+"""Exit code after a signal, as shells have it."""
+
+SIGNALS = signal.SIGINT, signal.SIGTERM
+
+PARENT = 'MECHANISM_SIM_PARENT'
+"""In the environment: id of the parent process, with which it ends and which speaks for it."""
+
+LOOK = 0.1  # [s] between looks at the parent
+GRACE = 0.6  # [s] to end in good order without it
+PATIENCE = 0.4  # [s] for the main thread to take in a signal
+RETRY = 0.01  # [s] until an interrupt that came at a bad moment is tried again
+
+_silent = False  # somebody else speaks for this process, or it has said already why it ends
+_working = False  # there is something to be put in order
+_holding = False  # a process is being started
+_noticed = 0.0  # [s] when a signal was taken in, by ``time.monotonic``
+_patience = PATIENCE
+
+
+def begin() -> None:
+    """Let this process end as the package has it."""
+    global _silent  # noqa: PLW0603
+    for number in SIGNALS:
+        signal.signal(number, interrupt)
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    Thread(target=_bound, args=[reader], daemon=True).start()
+    sys.unraisablehook = _unraisable
+    atexit.register(_ignore)  # the first that is registered is called last
+    parent = os.environ.pop(PARENT, '')
+    if parent.isdecimal():
+        _silent = True
+        follow(int(parent))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+
+
+def follow(parent: int) -> None:
+    """End this process when `parent` is gone, which started it and may be so already."""
+
+    def wait() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(GRACE)
+        quit_now()
+
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])
+    Thread(target=wait, daemon=True).start()
+
+
+def start(command: Sequence[str], **options: Any) -> Popen[Any]:
+    """Start a program of this package, which ends with this process; `options` of Popen."""
+    from subprocess import Popen  # noqa: PLC0415 - most commands start nothing
+
+    with held():
+        return Popen(command, env=owned(options.pop('env', os.environ)), **options)  # noqa: S603
+
+
+def owned(env: Mapping[str, str]) -> dict[str, str]:
+    """The environment of a program of this package that this process starts, to end with it."""
+    return {**env, PARENT: str(os.getpid())}
+
+
+@contextmanager
+def workers(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that compute for this one: they end at once when the block does."""
+    from concurrent.futures import ProcessPoolExecutor  # noqa: PLC0415
+    from multiprocessing import active_children, get_context  # noqa: PLC0415
+
+    # Libraries of linear algebra would take a thread for every core in every process.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    before = set(active_children())
+    pool = ProcessPoolExecutor(count, get_context('spawn'), follow, (os.getpid(),))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(active_children()) - before:
+            process.kill()
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """While processes are started: they keep signals until they can take them, as we do."""
+    global _holding  # noqa: PLW0603
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    _holding = True
+    try:
+        yield
+    finally:
+        _holding = False
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def working() -> Iterator[None]:
+    """While there is something to be put in order: a signal is a KeyboardInterrupt."""
+    global _working  # noqa: PLW0603
+    _working = True
+    try:
+        yield
+    finally:
+        _working = False
+
+
+def say(text: str = 'interrupted') -> int:
+    """Say on standard error that a signal ended the program, once; gives the exit code."""
+    global _silent  # noqa: PLW0603
+    if not _silent:
+        _silent = True
+        with suppress(OSError):
+            print(f'mechanism-sim: {text}', file=sys.stderr, flush=True)
+    return INTERRUPTED
+
+
+def quit_now() -> None:
+    """End at once, from any thread."""
+    if not _silent:
+        with suppress(OSError):
+            os.write(2, b'mechanism-sim: interrupted\n')
+    os._exit(INTERRUPTED)
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Handler of signals: a KeyboardInterrupt, or the end where nothing is to be put in order."""
+    if not _working:
+        quit_now()
+    if _holding or _imports(frame):
+        later(RETRY, os.kill, os.getpid(), number)
+    else:
+        notice()
+        raise KeyboardInterrupt
+
+
+def notice() -> None:
+    """Say that a signal was taken in, and that the end will come of it."""
+    global _noticed  # noqa: PLW0603
+    _noticed = time.monotonic()
+
+
+def allow(patience: float = PATIENCE) -> None:
+    """Give the main thread so long to take in a signal [s]: it has what should not be cut off."""
+    global _patience  # noqa: PLW0603
+    _patience = patience
+
+
+def _bound(reader: int) -> None:
+    """End where the main thread does not take in a signal: compiling an integrator takes long."""
+    while os.read(reader, 64):
+        patience = _patience
+        earliest = time.monotonic() - patience
+        time.sleep(patience)
+        if _noticed < earliest:
+            quit_now()
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Whether a module is being imported: some make another error of a KeyboardInterrupt."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith('<frozen importlib'):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def later(delay: float, call: Callable[..., object], *arguments: object) -> None:
+    """Call after some time [s], in another thread, unless this process ends before."""
+    timer = Timer(delay, call, arguments)
+    timer.daemon = True
+    timer.start()
+
+
+def _unraisable(found: sys.UnraisableHookArgs) -> None:
+    """A KeyboardInterrupt where Python can only complain, such as in a finaliser, comes again."""
+    if isinstance(found.exc_value, KeyboardInterrupt):
+        later(RETRY, os.kill, os.getpid(), signal.SIGINT)
+    else:
+        sys.__unraisablehook__(found)
+
+
+def _ignore() -> None:
+    """All is done and said."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)

@@ -1,0 +1,115 @@
+"""How programs end: at signals, at any moment, and with who started them. Real processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from running import FOLLOW, command, environment
+
+from mechanism_sim import ending
+
+PROGRAM = """
+import atexit, hashlib, os, sys, time
+from mechanism_sim import ending
+ending.begin()
+
+def ready():
+    print('ready', flush=True)
+
+def wait():
+    ready()
+    time.sleep(30)
+
+def held():
+    with ending.held():
+        ready()
+        end = time.monotonic() + 0.3
+        while time.monotonic() < end:
+            pass
+        print('started', flush=True)
+    time.sleep(30)
+
+class Finalised:
+    def __del__(self):
+        wait()
+
+try:
+    with ending.working():
+        {body}
+except KeyboardInterrupt:
+    sys.exit(ending.say())
+"""
+
+MOMENTS = {
+    'at work': 'wait()',
+    'at work in C, for which no handler is called': (
+        "ready(); hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)"
+    ),
+    'in an import that makes another error of it': (
+        'sys.path.insert(0, sys.argv[1]); import odd; time.sleep(30)'
+    ),
+    'where Python cannot raise anything': 'Finalised(); time.sleep(30)',
+    'when all is done, at exit': 'atexit.register(wait)',
+    'while a process is being started': 'held()',
+}  # fmt: skip
+
+ODD = """
+import __main__, time
+try:
+    __main__.ready()
+    end = time.monotonic() + 0.3
+    while time.monotonic() < end:
+        pass
+except KeyboardInterrupt:
+    raise AttributeError('as heyoka does') from None
+"""
+
+
+@pytest.mark.parametrize('moment', MOMENTS)
+def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
+    (tmp_path / 'odd.py').write_text(ODD, encoding='utf-8')
+    text = PROGRAM.format(body=MOMENTS[moment])
+    for number in ending.SIGNALS:
+        with subprocess.Popen(
+            [sys.executable, '-c', FOLLOW + text, str(tmp_path)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        ) as process:  # fmt: skip
+            assert process.stdout is not None
+            assert process.stdout.readline() == 'ready\n'
+            process.send_signal(number)
+            started, said = process.communicate(timeout=30)
+        assert (process.returncode, said) == (130, 'mechanism-sim: interrupted\n')
+        assert (started == 'started\n') == ('started' in moment)
+
+
+def handles(pid: int, number: int) -> bool:
+    """Whether a process has a handler of a signal."""
+    with open(f'/proc/{pid}/status', encoding='utf-8') as status:
+        return bool(int(status.read().split('SigCgt:')[1].split()[0], 16) >> (number - 1) & 1)
+
+
+@pytest.mark.parametrize(('number', 'after'), [(signal.SIGTERM, 0.0), (signal.SIGINT, 0.5)])
+def test_a_command_that_still_imports_ends_so_too(number, after):
+    """At its first line, and while it imports what runs machines, or soon after."""
+    args = command('solve', 'four_bar_clearance', '--revolutions', '1e6')
+    with subprocess.Popen(args, env=environment(), stderr=subprocess.PIPE, text=True) as process:
+        while not handles(process.pid, signal.SIGTERM):
+            assert process.poll() is None
+        time.sleep(after)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=30)
+    assert (process.returncode, said) == (130, 'mechanism-sim: interrupted\n')
+
+
+def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():
+    env = {**os.environ, ending.PARENT: str(os.getppid())}  # not who starts it
+    done = subprocess.run(
+        [sys.executable, '-c', PROGRAM.format(body='time.sleep(30)')],
+        env=env, capture_output=True, text=True, timeout=20, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (130, '')
