@@ -1,40 +1,20 @@
 """Processes on a network of their own: a free router port, a domain, and scripts that join it."""
 
-import itertools
 import os
 import queue
 import signal
-import socket
 import subprocess
 import sys
 import textwrap
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
-from running import FOLLOW
+from running import FOLLOW, free_port
 
 from mechanism_sim import middleware
 
 PATIENCE = 30.0  # [s] for anything that has to happen; machines may be slow
-
-
-_worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 5
-_ports = itertools.count(41 * os.getpid())
-
-
-def free_port() -> int:
-    """A TCP port nobody listens on, and none that the system gives to others before it is used.
-
-    That is below its range for connections, and each worker has a range of its own.
-    """
-    for k in _ports:
-        port = 12_000 + 4_000 * _worker + k % 4_000
-        with socket.socket() as probe, suppress(OSError):
-            probe.bind(('127.0.0.1', port))
-            return port
-    raise AssertionError
 
 
 def eventually(condition: Callable[[], bool]) -> bool:

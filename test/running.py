@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import os
+import socket
 import subprocess
 import sys
 import warnings
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
-from middleware_network import free_port
 
 from mechanism_sim import ending
 from mechanism_sim.cli import main
@@ -32,6 +33,23 @@ def ros_found() -> bool:
 
 APART = {'identify', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
+
+
+_worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 5
+_ports = itertools.count(41 * os.getpid())
+
+
+def free_port() -> int:
+    """A TCP port nobody listens on, and none that the system gives to others before it is used.
+
+    That is below its range for connections, and each worker has a range of its own.
+    """
+    for k in _ports:
+        port = 12_000 + 4_000 * _worker + k % 4_000
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(('127.0.0.1', port))
+            return port
+    raise AssertionError
 
 
 def environment() -> dict[str, str]:
