@@ -15,8 +15,14 @@ NOT_RUN = [block for found in PAGES.values() for block in found if block.mark ==
 
 
 DEEP = {
-    *(f'docs/{page}.md' for page in ('analysis', 'animation', 'faq', 'report', 'reproducibility')),
-    *(f'docs/{page}.md' for page in ('studies', 'howto/machine_learning', 'howto/my_mechanism')),
+    *(
+        f'docs/{page}.md'
+        for page in ('analysis', 'animation', 'faq', 'mechanisms', 'plot', 'report')
+    ),
+    *(
+        f'docs/{page}.md'
+        for page in ('reproducibility', 'studies', 'howto/machine_learning', 'howto/my_mechanism')
+    ),
 }
 
 

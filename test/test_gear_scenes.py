@@ -398,7 +398,10 @@ ARM['links']['arm']['points'] = {'outside': [0.06 + 0.024 * math.sin(1.9), -0.02
 
 
 @pytest.mark.parametrize('content', [WATT, ARM], ids=['watt', 'arm'])
-@pytest.mark.parametrize('free', [False, True], ids=['driven', 'free'])
+@pytest.mark.parametrize(
+    'free',
+    [pytest.param(False, id='driven'), pytest.param(True, marks=pytest.mark.deep, id='free')],
+)
 def test_gears_on_moving_carriers_agree_with_newton_and_euler(content, free):
     if free:
         content = content | {'drive': content['drive'] | {'torque': {'constant': 0.4}}}

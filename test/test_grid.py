@@ -30,7 +30,10 @@ CASES = [c for name, count in SAMPLE.items() for c in grid(only=[name])[:count]]
 CASES += grid(only=ONCE)
 
 
-@pytest.mark.parametrize('case', CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    'case',
+    [pytest.param(c, marks=[pytest.mark.deep] * (k % 2), id=c.name) for k, c in enumerate(CASES)],
+)
 def test_a_case_comes_through(case):
     outcome = run_case(case)
     assert outcome.ok is not False, f'{outcome.kind}: {outcome.reason}'

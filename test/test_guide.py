@@ -50,9 +50,9 @@ def slider_crank(name):
 #: name, until [s], allowed difference of angles [rad]; modes of the reference begin with the last
 #: impact of a chatter that it cuts at 1e-6 m/s, which moves states by 1e-13
 RUNS = [
-    ('flores', 0.105, 1e-11),
+    pytest.param('flores', 0.105, 1e-11, marks=pytest.mark.deep),
     ('flores_frictionless', 0.105, 1e-11),
-    ('tilted', 0.105, 1e-11),
+    pytest.param('tilted', 0.105, 1e-11, marks=pytest.mark.deep),
     ('driven_tilted', 0.0845, 1e-11),
     ('rocking', 0.0027, 1e-12),
 ]

@@ -75,6 +75,7 @@ def test_blocks_are_those_of_the_channel_in_one_process_and_in_many(bags):
                 )  # fmt: skip
 
 
+@pytest.mark.deep
 def test_an_inertial_unit_feels_gravity_and_knows_its_attitude(bags):
     machine = ms.load_scene(SCENE)
     solution = ms.simulate(machine, revolutions=2)

@@ -271,6 +271,7 @@ def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_state
         assert abs(position[0] - 36.6519 * t) < 1e-7
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures('backend')
 def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
     env, bag = environment(), tmp_path / 'killed.mcap'

@@ -271,6 +271,7 @@ def test_nothing_overlaps_or_sticks_out(tab, file, width):
     tab.shoot(f'report_{width}')
 
 
+@pytest.mark.deep
 def test_every_kind_of_scene_is_drawn(tab, tmp_path):
     """As many shapes as its skeleton has, all within the picture."""
     for scene in KINDS:

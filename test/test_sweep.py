@@ -144,6 +144,7 @@ def test_bad_sweeps_are_refused_before_anything_runs(tmp_path, text, said):
         plan_of(tmp_path, f'scene: four_bar_clearance\nrevolutions: 3\n{text}\n')
 
 
+@pytest.mark.deep
 def test_bad_input_ends_with_two_and_one_sentence(tmp_path, reference):
     env = {**environment(), 'DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT': '500ms'}
     bad = sweep_file(tmp_path, 'revolutions: 3\n')
