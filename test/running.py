@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterable
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -50,6 +51,14 @@ def free_port() -> int:
             probe.bind(('127.0.0.1', port))
             return port
     raise AssertionError
+
+
+def one_of(count: int, values: Iterable[Any]) -> list[Any]:
+    """Parameters of a test that costs much for each: of so many the first; the others are deep."""
+    return [
+        pytest.param(value, marks=[pytest.mark.deep] * (k % count > 0))
+        for k, value in enumerate(values)
+    ]
 
 
 def environment() -> dict[str, str]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from running import one_of
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.modes import ModeCollector
@@ -311,7 +312,7 @@ def titles(layout):
             yield f'[{axis["radialaxis"]["ticksuffix"].strip()}]'
 
 
-@pytest.mark.parametrize('name', ms.scene_names())
+@pytest.mark.parametrize('name', one_of(3, ms.scene_names()))
 def test_every_scene_has_its_charts(name):
     machine = ms.load_scene(name)
     span = {} if machine.scene.duration else {'revolutions': 1.3}

@@ -6,7 +6,7 @@ import heyoka as hy
 import numpy as np
 import pytest
 from four_bars import TURN
-from running import run_json
+from running import one_of, run_json
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
@@ -33,6 +33,7 @@ def compliant(law='hertz', stiffness=6.6e10, **more):
     return ms.load_scene('four_bar_clearance', overrides | more)
 
 
+@pytest.mark.deep
 def test_the_error_falls_with_the_stiffness_to_the_power_of_minus_two_thirds():
     """Following: the static depth is (F/K)^(2/3), and all that differs is in proportion to it."""
     t = np.linspace(0.05, 0.499, 300) * TURN
@@ -338,7 +339,9 @@ def test_touches_of_a_machine_add_up_to_what_was_lost_and_survive_a_snapshot():
     assert before + second.drain()[1] == whole.drain()[1]
 
 
-@pytest.mark.parametrize('law', ['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores'])
+@pytest.mark.parametrize(
+    'law', one_of(3, ['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores'])
+)
 def test_books_and_snapshots_of_a_rattling_soft_bearing(law):
     machine = compliant(law, start='centred', **{f'{CLEARANCE}.friction': 0.1})
     solution = ms.simulate(machine, revolutions=1.0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from absolute import differences
+from running import one_of
 
 import mechanism_sim as ms
 from mechanism_sim.cams.pair import CamPair
@@ -140,7 +141,7 @@ def freed(scene):
 DRIVEN = [n for n in SCENES if ms.load_scene(n).level is Level.INVERSE_DYNAMICS]
 
 
-@pytest.mark.parametrize('name', DRIVEN)
+@pytest.mark.parametrize('name', one_of(3, DRIVEN))
 def test_every_mechanism_moves_freely_as_inverse_dynamics_wants(name):
     """A free motion, looked at by inverse dynamics, asks for no drive; its energy stays."""
     machine = ms.load_scene(name)

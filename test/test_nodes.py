@@ -242,6 +242,7 @@ session.close()
 """
 
 
+@pytest.mark.deep
 def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_states(tmp_path):
     env = environment()
     text = FOREIGN % (env['MECHANISM_SIM_ROUTER'], env['ROS_DOMAIN_ID'])

@@ -382,6 +382,7 @@ def alone(tmp_path_factory) -> Path:
     return bag
 
 
+@pytest.mark.deep
 def test_a_geneva_node_integrates_in_a_process_of_its_own(alone):
     """Its motion is that of `solve` bit by bit, and what it reads is what the engine says."""
     bag = alone
@@ -477,6 +478,7 @@ def test_a_node_of_parts_integrates(tmp_path, scene, name, duration):
     assert found.parts.keys() == {KINDS[name].topic}
 
 
+@pytest.mark.deep
 def test_a_whole_machine_runs_as_six_nodes(tmp_path):
     """Motor, gears, cam and loose four-bar: everyone's forces are in one bag."""
     bag = tmp_path / 'run.mcap'
