@@ -58,6 +58,7 @@ GOOD = {
     'sound': ('gear_rattle', '--duration', '0.1', '-o', '{}/run.wav'),
     'info': ('{}/run.mcap',),
     'analyze': ('{}/run.mcap',),
+    'recover': ('{}/run.mcap',),
     'sweep': ('{}/sweep.yaml', '-o', '{}/table.parquet', '--workers', '1'),
     'contact-loss': (LOOSE,),
     'profile': ('eccentric_cam', 'contact'),

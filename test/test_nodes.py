@@ -281,10 +281,9 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
         '--record', str(bag), env=env,
     )  # fmt: skip
     pid = _wait_for_child(running.pid, 'recorder')
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline and not (bag.exists() and bag.stat().st_size > 20_000):
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not (bag.exists() and bag.stat().st_size > 100_000):
         time.sleep(0.1)
-    time.sleep(3.0)
     os.kill(pid, signal.SIGKILL)
     assert running.wait(30) == 1
     stderr = running.stderr.read() if running.stderr else ''
@@ -294,8 +293,7 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
     times = [t for _, _, t in found.messages(['/motion'])]
     last = max(m.time for _, m, _ in found.messages(['/progress']) if m.node == 'linkage')
     assert len(times) > 2
-    assert last - max(times) / 1e9 < 1.0
-    assert last > 1.5  # three seconds at real time, less the last one
+    assert 0.0 < last < max(times) / 1e9 + 1.0
 
 
 def _wait_for_child(parent: int, node: str) -> int:

@@ -23,6 +23,7 @@ from mechanism_sim.messages import (
     Progress,
     String,
     float64_array,
+    int64_array,
     serialize,
 )
 from mechanism_sim.middleware import (
@@ -60,6 +61,7 @@ def motion(i: int, m: int = 64) -> Any:
     n, d = 3, 19
     message = Motion(run=i, coordinates=['crank', 'coupler', 'rocker'], segments=m, degree=d)
     message.coefficients = float64_array(np.full(m * n * (d + 1), float(i)))
+    message.turns = int64_array(np.full(m * n, i))
     for field in ('start', 'start_low', 'duration'):
         setattr(message, field, float64_array(np.full(m, float(i))))
     return message

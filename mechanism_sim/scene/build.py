@@ -100,9 +100,6 @@ def _check_linkage(machine: Machine) -> None:
             "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
             'kinematics, or make a redundant joint a slot'
         )
-    if machine.dynamic:
-        _check_inertia(machine)
-    check_scenes_way(machine)
     given = [n for n, link in machine.links.items() if link.mass is not None]
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
@@ -116,6 +113,9 @@ def _check_linkage(machine: Machine) -> None:
         _check_masses(
             machine, [] if plan.weighed else [n for n in machine.links if n not in given]
         )
+    if machine.dynamic:
+        _check_inertia(machine)
+    check_scenes_way(machine)
 
 
 def _check_inertia(machine: Machine) -> None:
