@@ -99,9 +99,10 @@ def workers(count: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
         for process in set(active_children()) - before:
             process.kill()
+        # Its thread and exit functions would close the same pipe twice, and complain.
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager
