@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,22 +111,20 @@ def add(command: Command) -> None:
 def _info(options: argparse.Namespace) -> int:
     from mechanism_sim.recording import info, render_info  # noqa: PLC0415
 
-    found = info(options.bag)
-    if options.json:
-        print_json(found.to_json())
-    else:
-        echo(render_info(found))
-    return 0
+    return _tell(options, info(options.bag), render_info)
 
 
 def _recover(options: argparse.Namespace) -> int:
     from mechanism_sim.recording import recover, render_recovered  # noqa: PLC0415
 
-    found = recover(options.bag)
+    return _tell(options, recover(options.bag), render_recovered)
+
+
+def _tell(options: argparse.Namespace, found: Any, render: Callable[[Any], str]) -> int:
     if options.json:
         print_json(found.to_json())
     else:
-        echo(render_recovered(found))
+        echo(render(found))
     return 0
 
 
