@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+from mechanism_sim.numerics.kernels import kernel
+
 
 class ChatterRule:
     """When to stop counting bounces and let the pin follow.
@@ -17,11 +19,15 @@ class ChatterRule:
     is left out is below the tolerance, and a rise that double precision cannot resolve is never
     asked for; nor one that would not get clear of the depth to which a step's error let the impact
     come too late.
+
+    Attributes
+    ----------
+    allowed, resolved : [m] rises that may be left out, and that can be told from rounding
     """
 
     def __init__(self, rtol: float, atol: float, size: float, reach: float = 0.0) -> None:
-        self._allowed = max(max(0.01 * rtol, min(rtol, 1e-12)) * size, atol)
-        self._resolved = 8.0 * sys.float_info.epsilon * max(size, reach)
+        self.allowed = max(max(0.01 * rtol, min(rtol, 1e-12)) * size, atol)
+        self.resolved = 8.0 * sys.float_info.epsilon * max(size, reach)
 
     def ends(
         self, rebound: float, free_acceleration: float, restitution: float, depth: float = 0.0
@@ -30,10 +36,24 @@ class ChatterRule:
 
         `depth` [m] is how far the gap is violated already.
         """
-        height = max(self._allowed * (1.0 - restitution), self._resolved, 2.0 * depth)
-        return free_acceleration < 0.0 and rebound * rebound <= -2.0 * free_acceleration * height
+        return ends(self.allowed, self.resolved, rebound, free_acceleration, restitution, depth)
 
 
+@kernel
+def ends(
+    allowed: float,
+    resolved: float,
+    rebound: float,
+    acceleration: float,
+    restitution: float,
+    depth: float,
+) -> bool:
+    """What `ChatterRule` says of a rebound."""
+    height = max(allowed * (1.0 - restitution), resolved, 2.0 * depth)
+    return acceleration < 0.0 and rebound * rebound <= -2.0 * acceleration * height
+
+
+@kernel
 def remaining_time(rebound: float, acceleration: float, restitution: float) -> float:
     """How long [s] the bounces last from a rebound [m/s] on, under a steady acceleration.
 

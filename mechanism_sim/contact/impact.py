@@ -14,11 +14,22 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.contact.restitution import newton_impulses
-from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp
+from mechanism_sim.numerics.complementarity import (
+    Array,
+    Grip,
+    Indices,
+    largest,
+    rates,
+    solve_contacts,
+    solve_frictional_lcp,
+)
+from mechanism_sim.numerics.kernels import kernel
 
+NEWTON, POISSON, STRONGE = range(3)  # the hypotheses in arrays
+
+_WEDGED = 'a contact is wedged: no finite impulse ends its approach'
 _FIRMER = 1.0 + 1e-4  # times the friction of what is about to jam jams
 _SHORT = 1e-6  # of the time in which the accelerations would make the slip: a step of no length
 
@@ -34,6 +45,11 @@ class Hypothesis(Enum):
     NEWTON = 'newton'
     POISSON = 'poisson'
     STRONGE = 'stronge'
+
+    @property
+    def code(self) -> int:
+        """What stands for it in arrays."""
+        return list(Hypothesis).index(self)
 
 
 @dataclass(frozen=True)
@@ -110,22 +126,35 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
     ArithmeticError
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
+    p, q, slip = blow(Ann, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code)
+    if p < 0.0:
+        raise ArithmeticError(_WEDGED)
+    return Blow(p, q, slip)
+
+
+@kernel
+def blow(
+    Ann: float, Ant: float, Att: float, vn: float, vt: float, e: float, mu: float, hypothesis: int
+) -> tuple[float, float, int]:
+    """What `strike` says: normal and tangential impulse, and slip; the first is -1 if wedged."""
     if vn >= 0.0:
-        return Blow(0.0, 0.0, _sign(vt))
-    e, mu, rebound = law.restitution, law.friction, -law.restitution * vn
+        return 0.0, 0.0, _sign(vt)
+    rebound = -e * vn
     if mu == 0.0:
         p = (1.0 + e) * -vn / Ann
-        return Blow(p, 0.0, _sign(vt + Ant * p))
+        return p, 0.0, _sign(vt + Ant * p)
     slide = _slide(Ann, Ant, Att, vt, mu)
-    turn = vn + slide.rise * slide.length  # normal rate where slip stops
-    if slide.rise > 0.0 and turn >= rebound:
+    if slide.rise > 0.0 and vn + slide.rise * slide.length >= rebound:
         x = (1.0 + e) * -vn / slide.rise
-        return Blow(slide.normal * x, slide.tangential * x, slide.slip)
+        return slide.normal * x, slide.tangential * x, slide.slip
     last = _last(Ann, Ant, Att, mu, slide)
+    if last.rise <= 0.0:
+        return -1.0, 0.0, 0
+    turn = vn + slide.rise * slide.length  # normal rate where slip stops
     p, q = slide.normal * slide.length, slide.tangential * slide.length
-    if law.hypothesis is Hypothesis.NEWTON:
+    if hypothesis == NEWTON:
         more = (rebound - turn) / last.rise
-    elif law.hypothesis is Hypothesis.POISSON:
+    elif hypothesis == POISSON:
         if turn < 0.0:
             more = e * p - (1.0 + e) * turn / last.rise
         else:
@@ -138,7 +167,7 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
             left = slide.normal * (rebound * rebound - turn * turn) / slide.rise
             square = turn * turn + last.rise * left
         more = (math.sqrt(square) - turn) / last.rise
-    return Blow(p + more, q + last.tangential * more, last.slip)
+    return p + more, q + last.tangential * more, last.slip
 
 
 def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
@@ -165,6 +194,8 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
     if slide.slip == 0 or slide.rise >= 0.0:
         return Blow(0.0, 0.0, slide.slip)
     last = _last(Ann, Ant, Att, friction, slide)
+    if last.rise <= 0.0:
+        raise ArithmeticError(_WEDGED)
     more = -slide.rise * slide.length / last.rise
     return Blow(
         slide.normal * slide.length + more,
@@ -174,9 +205,9 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
 
 
 def shock(
-    A: Sequence[Sequence[float]],
-    rate: Sequence[float],
-    acceleration: Sequence[float],
+    A: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike,
     friction: Sequence[float],
 ) -> list[Blow]:
     """Impact without collision of m contacts that no forces can keep while they slide on.
@@ -202,12 +233,13 @@ def shock(
         If no slip is left to be stopped, or A is singular and no finite impulses exist.
     """
     m = len(friction)
-    if m == 1:
-        blow = jam(A[0][0], A[0][1], A[1][1], rate[1], _FIRMER * friction[0])
-        if not blow.normal:
-            raise ArithmeticError('a contact that does not jam cannot be freed by an impact')
-        return [blow]
     matrix, before, pull = np.array(A), np.array(rate), np.array(acceleration)
+    if m == 1:
+        (Ann, Ant), (_, Att) = matrix.tolist()
+        stopped = jam(Ann, Ant, Att, float(before[1]), _FIRMER * friction[0])
+        if not stopped.normal:
+            raise ArithmeticError('a contact that does not jam cannot be freed by an impact')
+        return [stopped]
     slip = np.abs(before[m:]).max()
     if not slip > 0.0:
         raise ArithmeticError('contacts that do not slide cannot be freed by an impact')
@@ -267,9 +299,7 @@ def _slides(
     return basis, [*range(m), *(m + i for i in stuck)]
 
 
-def jam_margin(
-    A: Sequence[Sequence[float]], friction: Sequence[float], slip: Sequence[int]
-) -> float:
+def jam_margin(A: ArrayLike, friction: Sequence[float], slip: Sequence[int]) -> float:
     """Determinant of the equations of closed contacts over that without friction of what slides.
 
     Where it is 0 or less, forces do not settle: the friction of sliding contacts jams them.
@@ -282,10 +312,7 @@ def jam_margin(
 
 
 def stop_slide(
-    A: Sequence[Sequence[float]],
-    rate: Sequence[float],
-    friction: Sequence[float],
-    slip: Sequence[int],
+    A: ArrayLike, rate: ArrayLike, friction: Sequence[float], slip: Sequence[int]
 ) -> list[Blow]:
     """Impact without collision of m closed contacts at the instant at which their sliding jams.
 
@@ -335,26 +362,28 @@ def stop_slide(
     ]
 
 
+@kernel
 def _slide(Ann: float, Ant: float, Att: float, vt: float, mu: float) -> _Leg:
     """The first leg: slip as it was, until vt = 0; a rough contact needs no p for that."""
     slip = _sign(vt)
-    p, q = (0.0, -float(slip)) if mu == math.inf else (1.0, -mu * slip)
+    p = 0.0 if mu == math.inf else 1.0
+    q = -float(slip) if mu == math.inf else -mu * slip
     slowing = -slip * (Ant * p + Att * q)
     length = abs(vt) / slowing if slowing > 0.0 else math.inf
     return _Leg(p, q, Ann * p + Ant * q, slip, length if slip else 0.0)
 
 
+@kernel
 def _last(Ann: float, Ant: float, Att: float, mu: float, slide: _Leg) -> _Leg:
-    """The second leg, without end: stick, or slip on with the sign of Ant."""
+    """The second leg, without end: stick, or slip on with the sign of Ant; no rise: wedged."""
     sticks = Ant == 0.0 or abs(Ant) <= mu * Att
     slip = 0 if sticks else _sign(Ant)
     q = -mu * slip if slip else -Ant / Att if Ant else 0.0
-    rise = Ann + Ant * q
-    if rise <= 0.0 or slide.length == math.inf:
-        raise ArithmeticError('a contact is wedged: no finite impulse ends its approach')
+    rise = Ann + Ant * q if slide.length < math.inf else 0.0
     return _Leg(1.0, q, rise, slip, math.inf)
 
 
+@kernel
 def _sign(x: float) -> int:
     return 1 if x > 0.0 else -1 if x < 0.0 else 0
 
@@ -406,28 +435,53 @@ def strike_together(
     """
     m = len(laws)
     matrix, before = np.array(A, dtype=float), np.array(rate, dtype=float)
-    friction = [law.friction for law in laws]
     e = np.array([law.restitution for law in laws])
-    newton = np.array([law.hypothesis is Hypothesis.NEWTON for law in laws])
-    impulses = np.zeros(2 * m)
-    if newton.all() and not any(friction):
-        normals = matrix[:m, :m].tolist()
-        impulses[:m] = newton_impulses(normals, before[:m].tolist(), e.tolist())
-    elif newton.all():
-        b = before.copy()
-        b[:m] *= 1.0 + e
-        impulses[:] = solve_frictional_lcp(matrix, b, friction)[0]
-    else:
-        impulses[:] = solve_frictional_lcp(matrix, before, friction)[0]
-        b = _rates(matrix, before, impulses)
-        b[:m] += np.where(newton, e * np.minimum(before[:m], 0.0), 0.0)
-        least = np.where(newton, 0.0, e) * impulses.reshape(2, m)
-        impulses += solve_frictional_lcp(matrix, b, friction, least=least.ravel().tolist())[0]
+    friction = np.array([law.friction for law in laws])
+    hypotheses = np.array([law.hypothesis.code for law in laws])
+    impulses, found = blows(matrix, before, e, friction, hypotheses)
+    if not found:
+        raise ArithmeticError('no impulses satisfy all contacts of this instant')
     after = _rates(matrix, before, impulses)
     return [
         Blow(float(p), float(q), _sign(float(vt)))
         for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
     ]
+
+
+@kernel
+def blows(
+    A: Array, rate: Array, e: Array, friction: Array, hypothesis: Indices
+) -> tuple[Array, bool]:
+    """What `strike_together` says, of arrays: impulses (2m,), and whether there are any."""
+    m = len(e)
+    slip, least, b = np.zeros(m, dtype=np.int64), np.zeros(2 * m), rate.copy()
+    newton = True
+    for i in range(m):
+        newton = newton and hypothesis[i] == NEWTON
+    if newton:
+        for i in range(m):
+            b[i] *= 1.0 + e[i]
+        x, _, found = solve_contacts(A, b, friction, slip, least)
+        return x, found
+    x, _, found = solve_contacts(A, b, friction, slip, least)
+    if not found:
+        return x, False
+    b = rates(A, x, rate)
+    for r in range(2 * m):
+        size = abs(rate[r])
+        for c in range(2 * m):
+            size += abs(A[r, c]) * largest(x)
+        if abs(b[r]) <= 1e-12 * size:
+            b[r] = 0.0
+    for i in range(m):
+        if hypothesis[i] == NEWTON:
+            b[i] += e[i] * min(rate[i], 0.0)
+        else:
+            least[i], least[m + i] = e[i] * x[i], e[i] * x[m + i]
+    more, _, found = solve_contacts(A, b, friction, slip, least)
+    for r in range(2 * m):
+        x[r] += more[r]
+    return x, found
 
 
 def _rates(

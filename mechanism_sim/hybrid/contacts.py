@@ -5,37 +5,41 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from time import perf_counter
 
 import heyoka as hy
 import numpy as np
 
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
-from mechanism_sim.contact.impact import (
-    Blow,
-    Hypothesis,
-    ImpactLaw,
-    jam_margin,
-    shock,
-    stop_slide,
-    strike,
-    strike_together,
+from mechanism_sim.contact.impact import Blow, Hypothesis, jam_margin, shock, stop_slide
+from mechanism_sim.contact.problem import (
+    ContactProblem,
+    Limits,
+    Mask,
+    book_rest,
+    drawn_in,
+    enter,
+    horizon_of,
+    press,
+    push,
+    release,
+    slip_of,
+    strike_all,
 )
-from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base, horner
-from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
+from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
 from mechanism_sim.hybrid.system import (
     FORCE_SCALE,
     JAMMED,
     SLIP_SCALE,
     Array,
-    ContactTerms,
     Guard,
     System,
 )
 from mechanism_sim.hybrid.tape import Status, floats
-from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp, solve_lcp
+from mechanism_sim.numerics.complementarity import OPEN, Grip
+from mechanism_sim.numerics.kernels import charge
 from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
@@ -75,7 +79,6 @@ class Contacts:
         rtol: float,
         speed: float,
     ) -> None:
-        self.impacts: list[Impact] = []
         self.mode_changes: list[ModeChange] = []
         self.base = base
         self.horizon = float('inf')
@@ -87,20 +90,30 @@ class Contacts:
         self._now = np.empty(2 * self._f + len(self._pars) + 1)
         now = floats(self._now)
         self._now_state, self._now_pars = now[: 2 * self._f], now[2 * self._f : -1]
+        self._x = integrator.state[: 2 * self._f]
         self._rule = rule
-        self._laws = [
-            ImpactLaw(gap.restitution, gap.friction, Hypothesis(gap.hypothesis))
-            for gap in system.gaps
-        ]
-        self._names = [gap.name for gap in system.gaps]
+        gaps = system.gaps
+        self._names = [gap.name for gap in gaps]
+        self.impacts = ImpactLog(self._names)
+        self._terms_now = np.zeros(system.contact_size)
+        self._problem = ContactProblem._make(
+            [
+                *system.contact_terms(self._terms_now),
+                np.zeros(len(gaps), dtype=np.bool_),
+                np.array([gap.restitution for gap in gaps], dtype=np.float64),
+                np.array([gap.friction for gap in gaps], dtype=np.float64),
+                np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
+            ]
+        )
         self._rounding = 2.0 * float(np.spacing(system.mechanism.reach))
-        self._touching = 4.0 * self._rounding  # gaps smaller than this [m] count as closed
-        # [m] what approaches within the error of a step strikes at the same instant
+        self._touching = 4.0 * self._rounding
         self._tie = max(self._touching, min(rtol, 1e-9) * system.mechanism.size)
         self._slowest = 1e-6 * speed  # [m/s] to which the damping of a touch may refer
-        self._bare = 1e3 * float(np.spacing(speed))  # [m/s] rounding of a rate after an impact
-        # [m/s] what slides or parts slower is at rest: so much a step's error may be
+        self._bare = 1e3 * float(np.spacing(speed))
         self._still = max(1e-12, 0.01 * rtol) * speed
+        self._limits = Limits(
+            self._touching, self._tie, self._bare, self._still, rule.allowed, rule.resolved
+        )
         if system.margin_index is not None:
             self._pars[system.margin_index] = self._bare
         self._floor = [
@@ -127,7 +140,7 @@ class Contacts:
         """
         own = [i for i, gap in enumerate(self._system.gaps) if gap.joint == joint]
         for i in own:
-            self._laws[i] = replace(self._laws[i], restitution=restitution)
+            self._problem.restitution[i] = restitution
         if not own:
             raise KeyError(joint)
 
@@ -138,6 +151,8 @@ class Contacts:
             self.approach = approach
             self._set(self._system.approach_index, approach)
         self.status = Status(modes, self.approach)
+        for i, mode in enumerate(modes):
+            self._problem.closed[i] = mode > 1  # 1: free flight
         self.flying = int(Mode.FREE_FLIGHT) in modes
         s = self._system
         smooth = not (s.frictional or s.compliant)
@@ -153,13 +168,15 @@ class Contacts:
         for i, value in zip(index, values, strict=True):
             self._pars[i] = value
 
-    def _at_present(self, function: hy.cfunc_dbl, ahead: float = 0.0) -> Array:
+    def _at_present(
+        self, function: hy.cfunc_dbl, ahead: float = 0.0, out: Array | None = None
+    ) -> Array:
         """A function of the system, now, or where it is a very short time `ahead` [s]."""
         self._now_state[:], self._now_pars[:] = self._state, self._pars
         self._now[-1] = self._ta.time + ahead
         if ahead:
             self._now[: self._f] += ahead * self._now[self._f : 2 * self._f]
-        values: Array = function(self._now)
+        values: Array = function(self._now, outputs=out)
         return values
 
     def set_switches(self, rows: tuple[int, ...] | None = None) -> None:
@@ -222,7 +239,7 @@ class Contacts:
             self.pass_edges()
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
-            terms = self._terms()
+            terms = self.terms()
             self.set_modes(
                 tuple(
                     int(self._mode_of_closed(terms, i)) if shut else mode
@@ -246,7 +263,7 @@ class Contacts:
         if self._system.compliant:
             self._respond_to_fallen()
             return
-        terms = self._terms()
+        terms = self.terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
             # as good as resting is what would rise no farther than rounding reaches
             stays = rate <= 0.0 or self._rule.ends(rate, terms.acceleration[i], 1.0, -value)
@@ -257,10 +274,13 @@ class Contacts:
     def handle(self, guard: int) -> None:
         """A guard fell through zero."""
         found = self._system.guards[guard]
-        if not (self._flies_free and found.switch is None and self._bounce(found.gap)):
+        if self._flies_free and found.switch is None and self._bounce(found.gap):
+            if len(self._floor) == len(self.modes):
+                return
+        else:
+            began = perf_counter()
             self._respond(found)
-        elif len(self._floor) == len(self.modes):
-            return
+            charge(perf_counter() - began)
         if len(self._floor) > 1:
             self._respond_to_fallen()
 
@@ -312,7 +332,7 @@ class Contacts:
                 self.modes = before
                 self._rest(closed, closed, given={gap: -guard.friction})
             elif guard.friction < 0:
-                if not self._slip(self._terms(), gap):  # nothing to be stopped: it lifts off
+                if not self._slip(self.terms(), gap):  # nothing to be stopped: it lifts off
                     self._change(gap, Mode.FREE_FLIGHT)
                     self._separate([gap])
                     self._record_modes(before)
@@ -357,14 +377,14 @@ class Contacts:
 
         Those that part faster than they press recover.
         """
-        terms, speeds = self._terms(), list(self.approach)
+        terms, speeds = self.terms(), list(self.approach)
         for i, (gap, value) in enumerate(zip(self._system.gaps, terms.value, strict=True)):
             if self.closed(i) and gap.law is not None:
                 depth = max(0.0, -float(gap.distance(np.array(value))))
                 speed = gap.law.loading_speed(depth, 1.0 / terms.compliance[i][i])
                 speeds[i] = max(speed, self._slowest)
         self.set_modes(self.modes, tuple(speeds))
-        relief = self._terms().relief
+        relief = self.terms().relief
         self.set_modes(
             tuple(
                 int(Mode.RECOVERING) if self.closed(i) and relief[i] < 0.0 else mode
@@ -377,7 +397,7 @@ class Contacts:
 
         Or it stops to press, or begins to do so again, while the links overlap.
         """
-        terms, joint = self._terms(), self._system.gaps[gap]
+        terms, joint = self.terms(), self._system.gaps[gap]
         law = joint.law
         if law is None:
             raise ValueError('a compliant contact has a law')
@@ -406,20 +426,17 @@ class Contacts:
 
     def _leaves(self, gap: int) -> bool:
         """Whether a compliant contact is about to open: its force and friction are nothing."""
-        terms = self._terms()
+        terms = self.terms()
         depth = -float(self._system.gaps[gap].distance(np.array(terms.value[gap])))
         return depth <= INSIDE and terms.rate[gap] > 0.0
 
     def _change(self, gap: int, mode: Mode) -> None:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
 
-    def terms(self) -> ContactTerms:
-        """The gaps at the present state."""
-        return self._terms()
-
-    def _terms(self) -> ContactTerms:
-        out = self._at_present(self._system.contact_function)
-        return self._system.contact_terms(out.tolist())
+    def terms(self) -> ContactProblem:
+        """The gaps at the present state, until asked again."""
+        self._at_present(self._system.contact_function, out=self._terms_now)
+        return self._problem
 
     def singular_joints(self, distance: float = 1e-6) -> list[str]:
         """The joints whose closures depend on those before them, to the root of a distance."""
@@ -442,69 +459,39 @@ class Contacts:
 
     def _collide(self, gap: int) -> None:
         """Impact in `gap` and in all others that touch; then those at rest are sorted out."""
-        terms = self._terms()
-        touching = [
-            i
-            for i, value in enumerate(terms.value)
-            if i == gap
-            or self.closed(i)
-            or abs(value) <= self._touching
-            or (value <= self._tie and terms.rate[i] < 0.0)
-        ]
-        rows = self._rows(touching)
-        rate = [terms.rate[r] for r in rows]
-        A = [[terms.compliance[r][c] for c in rows] for r in rows]
-        laws = [
-            ImpactLaw(
-                0.0 if self.closed(i) or r >= 0.0 else self._laws[i].restitution,
-                self._laws[i].friction,
-                self._laws[i].hypothesis,
-            )
-            for i, r in zip(touching, rate, strict=False)
-        ]
-        blows, after = _strike(A, rate, laws)
-        ended = [
-            self._rule.ends(ra, terms.acceleration[i], law.restitution, -terms.value[i])
-            for i, ra, law in zip(touching, after, laws, strict=False)
-        ]
-        if any(stop and law.restitution for stop, law in zip(ended, laws, strict=True)):
-            laws = [
-                ImpactLaw(0.0, law.friction, law.hypothesis) if stop else law
-                for law, stop in zip(laws, ended, strict=True)
-            ]
-            blows, after = _strike(A, rate, laws)
-        resting = []
-        for k, (i, blow, stop) in enumerate(zip(touching, blows, ended, strict=True)):
-            if blow.normal > 0.0 or blow.tangential:
-                self._push(terms, i, blow)
-                # a closed contact takes part in the impacts of others
-                felt = max(blow.normal, abs(blow.tangential)) * A[k][k]
-                if not self.closed(i) or felt > self._bare:
-                    tangents = [x[k + len(touching)] if len(x) > len(touching) else 0.0
-                                for x in (rate, after)]  # fmt: skip
-                    self._record_impact(
-                        terms, i, blow, (rate[k], after[k]), (tangents[0], tangents[1]), stop
-                    )
-            # neither does one rest less that would rise no farther than rounding reaches
-            low = self._rule.ends(after[k], terms.acceleration[i], 1.0, -terms.value[i])
-            self._expect_return(after[k], terms.acceleration[i])
-            stays = self._still if self.closed(i) else self._bare
-            if low or after[k] <= max(-1e-9 * rate[k], stays):
-                resting.append(i)
+        log = self.impacts
+        log.reserve(len(self.modes))
+        done = strike_all(
+            self.terms(),
+            self._limits,
+            gap,
+            self.time,
+            self._drive_rates,
+            self._x[self._f :],
+            log.rows,
+            log.count,
+        )
+        if not done.found:
+            raise ArithmeticError('no impulses satisfy all contacts of this instant')
+        log.count = done.entered
+        self.horizon = min(self.horizon, done.horizon)
+        touching = np.flatnonzero(done.touching).tolist()
+        resting = np.flatnonzero(done.resting).tolist()
         if resting or any(self.closed(i) for i in touching):
             self._rest(resting, touching)
 
-    def _rows(self, gaps: Sequence[int]) -> list[int]:
-        """The rows of some gaps: their normals, then, with friction anywhere, their tangents."""
-        tangents = [len(self.modes) + i for i in gaps] if self._system.frictional else []
-        return [*gaps, *tangents]
+    @property
+    def _drive_rates(self) -> Array:
+        """Of the drives that hold their law (p,) [rad/s]."""
+        tau = self._ta.time
+        return np.array([rate_of(law, tau) for law in self.base.laws])
 
     def _bounce(self, i: int) -> bool:
         """Impact of a gap without friction while all fly: `_collide` without its bookkeeping.
 
         False, and nothing is done, if another gap might touch at the same instant.
         """
-        f, m, e = self._f, len(self.modes), self._laws[i].restitution
+        f, m, e = self._f, len(self.modes), float(self._problem.restitution[i])
         terms = self._at_present(self._system.contact_function).tolist()
         if m > 1 and any(x <= self._tie and k != i for k, x in enumerate(terms[:m])):
             return False
@@ -519,85 +506,25 @@ class Contacts:
         if p > 0.0:
             for k in range(f):
                 self._state[f + k] += terms[response + k] * p
-            drives = [x * p for x in terms[drive + i * driven : drive + (i + 1) * driven]]
+            impulse = work = 0.0
+            for k, law in enumerate(self.base.laws):
+                x = terms[drive + i * driven + k] * p
+                impulse += x
+                work += x * rate_of(law, self._ta.time)
             left = remaining_time(-e * rate, acceleration, e) if stop else 0.0
             angle = terms[drive + m * driven + i]
-            self._enter_impact(i, angle, (p, 0.0), rate, after, 0.0, drives, stop, left)
+            loss = -0.5 * (rate + after) * p
+            self.impacts.enter(
+                (self.time, i, angle, -rate, after, p, 0.0, loss, impulse, work, stop, left)
+            )
         self._expect_return(after, acceleration)
         if after <= -1e-9 * rate:
             self._rest([i], [i])
         return True
 
     def _expect_return(self, rebound: float, acceleration: float) -> None:
-        """Let the next step be no longer than 100 flights that fall back steadily.
-
-        A number off the powers of two, at which the search for roots bisects.
-        """
-        if rebound > 0.0 and acceleration < 0.0:
-            self.horizon = min(self.horizon, -200.0 * rebound / acceleration)
-
-    def _push(self, terms: ContactTerms, gap: int, blow: Blow) -> None:
-        x, f = self._state, self._f
-        for k, w in enumerate(terms.response[gap]):
-            x[f + k] += w * blow.normal
-        if blow.tangential:
-            for k, w in enumerate(terms.response[len(self.modes) + gap]):
-                x[f + k] += w * blow.tangential
-
-    def _record_impact(
-        self,
-        terms: ContactTerms,
-        i: int,
-        blow: Blow,
-        normal: tuple[float, float],
-        tangential: tuple[float, float],
-        stop: bool,
-    ) -> None:
-        """Enter an impact, given the rates before and after it."""
-        e, (p, q, _) = self._laws[i].restitution, blow
-        left = remaining_time(-e * normal[0], terms.acceleration[i], e) if stop else 0.0
-        drives = [x * p for x in terms.drive_response[i]]
-        if q:
-            other = terms.drive_response[len(self.modes) + i]
-            drives = [x + y * q for x, y in zip(drives, other, strict=True)]
-        slid = -0.5 * (tangential[0] + tangential[1]) * q
-        self._enter_impact(i, terms.normal_angle[i], (p, q), *normal, slid, drives, stop, left)
-
-    def _enter_impact(
-        self,
-        i: int,
-        angle: float,
-        impulse: tuple[float, float],
-        before: float,
-        after: float,
-        slid: float,
-        drives: list[float],
-        stop: bool,
-        left: float,
-    ) -> None:
-        """The record of an impact: normal rates before and after, energy lost by sliding."""
-        tau = self._ta.time
-        angular = work = 0.0
-        for x, law in zip(drives, self.base.laws, strict=True):
-            angular += x
-            work += x * rate_of(law, tau)
-        p, q = impulse
-        self.impacts.append(
-            Impact(
-                self.base.at(tau),
-                self._names[i],
-                angle,
-                -before,
-                after if after > 0.0 else 0.0,
-                p,
-                q,
-                -0.5 * (before + after) * p + slid,
-                angular,
-                work,
-                stop,
-                left,
-            )
-        )
+        """Let the next step be no longer than flights that fall back steadily allow."""
+        self.horizon = min(self.horizon, horizon_of(rebound, acceleration))
 
     # --- contacts that stay -------------------------------------------------------------------
 
@@ -614,18 +541,19 @@ class Contacts:
         collision stops its sliding first. Contacts that are about to slide have their signs in
         `given`.
         """
-        before = self.modes
-        terms = self._terms()
-        try:
-            found = self._press(terms, resting, given or {})
-        except ArithmeticError as error:
+        before, terms, m = self.modes, self.terms(), len(self.modes)
+        slips = np.zeros(m, dtype=np.int64)
+        for i, sign in (given or {}).items():
+            slips[i] = sign
+        grips, solved = press(terms, self._limits, self._mask(resting), slips)
+        if not solved:
             near = [i for i, x in enumerate(terms.value) if abs(x) <= self._touching]
             near = sorted({*touching, *near})
             try:
                 if not jams:
-                    raise error
+                    raise ArithmeticError('friction jams again and again')
                 rest = self._shock(terms, near, resting)
-            except ArithmeticError:
+            except ArithmeticError as error:
                 raise RunError(
                     f'friction jams {", ".join(self._names[i] for i in resting)} at t = '
                     f'{self.time:.12g} s{self._where}: neither forces nor finite impulses within '
@@ -633,109 +561,54 @@ class Contacts:
                 ) from error
             self._rest(rest, near, jams - 1)
             return
+        found = {
+            i: _GRIPS[grip] if terms.friction[i] else Mode.FOLLOWING
+            for i, grip in enumerate(grips.tolist())
+            if grip != OPEN
+        }
         modes = tuple(
             int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
             for i, mode in enumerate(before)
         )
-        begins = self._beginning(terms, found)
+        begins = self._beginning(terms, found) if self._system.frictional else []
         self.set_modes(
             tuple(int(Mode.STICKING) if i in begins else mode for i, mode in enumerate(modes))
         )
-        if len(before) > 1 or self._system.frictional:
-            self._book_rest(terms, found)
+        log = self.impacts
+        if (m > 1 or self._system.frictional) and log.count and log.last_time == self.time:
+            kept = self._mask([*found, *(m + i for i, x in found.items() if x == Mode.STICKING)])
+            book_rest(terms, self._limits, kept, self._drive_rates, log.rows[log.count - 1])
         self.project()
         if begins:  # to slide, from a slip of exactly zero
             self.set_modes(modes)
         parting = [i for i in resting if i not in found]
         if parting:
             self._separate(parting)
-        drawn = self._drawn_in(resting) if len(before) > 1 else []
-        if drawn:
-            self._rest([*resting, *drawn], [*touching, *drawn], jams)
+        if m > 1:
+            mask, horizon = drawn_in(self.terms(), self._limits, self._mask(resting))
+            self.horizon = min(self.horizon, horizon)
+            drawn = np.flatnonzero(mask).tolist()
+            if drawn:
+                self._rest([*resting, *drawn], [*touching, *drawn], jams)
         self._record_modes(before)
 
-    def _book_rest(self, terms: ContactTerms, found: Mapping[int, Mode]) -> None:
-        """Enter what it takes to bring contacts to rest that nearly are, with the last impact."""
-        if not (self.impacts and self.impacts[-1].t == self.time):
-            return
-        rows = [*found, *(len(self.modes) + i for i, m in found.items() if m == Mode.STICKING)]
-        rate = np.array([terms.rate[r] for r in rows])
-        if np.abs(rate).max(initial=0.0) <= self._bare:
-            return
-        K = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
-        impulse = np.linalg.lstsq(K, -rate, rcond=None)[0]
-        drives = np.array([terms.drive_response[r] for r in rows]).T @ impulse
-        tau, last = self._ta.time, self.impacts[-1]
-        work = sum(x * rate_of(law, tau) for x, law in zip(drives, self.base.laws, strict=True))
-        self.impacts[-1] = last._replace(
-            energy_loss=last.energy_loss - 0.5 * float(rate @ impulse),
-            drive_impulse=last.drive_impulse + float(drives.sum()),
-            drive_work=last.drive_work + float(work),
-        )
+    def _mask(self, rows: Sequence[int]) -> Mask:
+        """Flags (r,) of some rows, of which those of the gaps come first."""
+        mask = np.zeros(len(self._problem.rate), dtype=np.bool_)
+        mask[rows] = True
+        return mask
 
-    def _drawn_in(self, known: list[int]) -> list[int]:
-        """Open gaps that the contacts now closed draw shut before they have risen at all."""
-        terms = self._terms()
-        drawn = []
-        for i, value in enumerate(terms.value):
-            if self.closed(i) or i in known:
-                continue
-            rate, acceleration = terms.rate[i], terms.acceleration[i]
-            rises = rate > 0.0 and not self._rule.ends(rate, acceleration, 1.0, -value)
-            near = value <= self._touching and rate >= -self._bare
-            if near and acceleration < 0.0 and not rises:
-                drawn.append(i)
-            else:
-                self._expect_return(rate, acceleration)
-        return drawn
+    def _slip(self, terms: ContactProblem, gap: int) -> int:
+        """Which way a contact with friction slides, 0 if not at all."""
+        return int(slip_of(terms, gap, self._still))
 
-    def _slip(self, terms: ContactTerms, gap: int, still: float | None = None) -> int:
-        """Which way a contact with friction slides, 0 if not at all: not faster than `still`."""
-        if not self._laws[gap].friction:
-            return 0
-        speed = terms.rate[len(self.modes) + gap]
-        limit = self._still if still is None else still
-        return 0 if abs(speed) <= limit else int(math.copysign(1.0, speed))
-
-    def _mode_of_closed(self, terms: ContactTerms, gap: int) -> Mode:
+    def _mode_of_closed(self, terms: ContactProblem, gap: int) -> Mode:
         """Of a gap that is closed from now on."""
-        return _SLIDING[self._slip(terms, gap)] if self._laws[gap].friction else Mode.FOLLOWING
-
-    def _press(
-        self, terms: ContactTerms, resting: list[int], given: Mapping[int, int]
-    ) -> dict[int, Mode]:
-        """Mode of those contacts that stay closed."""
-        if not resting:
-            return {}
-        rows = self._rows(resting)
-        A = [[terms.compliance[r][c] for c in rows] for r in rows]
-        b = [terms.free_acceleration[r] for r in rows]
-        if not self._system.frictional:
-            forces = solve_lcp(A, b)
-            return {i: Mode.FOLLOWING for i, x in zip(resting, forces, strict=True) if x > 0.0}
-        friction = [self._system.dynamics.friction[i] for i in resting]
-        # what slides no farther than rounding reaches may as well be at rest
-        pull = max(map(abs, terms.free_acceleration))
-        slow = max(self._still, math.sqrt(2.0 * self._touching * pull))
-        for still in (slow, self._still):
-            moving = [given.get(i, self._slip(terms, i, still)) for i in resting]
-            forces, grips = solve_frictional_lcp(A, b, friction, moving)
-            found = {
-                i: _GRIPS[grip] if mu else Mode.FOLLOWING
-                for i, mu, force, grip in zip(resting, friction, forces, grips, strict=False)
-                if force > 0.0
-            }
-            if all(
-                _SIGNS.get(mode, 0) * self._slip(terms, i) >= 0
-                for i, mode in found.items()
-                if i not in given
-            ):
-                break
-        return found
+        return _SLIDING[self._slip(terms, gap)] if terms.friction[gap] else Mode.FOLLOWING
 
     def _shock(
         self,
-        terms: ContactTerms,
+        terms: ContactProblem,
         gaps: Sequence[int],
         resting: Sequence[int],
         jammed: int | None = None,
@@ -750,13 +623,13 @@ class Contacts:
             If nothing slides, or no finite impulses keep the contacts.
         """
         rows, A, friction = self._frictional(terms, gaps)
-        rates = [terms.rate[r] for r in rows]
+        rates = terms.rate[rows]
         before = [
             0.0 if r in resting or abs(x) <= self._still else x
-            for r, x in zip(rows, rates, strict=True)
+            for r, x in zip(rows, rates.tolist(), strict=True)
         ]
         friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
-        blows = shock(A, before, [terms.free_acceleration[r] for r in rows], friction)
+        blows = shock(A, before, terms.free_acceleration[rows], friction)
         after = self._free(terms, gaps, blows)
         return [
             i
@@ -764,7 +637,7 @@ class Contacts:
             if after[k] <= max(self._still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
         ]
 
-    def _beginning(self, terms: ContactTerms, found: Mapping[int, Mode]) -> list[int]:
+    def _beginning(self, terms: ContactProblem, found: Mapping[int, Mode]) -> list[int]:
         """Contacts that begin to slide and whose slips can all be brought to zero at once."""
         m = len(self.modes)
         stuck = [m + i for i, mode in found.items() if mode == Mode.STICKING]
@@ -773,7 +646,7 @@ class Contacts:
             if not _SIGNS.get(mode) or self._slip(terms, i):
                 continue
             rows = [*found, *stuck, *(m + k for k in begins), m + i]
-            A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
+            A = terms.compliance[np.ix_(rows, rows)]
             size = np.sqrt(A.diagonal())
             if np.linalg.svd(A / np.outer(size, size), compute_uv=False)[-1] > _INDEPENDENT:
                 begins.append(i)
@@ -784,11 +657,11 @@ class Contacts:
 
         Returns those which rest after it.
         """
-        terms = self._terms()
+        terms = self.terms()
         rows, A, friction = self._frictional(terms, closed)
         slip = [_SIGNS.get(self.modes[i], 0) for i in closed]
         try:
-            blows = stop_slide(A, [terms.rate[r] for r in rows], friction, slip)
+            blows = stop_slide(A, terms.rate[rows], friction, slip)
         except ArithmeticError:
             with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
                 return self._shock(terms, closed, closed, gap)
@@ -798,30 +671,30 @@ class Contacts:
 
     def _jammed(self, closed: Sequence[int], slip: Sequence[int]) -> bool:
         """Whether closed contacts could not slide like this."""
-        _, A, friction = self._frictional(self._terms(), closed)
+        _, A, friction = self._frictional(self.terms(), closed)
         return jam_margin(A, friction, slip) <= JAMMED
 
     def _frictional(
-        self, terms: ContactTerms, gaps: Sequence[int]
-    ) -> tuple[list[int], list[list[float]], list[float]]:
+        self, terms: ContactProblem, gaps: Sequence[int]
+    ) -> tuple[list[int], Array, list[float]]:
         """Rows of gaps, rates of these per unit impulse, and coefficients of friction."""
-        rows = self._rows(gaps)
-        A = [[terms.compliance[r][c] for c in rows] for r in rows]
-        return rows, A, [self._system.dynamics.friction[i] for i in gaps]
+        rows = [*gaps, *(len(self.modes) + i for i in gaps)]
+        friction = [self._system.dynamics.friction[i] for i in gaps]
+        return rows, terms.compliance[np.ix_(rows, rows)], friction
 
-    def _free(
-        self, terms: ContactTerms, gaps: Sequence[int], blows: Sequence[Blow]
-    ) -> list[float]:
+    def _free(self, terms: ContactProblem, gaps: Sequence[int], blows: Sequence[Blow]) -> Array:
         """Apply and enter an impact without collision; the rates of all rows after it."""
         rows, A, _ = self._frictional(terms, gaps)
-        rates = [terms.rate[r] for r in rows]
-        impulses = [*(b.normal for b in blows), *(b.tangential for b in blows)]
-        after, m = _after(A, rates, impulses), len(gaps)
-        for k, (i, blow) in enumerate(zip(gaps, blows, strict=True)):
-            if blow.normal or blow.tangential:
-                self._push(terms, i, blow)
-                normal, tangential = (rates[k], after[k]), (rates[m + k], after[m + k])
-                self._record_impact(terms, i, blow, normal, tangential, stop=True)
+        rates, n, log = terms.rate[rows], len(gaps), self.impacts
+        after = rates + A @ [*(b.normal for b in blows), *(b.tangential for b in blows)]
+        log.reserve(n)
+        for k, (i, (p, q, _slip)) in enumerate(zip(gaps, blows, strict=True)):
+            if p or q:
+                push(terms, i, p, q, self._x[self._f :])
+                pair, row = [k, n + k], log.rows[log.count]
+                drives = self._drive_rates
+                enter(terms, i, p, q, rates[pair], after[pair], True, self.time, drives, row)
+                log.count += 1
         return after
 
     def _separate(self, gaps: Sequence[int]) -> None:
@@ -830,75 +703,26 @@ class Contacts:
         A flight that started on the wrong side of zero would never be seen to end. Other open
         gaps that touch at rest are moved along, lest they are pushed out.
         """
-        x, f = self._state, self._f
         for roundings in (1.0, 2.0, 4.0, 8.0):
-            terms = self._terms()
+            terms = self.terms()
             if roundings > 1.0 and all(terms.value[i] > 0.0 for i in gaps):
                 return
-            target = roundings * self._rounding
             moved = list(gaps)
             if len(self.modes) > 1:
                 moved += [
                     i
-                    for i, value in enumerate(terms.value)
+                    for i, value in enumerate(terms.value.tolist())
                     if not self.closed(i)
                     and i not in moved
                     and abs(value) <= self._touching
                     and abs(terms.rate[i]) <= self._bare
                 ]
-            if len(moved) == 1:
-                (gap,) = moved
-                scale = 1.0 / terms.compliance[gap][gap]
-                shift = [(target - terms.value[gap]) * scale]
-                kick = [-terms.rate[gap] * scale]
-            else:
-                A = np.array([[terms.compliance[i][k] for k in moved] for i in moved])
-                off = [(target - terms.value[i], -terms.rate[i]) for i in moved]
-                shift, kick = np.linalg.lstsq(A, np.array(off), rcond=1e-10)[0].T.tolist()
-            for gap, s, k in zip(moved, shift, kick, strict=True):
-                for n, w in enumerate(terms.response[gap]):
-                    x[n] += w * s
-                    x[f + n] += w * k
+            release(terms, self._mask(moved), roundings * self._rounding, self._x)
 
     def _record_modes(self, before: tuple[int, ...]) -> None:
         for name, old, new in zip(self._names, before, self.modes, strict=True):
             if old != new:
                 self.mode_changes.append(ModeChange(self.time, name, Mode(new), Mode(old)))
-
-
-def _strike(
-    A: list[list[float]], rate: list[float], laws: Sequence[ImpactLaw]
-) -> tuple[list[Blow], list[float]]:
-    """Impulses of the contacts, and the rates of all rows after them."""
-    m = len(laws)
-    newton = all(law.hypothesis is Hypothesis.NEWTON for law in laws)
-    if m == 1 and len(rate) == 2:
-        blows = [strike(A[0][0], A[0][1], A[1][1], rate[0], rate[1], laws[0])]
-    elif m == len(rate) and newton:
-        impulses = newton_impulses(A, rate, [law.restitution for law in laws])
-        blows = [Blow(p, 0.0, 0) for p in impulses]
-    else:
-        if m == len(rate):  # no friction anywhere
-            A = [[*row, *[0.0] * m] for row in A] + [[0.0] * (2 * m)] * m
-            rate = [*rate, *[0.0] * m]
-        try:
-            blows = strike_together(A, rate, laws)
-        except ArithmeticError:
-            # Moreau's form may have no solution with friction; two phases always have one
-            poisson = [replace(law, hypothesis=Hypothesis.POISSON) for law in laws]
-            blows = strike_together(A, rate, poisson)
-    impulses = [b.normal for b in blows]
-    if len(rate) > m:
-        impulses += [b.tangential for b in blows]
-    return blows, _after(A, rate, impulses)
-
-
-def _after(A: list[list[float]], rate: list[float], impulses: list[float]) -> list[float]:
-    """Rates of all rows after impulses."""
-    return [
-        r + sum([a * p for a, p in zip(row, impulses, strict=True)])
-        for r, row in zip(rate, A, strict=True)
-    ]
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

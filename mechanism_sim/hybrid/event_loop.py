@@ -18,6 +18,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from mechanism_sim.contact.chatter import ChatterRule
+from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.contacts import Contacts
@@ -25,7 +26,7 @@ from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
-from mechanism_sim.hybrid.system import WATCH_SCALE, Array, ContactTerms, System
+from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
 from mechanism_sim.hybrid.tape import Motion, Tape, floats
 from mechanism_sim.hybrid.touches import Touch, Touches
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -170,7 +171,7 @@ class EventLoop:
         return self._base.at(tau)
 
     @property
-    def contact_terms(self) -> ContactTerms:
+    def contact_terms(self) -> ContactProblem:
         """The gaps at the present state."""
         return self._contacts.terms()
 
@@ -498,7 +499,7 @@ class EventLoop:
         self._pending = None
         self._start_base()
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
-        self._contacts.impacts, self._contacts.horizon = [], math.inf
+        self._contacts.impacts.count, self._contacts.horizon = 0, math.inf
         if self._touches:
             self._touches.restart()
         self._begin(state)
@@ -554,7 +555,7 @@ class EventLoop:
         if self._touches:
             self._touches.present = tuple(Touch(*touch) for touch in s.touches)
         self._contacts.horizon = s.horizon
-        self._contacts.impacts, self._contacts.mode_changes = [], []
+        self._contacts.impacts.count, self._contacts.mode_changes = 0, []
         self._pending = None
         self._next_base = s.next_base
         self._last_event, self._simultaneous = s.last_event, s.simultaneous
@@ -570,7 +571,7 @@ class EventLoop:
     def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
         """Motion and events since the last call."""
         contacts = self._contacts
-        impacts, contacts.impacts = contacts.impacts, []
+        impacts = contacts.impacts.drain()
         changes, contacts.mode_changes = contacts.mode_changes, []
         motion = self._tape.drain()
         if self._touches:

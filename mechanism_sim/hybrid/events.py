@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import Enum, IntEnum
 from itertools import groupby
 from typing import NamedTuple
+
+import numpy as np
 
 
 class Mode(IntEnum):
@@ -56,6 +58,45 @@ class Impact(NamedTuple):
     def sudden_loss(self) -> float:
         """Energy [J] that is lost at `t`, beside what the motion loses: none of a touch."""
         return 0.0 if self.duration else self.energy_loss
+
+
+class ImpactLog:
+    """Impacts in the order in which they happen, as rows of numbers.
+
+    Attributes
+    ----------
+    rows : (n, 12) columns as `contact.problem` names them; the first `count` are filled
+    """
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        self._joints = joints
+        self.rows = np.empty((64, 12))
+        self.count = 0
+
+    def reserve(self, more: int) -> None:
+        """Make room for some more rows."""
+        if self.count + more > len(self.rows):
+            self.rows = np.concatenate([self.rows, np.empty((len(self.rows) + more, 12))])
+
+    def enter(self, row: Sequence[float]) -> None:
+        """Enter an impact."""
+        self.reserve(1)
+        self.rows[self.count] = row
+        self.count += 1
+
+    @property
+    def last_time(self) -> float:
+        """When the last impact happened [s]."""
+        return float(self.rows[self.count - 1, 0])
+
+    def drain(self) -> list[Impact]:
+        """The impacts since the last call."""
+        found = [
+            Impact._make((t, self._joints[int(gap)], *others, bool(ends), left, 0.0, 0.0))
+            for t, gap, *others, ends, left in self.rows[: self.count].tolist()
+        ]
+        self.count = 0
+        return found
 
 
 class ModeChange(NamedTuple):

@@ -56,20 +56,6 @@ JAMMED_ROUGH = 0.1
 """The same for rough contacts, which jam a little earlier than those of a large coefficient."""
 
 
-class ContactTerms(NamedTuple):
-    """The m gaps at one state: r rows, all normals, then all tangents if there is friction."""
-
-    value: list[float]  #: (m,) [m]
-    rate: list[float]  #: (r,) [m/s]
-    free_acceleration: list[float]  #: (r,) their derivatives while no gap carries force [m/s^2]
-    acceleration: list[float]  #: (r,) their derivatives with the forces of the gaps now closed
-    response: list[list[float]]  #: (r, f) rates gained per unit impulse, closures kept
-    compliance: list[list[float]]  #: (r, r) rates of the rows per unit impulse [1/kg]
-    drive_response: list[list[float]]  #: (r, p) impulse of the drives per unit impulse
-    normal_angle: list[float]  #: (m,) [rad]
-    relief: list[float]  #: (m,) [m/s] of compliant contacts, else ()
-
-
 class TouchTerms(NamedTuple):
     """The m compliant contacts at N instants."""
 
@@ -397,25 +383,22 @@ class System:
     def _normal_angles(self) -> list[Term]:
         return [hy.atan2(dense(y.value), dense(x.value)) for x, y in self._normals]
 
-    def contact_terms(self, out: list[float]) -> ContactTerms:
-        """The output of `contact_function` by name."""
+    @cached_property
+    def contact_size(self) -> int:
+        """Length of the output of `contact_function`."""
+        return sum(math.prod(shape) for shape in self._contact_shapes)
+
+    @cached_property
+    def _contact_shapes(self) -> list[tuple[int, ...]]:
         m, f, p = len(self.gaps), len(self.free), len(self.prescribed)
         r = len(self.dynamics.rows)
-        h = m + 3 * r
-        i = h + r * f
-        j = i + r * r
-        k = j + r * p
-        return ContactTerms(
-            out[:m],
-            out[m : m + r],
-            out[m + r : m + 2 * r],
-            out[m + 2 * r : h],
-            [out[h + n * f : h + (n + 1) * f] for n in range(r)],
-            [out[i + n * r : i + (n + 1) * r] for n in range(r)],
-            [out[j + n * p : j + (n + 1) * p] for n in range(r)],
-            out[k : k + m],
-            out[k + m :],
-        )
+        relief = m if self.compliant else 0
+        return [(m,), (r,), (r,), (r,), (r, f), (r, r), (r, p), (m,), (relief,)]
+
+    def contact_terms(self, out: Array) -> list[Array]:
+        """Views of an output of `contact_function`, as `contact.problem` names them."""
+        parts = np.split(out, np.cumsum([math.prod(shape) for shape in self._contact_shapes[:-1]]))
+        return [x.reshape(shape) for x, shape in zip(parts, self._contact_shapes, strict=True)]
 
     @cached_property
     def projection(self) -> hy.cfunc_dbl:

@@ -1,18 +1,538 @@
-"""Linear complementarity for the few contacts of one instant."""
+"""Linear complementarity for the contacts of one instant, solved by Lemke's method.
+
+What is marked `kernel` is made of plain loops over arrays.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from enum import Enum
-from itertools import combinations, product
-from typing import NamedTuple
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.numerics.kernels import kernel
 
-def solve_lcp(A: list[list[float]], b: list[float]) -> list[float]:
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_PIVOT = 1e-11  # least pivot, the entries being about 1
+_TIE = 1e-13  # ratios that differ by less are equal
+_EXACT = 1e-9  # of the terms of a row: more is not left over
+_ROUNDING = 1e-12  # of the largest rate: less is zero
+_NOTHING = 1e-14  # of the largest impulse
+_DEPENDENT = 1e-10  # least pivot of a row that does not depend on others
+_REGULAR = 1e-12  # least determinant over the product of the diagonal
+_COVERS = 3  # vectors that are tried
+_GOLDEN = 0.6180339887498949
+_WEAKEST = 1e-3, 1e-5  # least reciprocal of a coefficient of friction while pivoting
+
+OPEN, STICK, FORWARD, BACKWARD = range(4)
+
+
+class Grip(IntEnum):
+    """What a contact does: it carries no force, or sticks, or slips along or against +t."""
+
+    OPEN = OPEN
+    STICK = STICK
+    FORWARD = FORWARD
+    BACKWARD = BACKWARD
+
+
+@kernel
+def lemke(M: Array, q: Array, cover: Array, start: int) -> tuple[Indices, bool]:
+    """Complementary basis of ``w = M z + q``, ``w, z >= 0``, ``w . z = 0``, by C. E. Lemke.
+
+    The vector `cover` > 0 times an artificial variable is added to w, which makes it positive, and
+    that variable is pivoted out. Ties are broken lexicographically, so that no basis comes twice
+    (R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, 1992, 4.4 and 4.9).
+
+    Parameters
+    ----------
+    M : (n, n)
+    q, cover : (n,)
+    start : which ``z_i`` is exchanged with its ``w_i`` beforehand, if it can be; none if -1
+
+    Returns
+    -------
+    (n,) basic variables, ``w_i`` as i and ``z_i`` as n + i, and whether the artificial one left
+    the basis. If M is copositive and there is a solution, it does.
+    """
+    n = len(q)
+    # every row says: its basic variable + its entries times the nonbasic ones = the last entry
+    T = np.empty((n, n + 2))
+    basic, nonbasic = np.empty(n, dtype=np.int64), np.empty(n + 1, dtype=np.int64)
+    place = np.empty(2 * n + 1, dtype=np.int64)  # of a variable: its column, or its row - n
+    row, column = 0, n
+    for i in range(n):
+        for k in range(n):
+            T[i, k] = -M[i, k]
+        T[i, n], T[i, n + 1] = 0.0, q[i]
+        basic[i], nonbasic[i] = i, n + i
+        place[i], place[n + i] = i - n, i
+    nonbasic[n], place[2 * n] = 2 * n, n
+    if start >= 0:
+        if abs(T[start, start]) < _TIE:
+            return basic, False
+        exchange(T, start, start)
+        basic[start], nonbasic[start] = n + start, start
+        place[start], place[n + start] = start, start - n
+    first = basic.copy()
+    for i in range(n):
+        T[i, n] = -cover[i]
+        if T[i, n + 1] / cover[i] <= T[row, n + 1] / cover[row]:
+            row = i
+    if T[row, n + 1] >= 0.0:
+        return basic, True
+    for _ in range(50 * n + 50):
+        leaving, entering = basic[row], nonbasic[column]
+        exchange(T, row, column)
+        basic[row], nonbasic[column] = entering, leaving
+        place[entering], place[leaving] = row - n, column
+        if leaving == 2 * n:
+            return basic, True
+        column = place[leaving + n if leaving < n else leaving - n]
+        row = _leaving(T, column, basic, place, first)
+        if row < 0:
+            break
+    return basic, False
+
+
+@kernel
+def exchange(T: Array, row: int, column: int) -> None:
+    """Exchange the basic variable of a row of a tableau (n, k) with that of a column, in place."""
+    n, width = T.shape
+    inverse = 1.0 / T[row, column]
+    for k in range(width):
+        T[row, k] *= inverse
+    for i in range(n):
+        factor = T[i, column]
+        if i == row or factor == 0.0:
+            continue
+        for k in range(width):
+            T[i, k] -= factor * T[row, k]
+        T[i, column] = -factor * inverse
+    T[row, column] = inverse
+
+
+@kernel
+def _leaving(T: Array, column: int, basic: Indices, place: Indices, first: Indices) -> int:
+    """The row whose variable comes to zero first as that of a column grows; -1: none does."""
+    n = len(T)
+    found = -1
+    for i in range(n):
+        if T[i, column] <= _PIVOT:
+            continue
+        if found < 0:
+            found = i
+            continue
+        ratio, least = T[i, n + 1] / T[i, column], T[found, n + 1] / T[found, column]
+        if abs(ratio - least) > _TIE:
+            if ratio < least:
+                found = i
+        elif basic[i] == 2 * n or (
+            basic[found] != 2 * n and _before(T, column, place, first, i, found)
+        ):
+            found = i
+    return found
+
+
+@kernel
+def _before(T: Array, column: int, place: Indices, first: Indices, i: int, k: int) -> bool:
+    """Whether row i of the inverse basis over its pivot is lexicographically less than row k."""
+    n = len(T)
+    for j in range(n):
+        at = place[first[j]]
+        if at >= 0:
+            one, other = T[i, at] / T[i, column], T[k, at] / T[k, column]
+        else:
+            one = 1.0 / T[i, column] if at + n == i else 0.0
+            other = 1.0 / T[k, column] if at + n == k else 0.0
+        if abs(one - other) > _TIE:
+            return bool(one < other)
+    return False
+
+
+@kernel
+def rates(A: Array, x: Array, b: Array) -> Array:
+    """``A x + b`` (n,)."""
+    n = len(b)
+    w = np.empty(n)
+    for i in range(n):
+        w[i] = b[i]
+        for k in range(len(x)):
+            w[i] += A[i, k] * x[k]
+    return w
+
+
+@kernel
+def largest(x: Array) -> float:
+    """Largest size of the entries of a vector."""
+    most = 0.0
+    for value in x:
+        most = max(most, abs(value))
+    return most
+
+
+@kernel
+def solve(A: Array, b: Array) -> tuple[Array, bool]:
+    """Solution (n,) of ``A x = b``, and whether A (n, n) is regular to rounding."""
+    n = len(b)
+    T, x = np.empty((n, n + 1)), np.zeros(n)
+    size = 0.0
+    for i in range(n):
+        for k in range(n):
+            T[i, k] = A[i, k]
+            size = max(size, abs(T[i, k]))
+        T[i, n] = b[i]
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(T[i, k]) > abs(T[best, k]):
+                best = i
+        if not abs(T[best, k]) > 1e-13 * size:
+            return x, False
+        for j in range(k, n + 1):
+            T[k, j], T[best, j] = T[best, j], T[k, j]
+        for i in range(k + 1, n):
+            factor = T[i, k] / T[k, k]
+            for j in range(k + 1, n + 1):
+                T[i, j] -= factor * T[k, j]
+    for k in range(n - 1, -1, -1):
+        left = T[k, n]
+        for j in range(k + 1, n):
+            left -= T[k, j] * x[j]
+        x[k] = left / T[k, k]
+    return x, True
+
+
+@kernel
+def solve_semidefinite(A: Array, B: Array) -> Array:
+    """A solution (n, k) of ``A X = B`` for symmetric positive semidefinite A.
+
+    Diagonal pivots, largest first. Rows that depend on those before them are left out: what they
+    say follows from the others, if B is consistent.
+    """
+    n, width = B.shape
+    T, X = np.empty((n, n + width)), np.zeros((n, width))
+    order, first, rank = np.empty(n, dtype=np.int64), 0.0, 0
+    scale = np.empty(n)
+    for i in range(n):
+        order[i] = i
+        scale[i] = 1.0 / math.sqrt(A[i, i]) if A[i, i] > 0.0 else 1.0
+    for i in range(n):
+        for k in range(n):
+            T[i, k] = scale[i] * A[i, k] * scale[k]
+        for k in range(width):
+            T[i, n + k] = scale[i] * B[i, k]
+    for step in range(n):
+        best = step
+        for k in range(step + 1, n):
+            if T[order[k], order[k]] > T[order[best], order[best]]:
+                best = k
+        order[step], order[best] = order[best], order[step]
+        at = order[step]
+        first = max(first, T[at, at])
+        if not T[at, at] > _DEPENDENT * first:
+            break
+        rank += 1
+        for k in range(step + 1, n):
+            i = order[k]
+            factor = T[i, at] / T[at, at]
+            for j in range(n + width):
+                T[i, j] -= factor * T[at, j]
+    for step in range(rank - 1, -1, -1):
+        at = order[step]
+        for k in range(width):
+            left = T[at, n + k]
+            for later in range(step + 1, rank):
+                left -= T[at, order[later]] * X[order[later], k]
+            X[at, k] = left / T[at, at]
+    for i in range(n):
+        for k in range(width):
+            X[i, k] *= scale[i]
+    return X
+
+
+@kernel
+def solve_contacts(
+    A: Array, b: Array, friction: Array, slip: Indices, least: Array
+) -> tuple[Array, Indices, bool]:
+    """What `solve_frictional_lcp` says, of arrays: x, grips, and whether there is a solution.
+
+    The problem is that of D. E. Stewart and J. C. Trinkle (Int. J. Numer. Meth. Eng. 39, 1996):
+    friction is a difference of two positive parts, ``q = q+ - q-``, and a further unknown is the
+    slip that the cone ``q+ + q- <= mu p`` leaves. Each such row is divided by mu, which is bounded
+    while pivoting; the basis found is solved anew for the exact cones.
+    """
+    m = len(friction)
+    if m == 1 and least[0] == 0.0 and least[1] == 0.0 and friction[0] < math.inf:
+        return _one(A, b, friction[0], slip[0])
+    x = np.zeros(2 * m)
+    grips = np.zeros(m, dtype=np.int64)
+    at_rest = True
+    for i in range(m):
+        at_rest = at_rest and b[i] >= 0.0 and least[i] == 0.0 and least[m + i] == 0.0
+    if at_rest:
+        return x, grips, True
+    free = np.empty(m, dtype=np.int64)
+    n, bounded = m, False
+    for i in range(m):
+        free[i] = -1
+        if friction[i] > 0.0 and slip[i] == 0 and A[m + i, m + i] > 0.0:
+            free[i] = n
+            n += 3
+            bounded = bounded or 1.0 / friction[i] < _WEAKEST[0]
+    for weakest in _WEAKEST:
+        M, q = _problem(A, b, friction, slip, least, free, n, weakest)
+        for k in range(_COVERS):
+            cover = np.empty(n)
+            for i in range(n):
+                cover[i] = 1.0 + k * ((i + 1) * k * _GOLDEN % 1.0)
+            for start in range(-1, m):
+                basis, found = lemke(M, q, cover, start)
+                if found and _settle(A, b, friction, slip, least, free, basis, x, grips):
+                    return x, grips, True
+            if k == 0:  # without contacts that jam by themselves
+                for i in range(m):
+                    if M[i, i] <= 0.0:
+                        q[i] = 1.0
+                        for c in range(n):
+                            M[i, c] = 1.0 if c == i else 0.0
+        if not bounded:
+            break
+    return x, grips, False
+
+
+@kernel
+def _one(A: Array, b: Array, mu: float, slip: int) -> tuple[Array, Indices, bool]:
+    """`solve_contacts` for one contact."""
+    x = np.zeros(2)
+    grip = np.zeros(1, dtype=np.int64)
+    if b[0] >= 0.0:
+        return x, grip, True
+    if mu == 0.0 or slip or not A[1, 1] > 0.0:
+        rise = A[0, 0] - mu * slip * A[0, 1]
+        if not rise > 0.0:
+            return x, grip, False
+        x[0] = -b[0] / rise
+        rate = float(slip) if slip and mu > 0.0 else A[1, 0] * x[0] + b[1]
+        grip[0] = FORWARD if rate > 0.0 else BACKWARD if rate < 0.0 else STICK
+        if rate != 0.0:
+            x[1] = -mu * x[0] if rate > 0.0 else mu * x[0]
+        return x, grip, True
+    product = A[0, 0] * A[1, 1]
+    det = product - A[0, 1] * A[1, 0]
+    if det > _REGULAR * product:
+        x[0] = (A[0, 1] * b[1] - A[1, 1] * b[0]) / det
+        x[1] = (A[1, 0] * b[0] - A[0, 0] * b[1]) / det
+    else:  # if the normal impulse that stops it alone stops the slip too
+        x[0] = -b[0] / A[0, 0]
+        off = A[1, 0] * x[0] + b[1]
+        x[1] = 0.0 if abs(off) <= _REGULAR * abs(b[1]) else math.inf
+    if x[0] > 0.0 and abs(x[1]) <= mu * x[0]:
+        grip[0] = STICK
+        return x, grip, True
+    for sign in (1, -1):
+        rise = A[0, 0] - mu * sign * A[0, 1]
+        if rise > 0.0:
+            x[0] = -b[0] / rise
+            x[1] = -mu * sign * x[0]
+            if sign * (A[1, 0] * x[0] + A[1, 1] * x[1] + b[1]) >= 0.0:
+                grip[0] = FORWARD if sign > 0 else BACKWARD
+                return x, grip, True
+    return x, grip, False
+
+
+@kernel
+def _problem(
+    A: Array,
+    b: Array,
+    friction: Array,
+    slip: Indices,
+    least: Array,
+    free: Indices,
+    n: int,
+    weakest: float,
+) -> tuple[Array, Array]:
+    """Matrix and vector of the complementarity problem, scaled to entries of about 1.
+
+    Its unknowns are p beyond its least for every contact, and for those whose slip is `free`, from
+    that index on, ``q+``, ``q-`` and the slip that is left.
+    """
+    m = len(friction)
+    scale, given = np.zeros(m), np.zeros(2 * m)
+    for i in range(m):
+        size = A[i, i] + A[m + i, m + i]
+        scale[i] = 1.0 / math.sqrt(size) if size > 0.0 else 1.0
+        given[i] = least[i]
+        if free[i] < 0 and friction[i] > 0.0 and slip[i] != 0:
+            given[m + i] = -friction[i] * slip[i] * least[i]
+    w = rates(A, given, b)
+    size = largest(w)
+    if size == 0.0:
+        size = 1.0
+    M, q = np.zeros((n, n)), np.zeros(n)
+    for i in range(m):
+        q[i] = scale[i] * w[i] / size
+        at = free[i]
+        if at >= 0:
+            q[at] = scale[i] * w[m + i] / size
+            q[at + 1] = -q[at]
+            weak = max(1.0 / friction[i], weakest)
+            M[at, at + 2] = M[at + 1, at + 2] = M[at + 2, i] = 1.0
+            M[at + 2, at] = M[at + 2, at + 1] = -weak
+            hold = least[i] / weak if least[i] > 0.0 else abs(least[m + i])
+            if friction[i] < math.inf:
+                hold = friction[i] * least[i]
+            q[at + 2] = hold * weak / (scale[i] * size)
+        for k in range(m):
+            both, to = scale[i] * scale[k], free[k]
+            ray = -friction[k] * slip[k] if friction[k] > 0.0 and slip[k] != 0 else 0.0
+            each = both / math.sqrt(1.0 + ray * ray)
+            M[i, k] = each * (A[i, k] + ray * A[i, m + k])
+            if to >= 0:
+                M[i, to] = both * A[i, m + k]
+                M[i, to + 1] = -M[i, to]
+            if at >= 0:
+                M[at, k] = each * (A[m + i, k] + ray * A[m + i, m + k])
+                M[at + 1, k] = -M[at, k]
+                if to >= 0:
+                    M[at, to] = M[at + 1, to + 1] = both * A[m + i, m + k]
+                    M[at, to + 1] = M[at + 1, to] = -M[at, to]
+    return M, q
+
+
+@kernel
+def _settle(
+    A: Array,
+    b: Array,
+    friction: Array,
+    slip: Indices,
+    least: Array,
+    free: Indices,
+    basis: Indices,
+    x: Array,
+    grips: Indices,
+) -> bool:
+    """Enter x and grips of a basis, with the exact cones; False if they are no solution."""
+    m, n = len(friction), len(basis)
+    inside = np.zeros(n, dtype=np.bool_)
+    for i in range(n):
+        if n <= basis[i] < 2 * n:
+            inside[basis[i] - n] = True
+    direction = np.zeros(m, dtype=np.int64)
+    columns = np.zeros((2 * m, 2 * m))
+    rows = np.zeros(2 * m, dtype=np.int64)
+    k = 0
+    for i in range(m):
+        at, mu = free[i], friction[i]
+        x[i], x[m + i] = least[i], 0.0
+        sticks = False
+        if at >= 0:
+            plus, minus, slides = inside[at], inside[at + 1], inside[at + 2]
+            if slides and plus != minus:
+                direction[i] = -1 if plus else 1
+            else:
+                sticks = plus or minus
+            grips[i] = STICK if direction[i] == 0 else FORWARD if direction[i] > 0 else BACKWARD
+        elif mu > 0.0 and slip[i] != 0:
+            direction[i] = slip[i]
+            grips[i] = FORWARD if slip[i] > 0 else BACKWARD
+        else:
+            grips[i] = OPEN  # as yet
+        rough = mu == math.inf
+        if direction[i] != 0:
+            x[m + i] = -direction[i] * (abs(least[m + i]) if rough else mu * least[i])
+        if inside[i]:
+            if rough and direction[i] != 0:
+                columns[m + i, k] = -direction[i]
+            else:
+                columns[i, k] = 1.0
+                columns[m + i, k] = -mu * direction[i] if direction[i] != 0 else 0.0
+            rows[k] = i
+            k += 1
+        if sticks:
+            columns[m + i, k] = 1.0
+            rows[k] = m + i
+            k += 1
+    w = rates(A, x, b)
+    left, right = np.zeros((k, k)), np.empty(k)
+    for i in range(k):
+        right[i] = -w[rows[i]]
+        for j in range(k):
+            for r in range(2 * m):
+                left[i, j] += A[rows[i], r] * columns[r, j]
+    found, regular = solve(left, right)
+    if not regular:
+        return False
+    for r in range(2 * m):
+        for j in range(k):
+            x[r] += columns[r, j] * found[j]
+    return _holds(A, b, friction, slip, least, inside, direction, x, grips)
+
+
+@kernel
+def _holds(
+    A: Array,
+    b: Array,
+    friction: Array,
+    slip: Indices,
+    least: Array,
+    pressed: NDArray[np.bool_],
+    direction: Indices,
+    x: Array,
+    grips: Indices,
+) -> bool:
+    """Whether x obeys the laws of all contacts to rounding; then it does so exactly."""
+    m = len(friction)
+    most = largest(x)
+    slack = _EXACT * most
+    w, size = rates(A, x, b), np.empty(2 * m)
+    rounding = _ROUNDING / _EXACT * largest(b)
+    for r in range(2 * m):
+        size[r] = abs(b[r]) + rounding
+        for c in range(2 * m):
+            size[r] += abs(A[r, c]) * most
+    of_all = largest(size)
+    for i in range(m):
+        mu, p, q = friction[i], x[i], x[m + i]
+        if p < least[i] - slack or w[i] < -_EXACT * size[i]:
+            return False
+        if pressed[i] and abs(w[i]) > _EXACT * of_all:
+            return False
+        p = max(p, least[i]) if p > _NOTHING * most else least[i]
+        if mu == math.inf:
+            hold = math.inf if pressed[i] or p > 0.0 else abs(least[m + i])
+            if direction[i] != 0 and direction[i] * q > slack:
+                return False
+        else:
+            hold = mu * p
+        wt = w[m + i]
+        if grips[i] == STICK:
+            if abs(q) > hold + slack:
+                return False
+            if (p > 0.0 or q != 0.0) and abs(wt) > _EXACT * of_all:
+                return False
+            q = max(-hold, min(q, hold))
+        elif direction[i] != 0:
+            if slip[i] == 0 and direction[i] * wt < -_EXACT * size[m + i]:
+                return False
+            q = q if mu == math.inf else -direction[i] * hold
+        else:  # without friction, or it changes nothing
+            grips[i] = STICK
+            if abs(wt) > _EXACT * size[m + i]:
+                grips[i] = FORWARD if wt > 0.0 else BACKWARD
+                if 0.0 < mu < math.inf:
+                    q = -hold if wt > 0.0 else hold
+        if p == 0.0 and q == 0.0:
+            grips[i] = OPEN
+        x[i], x[m + i] = p, q
+    return True
+
+
+def solve_lcp(A: ArrayLike, b: ArrayLike) -> list[float]:
     """Find ``x >= 0`` with ``A x + b >= 0`` and ``x . (A x + b) = 0``.
 
     Parameters
@@ -20,67 +540,16 @@ def solve_lcp(A: list[list[float]], b: list[float]) -> list[float]:
     A : (m, m), symmetric positive semidefinite
     b : (m,)
 
-    Returns
-    -------
-    (m,) a solution with the fewest positive components
-
     Raises
     ------
     ArithmeticError
         If there is none to rounding.
     """
+    b = np.asarray(b, dtype=float)
     m = len(b)
-    if m == 1:
-        return [max(0.0, -b[0] / A[0][0])]
-    largest = max(map(abs, b))
-    for rtol in (1e-12, 1e-8):
-        for size in range(m + 1):
-            for active in combinations(range(m), size):
-                x = [0.0] * m
-                part = _solve([[A[i][k] for k in active] for i in active], [-b[i] for i in active])
-                if part is None or min(part, default=0.0) < 0.0:
-                    continue
-                for i, force in zip(active, part, strict=True):
-                    x[i] = force
-                if all(
-                    sum([a * y for a, y in zip(row, x, strict=True)]) + free
-                    >= -rtol * (sum([abs(a) * y for a, y in zip(row, x, strict=True)]) + largest)
-                    for row, free in zip(A, b, strict=True)
-                ):
-                    return x
-    raise ArithmeticError('no impulses satisfy all contacts of this instant')
-
-
-def _solve(A: list[list[float]], b: list[float]) -> list[float] | None:
-    """Solution of ``A x = b``, ``None`` if A is singular.
-
-    For two or three rows plain floats are much faster than NumPy.
-    """
-    n = len(b)
-    rows = [[*row, right] for row, right in zip(A, b, strict=True)]
-    for k in range(n):
-        pivot = max(range(k, n), key=lambda i: abs(rows[i][k]))
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        if rows[k][k] == 0.0:
-            return None
-        for row in rows[k + 1 :]:
-            factor = row[k] / rows[k][k]
-            for j in range(k, n + 1):
-                row[j] -= factor * rows[k][j]
-    x = [0.0] * n
-    for k in reversed(range(n)):
-        known = sum([rows[k][j] * x[j] for j in range(k + 1, n)])
-        x[k] = (rows[k][n] - known) / rows[k][k]
-    return x
-
-
-class Grip(Enum):
-    """What a contact does: it carries no force, or sticks, or slips along or against +t."""
-
-    OPEN = 'open'
-    STICK = 'stick'
-    FORWARD = 'slip+'
-    BACKWARD = 'slip-'
+    matrix = np.zeros((2 * m, 2 * m))
+    matrix[:m, :m] = A
+    return solve_frictional_lcp(matrix, np.append(b, np.zeros(m)), [0.0] * m)[0][:m]
 
 
 def solve_frictional_lcp(
@@ -98,12 +567,7 @@ def solve_frictional_lcp(
     - it sticks, ``wt = 0`` and ``|q| <= mu p``, or slips, ``q = -mu sign(wt) p``.
 
     ``mu = inf`` is the limit of a large mu: ``wt = 0`` with any q if p > 0; where p = 0 and
-    wn = 0 also some q against the sign of wt.
-
-    All combinations are tried: 4 states of a contact, 2 of one that is frictionless or whose slip
-    is given, 6 (or 2) of one with a least impulse. Several solutions may exist; the one with the
-    fewest contacts pressed beyond their least impulse is returned, among these the one with the
-    fewest that slip, and then the first in the order open, stick, slip+, slip-.
+    wn = 0 also some q against the sign of wt. Of several solutions one is found.
 
     Parameters
     ----------
@@ -122,120 +586,19 @@ def solve_frictional_lcp(
     Raises
     ------
     ArithmeticError
-        If there is no solution to rounding. If A is positive definite that takes slips that are
+        If no solution is found. There is one if A is positive definite, but for slips that are
         given and jam: for one contact ``Ann < mu slip Ant``.
     """
     m = len(friction)
-    matrix, vector = np.array(A, dtype=float), np.array(b, dtype=float)
-    slip = [0] * m if slip is None else slip
-    least = [0.0] * (2 * m) if least is None else least
-    if not any(friction):
-        p, normals = np.array(least[:m], dtype=float), matrix[:m, :m]
-        p += solve_lcp(normals.tolist(), (normals @ p + vector[:m]).tolist())
-        wt = matrix[m:, :m] @ p + vector[m:]
-        grips = [_grip(_SMOOTH, p[i], 0.0, wt[i]) for i in range(m)]
-        return [*p.tolist(), *[0.0] * m], grips
-    menus = [_states(friction[i], slip[i], least[i], abs(least[m + i])) for i in range(m)]
-    tries = sorted(product(*menus), key=_preference)
-    for rtol in (1e-12, 1e-8):
-        for states in tries:
-            x = _settle(matrix, vector, states, rtol)
-            if x is not None:
-                wt = (matrix @ x + vector)[m:]
-                return x.tolist(), [_grip(s, x[i], x[m + i], wt[i]) for i, s in enumerate(states)]
-    raise ArithmeticError('no impulses with friction satisfy all contacts of this instant')
-
-
-class _State(NamedTuple):
-    """What one contact may do. Its load is p, or |q| of a rough one that slips."""
-
-    grip: Grip | None  # None: frictionless, slips as it likes
-    ray: tuple[float, float]  # p and q per unit of load
-    least: float  # load
-    pressed: bool  # loaded beyond its least, so that wn = 0
-    hold: tuple[float, float]  # if it sticks, |q| is at most the first times p plus the second
-    direction: int  # sign that wt must have, 0 for any
-
-
-_SMOOTH = _State(None, (1.0, 0.0), 0.0, True, (0.0, 0.0), 0)
-
-
-def _states(mu: float, slip: int | None, p: float, q: float) -> list[_State]:
-    """States in the order of preference of a contact with these least impulses."""
-    rough = mu == math.inf
-    loaded = p > 0.0 or (rough and q > 0.0)
-    states = [] if loaded else [_State(Grip.OPEN, (1.0, 0.0), 0.0, False, (0.0, 0.0), 0)]
-    for pressed in (False, True) if loaded else (True,):
-        if mu == 0.0:
-            states.append(_State(None, (1.0, 0.0), p, pressed, (0.0, 0.0), 0))
-            continue
-        if not slip:
-            hold = (0.0, math.inf if pressed or p > 0.0 else q) if rough else (mu, 0.0)
-            states.append(_State(Grip.STICK, (1.0, 0.0), p, pressed, hold, 0))
-        for sign in (slip,) if slip else (1, -1):
-            grip, direction = Grip.FORWARD if sign > 0 else Grip.BACKWARD, 0 if slip else sign
-            if not rough:
-                ray = (1.0, -mu * sign)
-                states.append(_State(grip, ray, p, pressed, (0.0, 0.0), direction))
-            elif p == 0.0:
-                ray = (0.0, -float(sign))
-                states.append(_State(grip, ray, q, pressed, (0.0, 0.0), direction))
-    return states
-
-
-def _grip(state: _State, p: float, q: float, wt: float) -> Grip:
-    if p == 0.0 and q == 0.0:
-        return Grip.OPEN
-    if state.grip is not None:
-        return state.grip
-    return Grip.FORWARD if wt > 0.0 else Grip.BACKWARD if wt < 0.0 else Grip.STICK
-
-
-def _preference(states: tuple[_State, ...]) -> tuple[int, int]:
-    slipping = (Grip.FORWARD, Grip.BACKWARD)
-    return sum(s.pressed for s in states), sum(s.grip in slipping for s in states)
-
-
-def _settle(
-    A: NDArray[np.float64], b: NDArray[np.float64], states: tuple[_State, ...], rtol: float
-) -> NDArray[np.float64] | None:
-    """The impulses (2m,) if every contact can do what is supposed, or None."""
-    m = len(states)
-    x = np.zeros(2 * m)
-    columns, rows = [], []
-    for i, s in enumerate(states):
-        ray = np.zeros(2 * m)
-        ray[[i, m + i]] = s.ray
-        if s.pressed:
-            columns.append(ray)
-            rows.append(i)
-        else:
-            x += s.least * ray
-        if s.grip is Grip.STICK:
-            columns.append(np.eye(2 * m)[m + i])
-            rows.append(m + i)
-    if rows:
-        basis = np.array(columns).T
-        # least squares: friction may be redundant, with many contacts or rows of 0
-        x += basis @ np.linalg.lstsq((A @ basis)[rows], -(A @ x + b)[rows], rcond=1e-13)[0]
-    w = A @ x + b
-    size = np.abs(A).sum(axis=1) * np.abs(x).max() + np.abs(b)  # of what cancels in w
-    if rows and np.abs(w[rows]).max() > 1e-9 * size.max():
-        return None
-    slack = rtol * float(np.abs(x).max())
-    for i, s in enumerate(states):
-        p, q = float(x[i]), float(x[m + i])
-        found = p if s.ray[0] else q * s.ray[1]
-        load = max(found, s.least)
-        hold = s.hold[0] * load + s.hold[1]
-        if (
-            found < s.least - slack
-            or (s.grip is Grip.STICK and abs(q) > hold + slack)
-            or (not s.pressed and w[i] < -rtol * size[i])
-            or s.direction * w[m + i] < -rtol * size[m + i]
-        ):
-            return None
-        x[i], x[m + i] = load * s.ray[0], load * s.ray[1]
-        if s.grip is Grip.STICK:
-            x[m + i] = max(-hold, min(q, hold))
-    return x
+    given = np.array([s or 0 for s in slip] if slip is not None else [0] * m, dtype=np.int64)
+    known = np.zeros(2 * m) if least is None else np.asarray(least, dtype=float)
+    x, grips, found = solve_contacts(
+        np.ascontiguousarray(A, dtype=float),
+        np.asarray(b, dtype=float),
+        np.asarray(friction, dtype=float),
+        given,
+        known,
+    )
+    if not found:
+        raise ArithmeticError('no impulses satisfy all contacts of this instant')
+    return x.tolist(), [Grip(g) for g in grips.tolist()]

@@ -1,0 +1,397 @@
+"""The contacts of a mechanism at one instant as arrays, and what an instant does to them.
+
+A machine is not needed for any of it: the arrays say how its gaps answer to impulses. Rows are the
+normals of all gaps and, if any gap has friction, the tangents of all gaps.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.contact.chatter import ends, remaining_time
+from mechanism_sim.contact.impact import blow, blows
+from mechanism_sim.numerics.complementarity import (
+    BACKWARD,
+    FORWARD,
+    OPEN,
+    Array,
+    Indices,
+    largest,
+    solve_contacts,
+    solve_semidefinite,
+)
+from mechanism_sim.numerics.kernels import kernel
+
+Mask = NDArray[np.bool_]
+
+ROUGH = 1e4
+"""Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
+
+
+class ContactProblem(NamedTuple):
+    """The m gaps at one state: r rows, f free coordinates, p drives that hold their law."""
+
+    value: Array  #: (m,) [m]
+    rate: Array  #: (r,) [m/s]
+    free_acceleration: Array  #: (r,) their derivatives while no gap carries force [m/s^2]
+    acceleration: Array  #: (r,) their derivatives with the forces of the gaps now closed
+    response: Array  #: (r, f) rates gained per unit impulse, closures kept
+    compliance: Array  #: (r, r) rates of the rows per unit impulse [1/kg]
+    drive_response: Array  #: (r, p) impulse of the drives per unit impulse
+    normal_angle: Array  #: (m,) [rad]
+    relief: Array  #: (m,) [m/s] of compliant contacts, else (0,)
+    closed: Mask  #: (m,) which carry force
+    restitution: Array  #: (m,)
+    friction: Array  #: (m,) Coulomb's coefficients
+    hypothesis: Indices  #: (m,) of restitution, `impact.Hypothesis.code`
+
+
+class Limits(NamedTuple):
+    """Below what contacts count as at rest, or as touching."""
+
+    touching: float  #: [m] gaps smaller than this count as closed
+    tie: float  #: [m] what approaches so near strikes at the same instant
+    bare: float  #: [m/s] rounding of a rate after an impact
+    still: float  #: [m/s] what slides or parts slower is at rest: so much a step's error may be
+    allowed: float  #: [m] rise of bounces that are left out, see `chatter.ChatterRule`
+    resolved: float  #: [m] rise that can be told from rounding
+
+
+class Strike(NamedTuple):
+    """What an impact did."""
+
+    touching: Mask  #: (m,) which contacts took part
+    resting: Mask  #: (m,) which of them are at rest after it
+    horizon: float  #: [s] longest next step
+    entered: int  #: rows of the log so far
+    found: bool  #: whether there are impulses that satisfy all contacts
+
+
+T, GAP, ANGLE, APPROACH, REBOUND, NORMAL, TANGENTIAL, LOSS, DRIVE, WORK, ENDS, LEFT = range(12)
+"""Columns of a log of impacts: time [s], index of the gap, and what `hybrid.events.Impact` has."""
+
+
+@kernel
+def horizon_of(rebound: float, acceleration: float) -> float:
+    """The time [s] of 100 flights that fall back steadily: no next step should be longer.
+
+    A number off the powers of two, at which the search for roots bisects.
+    """
+    if rebound > 0.0 and acceleration < 0.0:
+        return -200.0 * rebound / acceleration
+    return math.inf
+
+
+@kernel
+def part_of(c: ContactProblem, gaps: Mask) -> tuple[Indices, Array, Array]:
+    """Indices (k,) of some gaps, their compliance (2k, 2k) and rates (2k,), tangents always."""
+    m, k = len(c.value), 0
+    rows = np.empty(m, dtype=np.int64)
+    for i in range(m):
+        if gaps[i]:
+            rows[k] = i
+            k += 1
+    A, v = np.zeros((2 * k, 2 * k)), np.zeros(2 * k)
+    halves = 2 if len(c.rate) > m else 1
+    for a in range(halves):
+        for i in range(k):
+            v[a * k + i] = c.rate[a * m + rows[i]]
+            for b in range(halves):
+                for j in range(k):
+                    A[a * k + i, b * k + j] = c.compliance[a * m + rows[i], b * m + rows[j]]
+    return rows[:k], A, v
+
+
+@kernel
+def impulses(
+    A: Array, rate: Array, e: Array, mu: Array, hypothesis: Indices
+) -> tuple[Array, Array, bool]:
+    """Impulses (2m,) of contacts that strike, the rates (2m,) after them, and if there are any."""
+    m = len(e)
+    if m == 1:
+        x = np.zeros(2)
+        kind, vn, vt = hypothesis[0], rate[0], rate[1]
+        x[0], x[1], _ = blow(A[0, 0], A[0, 1], A[1, 1], vn, vt, e[0], mu[0], kind)
+        found = x[0] >= 0.0
+    else:
+        x, found = blows(A, rate, e, mu, hypothesis)
+        if not found:  # Moreau's form may have no solution with friction; two phases always have
+            x, found = blows(A, rate, e, mu, np.ones(m, dtype=np.int64))
+    after = np.empty(2 * m)
+    for r in range(2 * m):
+        after[r] = rate[r]
+        gained = 0.0
+        for k in range(2 * m):
+            gained += A[r, k] * x[k]
+        after[r] += gained
+    return x, after, found
+
+
+@kernel
+def push(c: ContactProblem, gap: int, p: float, q: float, v: Array) -> None:
+    """Add to rates (f,) of the free coordinates what impulses of a gap make, in place."""
+    m = len(c.value)
+    for k in range(len(v)):
+        v[k] += c.response[gap, k] * p
+    if q != 0.0:
+        for k in range(len(v)):
+            v[k] += c.response[m + gap, k] * q
+
+
+@kernel
+def enter(
+    c: ContactProblem,
+    gap: int,
+    p: float,
+    q: float,
+    before: Array,
+    after: Array,
+    stop: bool,
+    time: float,
+    drives: Array,
+    row: Array,
+) -> None:
+    """Write an impact to a row of the log.
+
+    Parameters
+    ----------
+    p, q : [N s]
+    before, after : (2,) normal and tangential rate [m/s]
+    stop : whether it ends a chatter
+    drives : (p,) rates of the drives [rad/s]
+    """
+    m, e = len(c.value), c.restitution[gap]
+    impulse = work = 0.0
+    for k in range(len(drives)):
+        x = c.drive_response[gap, k] * p
+        if q != 0.0:
+            x += c.drive_response[m + gap, k] * q
+        impulse += x
+        work += x * drives[k]
+    row[T], row[GAP], row[ANGLE] = time, gap, c.normal_angle[gap]
+    row[APPROACH], row[REBOUND] = -before[0], max(after[0], 0.0)
+    row[NORMAL], row[TANGENTIAL] = p, q
+    slid = -0.5 * (before[1] + after[1]) * q
+    row[LOSS] = -0.5 * (before[0] + after[0]) * p + slid
+    row[DRIVE], row[WORK] = impulse, work
+    row[ENDS] = 1.0 if stop else 0.0
+    row[LEFT] = remaining_time(-e * before[0], c.acceleration[gap], e) if stop else 0.0
+
+
+@kernel
+def is_last(c: ContactProblem, limits: Limits, gap: int, rebound: float, e: float) -> bool:
+    """Whether a rebound [m/s] of a gap is the last of a chatter."""
+    depth, acceleration = -c.value[gap], c.acceleration[gap]
+    return ends(limits.allowed, limits.resolved, rebound, acceleration, e, depth)
+
+
+@kernel
+def strike_all(
+    c: ContactProblem,
+    limits: Limits,
+    gap: int,
+    time: float,
+    drives: Array,
+    v: Array,
+    log: Array,
+    count: int,
+) -> Strike:
+    """Impact in a gap and in all others that touch.
+
+    A rebound that is the end of a chatter is left out. What is closed already, or parts, does not
+    rebound; it takes part.
+
+    Parameters
+    ----------
+    time : [s]
+    drives : (p,) rates of the drives [rad/s]
+    v : (f,) rates of the free coordinates, changed in place
+    log : (n, 12) with room for m rows from `count` on
+    """
+    m = len(c.value)
+    touching, resting = np.zeros(m, dtype=np.bool_), np.zeros(m, dtype=np.bool_)
+    for i in range(m):
+        touching[i] = (
+            i == gap
+            or c.closed[i]
+            or abs(c.value[i]) <= limits.touching
+            or (c.value[i] <= limits.tie and c.rate[i] < 0.0)
+        )
+    rows, A, rate = part_of(c, touching)
+    n = len(rows)
+    e, mu, hypothesis = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
+    for k in range(n):
+        i = rows[k]
+        e[k] = 0.0 if c.closed[i] or rate[k] >= 0.0 else c.restitution[i]
+        mu[k], hypothesis[k] = c.friction[i], c.hypothesis[i]
+    x, after, found = impulses(A, rate, e, mu, hypothesis)
+    ended, again = np.zeros(n, dtype=np.bool_), False
+    for k in range(n):
+        i = rows[k]
+        ended[k] = is_last(c, limits, i, after[k], e[k])
+        if ended[k] and e[k] > 0.0:
+            e[k], again = 0.0, True
+    if found and again:
+        x, after, found = impulses(A, rate, e, mu, hypothesis)
+    if not found:
+        return Strike(touching, resting, math.inf, count, False)
+    horizon = math.inf
+    old, new = np.empty(2), np.empty(2)
+    for k in range(n):
+        i, p, q = rows[k], x[k], x[n + k]
+        if p > 0.0 or q != 0.0:
+            push(c, i, p, q, v)
+            # a closed contact takes part in the impacts of others
+            if not c.closed[i] or max(p, abs(q)) * A[k, k] > limits.bare:
+                old[0], old[1], new[0], new[1] = rate[k], rate[n + k], after[k], after[n + k]
+                enter(c, i, p, q, old, new, ended[k], time, drives, log[count])
+                count += 1
+        # at rest as well is what would rise no farther than rounding reaches
+        low = is_last(c, limits, i, after[k], 1.0)
+        horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
+        stays = limits.still if c.closed[i] else limits.bare
+        resting[i] = low or after[k] <= max(-1e-9 * rate[k], stays)
+    return Strike(touching, resting, horizon, count, True)
+
+
+@kernel
+def slip_of(c: ContactProblem, gap: int, still: float) -> int:
+    """Which way a contact with friction slides, 0 if not at all: not faster than `still`."""
+    if c.friction[gap] == 0.0:
+        return 0
+    speed = c.rate[len(c.value) + gap]
+    return 0 if abs(speed) <= still else 1 if speed > 0.0 else -1
+
+
+@kernel
+def press(
+    c: ContactProblem, limits: Limits, resting: Mask, given: Indices
+) -> tuple[Indices, bool]:
+    """What contacts without normal speed do: the forces that keep them closed are found.
+
+    Parameters
+    ----------
+    resting : (m,) which they are
+    given : (m,) signs of the slips of those that are about to slide, else 0
+
+    Returns
+    -------
+    (m,) grips, `complementarity.OPEN` of those that open; and whether any forces keep the others:
+    friction may jam them
+    """
+    m = len(c.value)
+    grips = np.zeros(m, dtype=np.int64)
+    rows, A, _ = part_of(c, resting)
+    n = len(rows)
+    b, mu, least = np.zeros(2 * n), np.zeros(n), np.zeros(2 * n)
+    slip = np.zeros(n, dtype=np.int64)
+    frictional = len(c.rate) > m
+    for k in range(n):
+        b[k] = c.free_acceleration[rows[k]]
+        if frictional:
+            b[n + k] = c.free_acceleration[m + rows[k]]
+            mu[k] = min(c.friction[rows[k]], ROUGH)
+    # what slides no farther than rounding reaches may as well be at rest
+    slow = max(limits.still, math.sqrt(2.0 * limits.touching * largest(c.free_acceleration)))
+    for still in (slow, limits.still):
+        for k in range(n):
+            i = rows[k]
+            slip[k] = given[i] if given[i] != 0 else slip_of(c, i, still)
+        x, found, solved = solve_contacts(A, b, mu, slip, least)
+        if not solved:
+            return grips, False
+        agree = True
+        for k in range(n):
+            i = rows[k]
+            grips[i] = found[k] if x[k] > 0.0 else OPEN
+            sign = 1 if grips[i] == FORWARD else -1 if grips[i] == BACKWARD else 0
+            if given[i] == 0 and sign * slip_of(c, i, limits.still) < 0:
+                agree = False
+        if agree or not frictional:
+            break
+    return grips, True
+
+
+@kernel
+def book_rest(c: ContactProblem, limits: Limits, kept: Mask, drives: Array, row: Array) -> None:
+    """Add to an impact in the log what it takes to bring rows to rest that nearly are.
+
+    The energy that this loses is ``-w . x/2`` with the rates w before it and its impulses x.
+
+    Parameters
+    ----------
+    kept : (r,) rows that are kept at rest from now on
+    drives : (p,) rates of the drives [rad/s]
+    row : of the log, changed in place
+    """
+    r, n = len(c.rate), 0
+    rows = np.empty(r, dtype=np.int64)
+    for i in range(r):
+        if kept[i]:
+            rows[n] = i
+            n += 1
+    K, left, fastest = np.empty((n, n)), np.empty((n, 1)), 0.0
+    for i in range(n):
+        left[i, 0] = -c.rate[rows[i]]
+        fastest = max(fastest, abs(left[i, 0]))
+        for k in range(n):
+            K[i, k] = c.compliance[rows[i], rows[k]]
+    if fastest <= limits.bare:
+        return
+    x = solve_semidefinite(K, left)
+    for i in range(n):
+        row[LOSS] -= 0.5 * c.rate[rows[i]] * x[i, 0]
+        for k in range(len(drives)):
+            push = c.drive_response[rows[i], k] * x[i, 0]
+            row[DRIVE] += push
+            row[WORK] += push * drives[k]
+
+
+@kernel
+def release(c: ContactProblem, gaps: Mask, target: float, x: Array) -> None:
+    """Move a state so that gaps are `target` [m] wide and at rest in the normal direction.
+
+    Parameters
+    ----------
+    gaps : (m,) which
+    x : (2f,) free coordinates and their rates, changed in place
+    """
+    rows, A, rate = part_of(c, gaps)
+    n, f = len(rows), len(x) // 2
+    K, off = np.empty((n, n)), np.empty((n, 2))
+    for i in range(n):
+        off[i, 0], off[i, 1] = target - c.value[rows[i]], -rate[i]
+        for k in range(n):
+            K[i, k] = A[i, k]
+    moves = solve_semidefinite(K, off)
+    for i in range(n):
+        for k in range(f):
+            x[k] += c.response[rows[i], k] * moves[i, 0]
+            x[f + k] += c.response[rows[i], k] * moves[i, 1]
+
+
+@kernel
+def drawn_in(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Mask, float]:
+    """Open gaps (m,) that those now closed draw shut before they rise; the horizon [s] of others.
+
+    Parameters
+    ----------
+    known : (m,) gaps that are not asked about
+    """
+    m = len(c.value)
+    drawn, horizon = np.zeros(m, dtype=np.bool_), math.inf
+    for i in range(m):
+        if c.closed[i] or known[i]:
+            continue
+        rate, acceleration = c.rate[i], c.acceleration[i]
+        rises = rate > 0.0 and not is_last(c, limits, i, rate, 1.0)
+        near = c.value[i] <= limits.touching and rate >= -limits.bare
+        if near and acceleration < 0.0 and not rises:
+            drawn[i] = True
+        else:
+            horizon = min(horizon, horizon_of(rate, acceleration))
+    return drawn, horizon

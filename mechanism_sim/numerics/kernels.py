@@ -1,0 +1,97 @@
+"""Functions on arrays that are compiled where it pays.
+
+They are Python of the part that numba compiles. As they are, they cost nothing to load; numba
+takes some tenths of a second, so it is only asked when a run has called for them often. Both ways
+give the same bits: there is nothing in them that a compiler may reorder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Callable
+from functools import cache, cached_property, update_wrapper
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType
+from typing import Any, TypeVar, cast
+
+from heyoka import llvm_state
+
+from mechanism_sim.numerics.code_cache import FOLDER
+
+F = TypeVar('F', bound=Callable[..., Any])
+
+_KERNELS: list[Kernel] = []
+_spent = 0.0  # [s] by kernels as they are
+
+LOADING, COMPILING = 0.4, 12.0
+"""[s] What it takes to import numba and load the code of all kernels, or to make it."""
+
+
+class Kernel:
+    """A function that can be compiled, and kernels that it calls with it."""
+
+    def __init__(self, function: FunctionType) -> None:
+        update_wrapper(self, function)
+        self.function = self.run = function
+        _KERNELS.append(self)
+
+    def __call__(self, *args: Any) -> Any:
+        """Call it, compiled or as it is."""
+        return self.run(*args)
+
+    @cached_property
+    def compiled(self) -> Any:
+        """What numba makes of it."""
+        f = self.function
+        known = dict(f.__globals__)
+        for name in f.__code__.co_names:
+            if isinstance(known.get(name), Kernel):
+                known[name] = known[name].compiled
+        copy = FunctionType(f.__code__, known, f.__name__, f.__defaults__)
+        copy.__qualname__, copy.__module__ = f.__qualname__, f.__module__
+        return import_module('numba').njit(cache=True, error_model='numpy')(copy)
+
+
+def kernel(function: F) -> F:
+    """Mark a function as one that can be compiled."""
+    return cast(F, Kernel(cast(FunctionType, function)))
+
+
+def charge(seconds: float) -> None:
+    """Tell what kernels have cost so far as they are: once it is what numba costs, it is asked."""
+    global _spent  # noqa: PLW0603 - of this process
+    _spent += seconds
+    if _spent >= _price():
+        compile_kernels()
+        _spent = -math.inf
+
+
+@cache
+def _price() -> float:
+    return LOADING if any(_folder().glob('*/*.nbi')) else COMPILING
+
+
+@cache
+def _folder() -> Path:
+    """Where the code is kept: named by all sources, for numba does not see callees change."""
+    files = sorted({k.function.__code__.co_filename for k in _KERNELS})
+    source = hashlib.sha256(b''.join(Path(file).read_bytes() for file in files)).hexdigest()
+    parent = os.environ.get('HEYOKA_CACHE_DIR') or llvm_state.get_diskcache_path().parent / FOLDER
+    return Path(parent) / f'kernels-{source[:16]}'
+
+
+def compile_kernels() -> None:
+    """Let all kernels run as machine code from now on, if numba is there."""
+    try:
+        config = import_module('numba').config
+    except ImportError:
+        return
+    before, config.CACHE_DIR = config.CACHE_DIR, str(_folder())
+    try:
+        for k in _KERNELS:
+            k.run = k.compiled
+    finally:
+        config.CACHE_DIR = before
