@@ -252,9 +252,10 @@ def strike_all(
                 count += 1
         # at rest as well is what would rise no farther than rounding reaches
         low = is_last(c, limits, i, after[k], 1.0)
-        horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
         stays = limits.still if c.closed[i] else limits.bare
         resting[i] = low or after[k] <= max(-1e-9 * rate[k], stays)
+        if not resting[i]:
+            horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
     return Strike(touching, resting, horizon, count, True)
 
 
