@@ -1,0 +1,185 @@
+"""What an instant does to contacts, of bodies that are nothing but masses and directions."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mechanism_sim.contact import problem as instant
+from mechanism_sim.contact.chatter import ChatterRule, remaining_time
+from mechanism_sim.contact.impact import Hypothesis
+from mechanism_sim.contact.problem import ContactProblem, Limits
+from mechanism_sim.numerics.complementarity import BACKWARD, FORWARD, OPEN, STICK
+
+LIMITS = Limits(touching=1e-15, tie=1e-12, bare=1e-12, still=1e-11, allowed=1e-12, resolved=1e-14)
+
+
+class Masses:
+    """Bodies with f freedoms and masses M, whose m gaps open along rows J; in r rows."""
+
+    def __init__(self, rng, m, f, friction=0.0, restitution=0.5):
+        self.M = rng.uniform(0.5, 2.0, f)
+        self.J = rng.normal(size=(2 * m if friction else m, f))
+        self.v = rng.normal(size=f)
+        self.drives = rng.normal(size=(len(self.J), 2))
+        self.q = np.zeros(f)
+        self.a = rng.normal(size=f)
+        self.closed = np.zeros(m, dtype=np.bool_)
+        self.laws = (np.full(m, restitution), np.full(m, friction), np.zeros(m, dtype=np.int64))
+
+    @property
+    def problem(self):
+        m, response = len(self.closed), self.J / self.M
+        return ContactProblem(
+            self.J[:m] @ self.q,
+            self.J @ self.v,
+            self.J @ self.a,
+            self.J @ self.a,
+            response,
+            response @ self.J.T,
+            self.drives,
+            np.arange(float(m)),
+            np.zeros(0),
+            self.closed,
+            *self.laws,
+        )
+
+    @property
+    def energy(self):
+        return 0.5 * float(self.M @ self.v**2)
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.3])
+@pytest.mark.parametrize('m', [1, 2, 3])
+def test_an_impact_changes_momentum_by_its_impulses_and_loses_what_it_says(m, friction):
+    rng = np.random.default_rng(m)
+    rates = np.array([3.0, -2.0])
+    for n in range(40):
+        masses = Masses(rng, m, 2 * m + 2, friction)
+        if masses.problem.rate[0] >= 0.0:
+            masses.v *= -1.0
+        if n % 2 and m > 1:
+            masses.closed[1] = True
+        before, energy, log = masses.v.copy(), masses.energy, np.zeros((m, 12))
+        rate = masses.problem.rate
+        done = instant.strike_all(masses.problem, LIMITS, 0, 2.5, rates, masses.v, log, 0)
+        assert done.found
+        assert done.touching.all()
+        rows = log[: done.entered]
+        gaps = rows[:, instant.GAP].astype(int)
+        impulse = rows[:, instant.NORMAL] @ masses.J[gaps]
+        drive = rows[:, instant.NORMAL] @ masses.drives[gaps]
+        if friction:
+            impulse += rows[:, instant.TANGENTIAL] @ masses.J[m + gaps]
+            drive += rows[:, instant.TANGENTIAL] @ masses.drives[m + gaps]
+        assert masses.M * (masses.v - before) == pytest.approx(impulse, abs=1e-12)
+        assert rows[:, instant.LOSS].sum() == pytest.approx(energy - masses.energy, abs=1e-12)
+        assert rows[:, instant.DRIVE].sum() == pytest.approx(drive.sum())
+        assert rows[:, instant.WORK].sum() == pytest.approx(drive @ rates)
+        assert (rows[:, instant.T] == 2.5).all()
+        after = masses.problem.rate
+        assert rows[:, instant.APPROACH] == pytest.approx(-rate[gaps])
+        assert rows[:, instant.REBOUND] == pytest.approx(np.maximum(after[gaps], 0.0), abs=1e-12)
+        if m == 1:
+            assert after[0] == pytest.approx(-0.5 * rate[0])
+        assert (after[:m] >= -0.5 * np.maximum(-rate[:m], 0.0) - 1e-12).all()
+
+
+def test_coming_to_rest_is_booked_as_the_energy_that_it_loses():
+    """And as what the drives give; the rows that are kept may repeat each other."""
+    rng = np.random.default_rng(7)
+    for n in range(20):
+        masses = Masses(rng, 3, 8, friction=0.2)
+        if n % 2:
+            masses.J[2] = masses.J[0] - masses.J[1]
+        kept, row, energy = np.array([1, 1, 1, 1, 0, 0], dtype=bool), np.zeros(12), masses.energy
+        J = masses.J[kept]
+        impulse = np.linalg.lstsq(J / masses.M @ J.T, -J @ masses.v, rcond=1e-10)[0]
+        rates = np.array([3.0, -2.0])
+        if n % 2:
+            masses.drives[2] = masses.drives[0] - masses.drives[1]
+        instant.book_rest(masses.problem, LIMITS, kept, rates, row)
+        masses.v += J.T @ impulse / masses.M
+        assert masses.J[kept] @ masses.v == pytest.approx(0.0, abs=1e-11)
+        assert row[instant.LOSS] == pytest.approx(energy - masses.energy)
+        assert row[instant.LOSS] > 0.0
+        assert row[instant.DRIVE] == pytest.approx((impulse @ masses.drives[kept]).sum())
+        assert row[instant.WORK] == pytest.approx(impulse @ masses.drives[kept] @ rates)
+
+
+@pytest.mark.parametrize('m', [1, 3])
+def test_release_opens_gaps_by_a_hair_at_rest(m):
+    masses = Masses(np.random.default_rng(m), m, 7)
+    masses.q = np.full(7, 1e-9)
+    x = np.array([*masses.q, *masses.v])
+    chosen = np.array([True, False, True][:m])
+    others = masses.J[:m] @ x[:7], masses.J[:m] @ x[7:]
+    instant.release(masses.problem, chosen, 1e-14, x)
+    assert masses.J[:m][chosen] @ x[:7] == pytest.approx(1e-14, rel=1e-6)
+    assert masses.J[:m][chosen] @ x[7:] == pytest.approx(0.0, abs=1e-14)
+    assert np.abs(others[1][chosen]).min() > 1e-3
+
+
+def test_the_rest_of_a_chatter_lasts_as_long_as_its_flights():
+    rebound, pull, e = 0.3, -9.81, 0.6
+    flights = [-2.0 * rebound * e**k / pull for k in range(200)]
+    assert remaining_time(rebound, pull, e) == pytest.approx(sum(flights))
+    assert remaining_time(rebound, 1.0, e) == 0.0
+
+
+def test_the_last_bounce_takes_all_of_the_approach_and_says_how_long_others_would_last():
+    rule = ChatterRule(1e-10, 0.0, 0.3)
+    limits = LIMITS._replace(allowed=rule.allowed, resolved=rule.resolved)
+    for height, last in ((0.5 * rule.allowed, True), (4.0 * rule.allowed, False)):
+        masses = Masses(np.random.default_rng(3), 1, 3)
+        masses.a *= -9.81 / masses.problem.acceleration[0]
+        speed = math.sqrt(2.0 * 9.81 * height * 0.5) / 0.5
+        masses.v *= -speed / masses.problem.rate[0]
+        log = np.zeros((1, 12))
+        done = instant.strike_all(masses.problem, limits, 0, 0.0, np.zeros(2), masses.v, log, 0)
+        assert log[0, instant.ENDS] == last
+        assert bool(done.resting[0]) == last
+        after = masses.problem.rate[0]
+        if last:
+            assert after == pytest.approx(0.0, abs=1e-15)
+            assert log[0, instant.LEFT] == pytest.approx(2.0 * 0.5 * speed / 9.81 / (1.0 - 0.5))
+        else:
+            assert after == pytest.approx(0.5 * speed)
+            assert done.horizon == pytest.approx(100.0 * 2.0 * after / 9.81)
+
+
+def block(slope, mu, slip=0.0):
+    """A block of 2 kg on a slope, in contact: x along it, y away from it."""
+    masses = Masses(np.random.default_rng(0), 1, 2, friction=mu)
+    masses.M, masses.J = np.full(2, 2.0), np.array([[0.0, 1.0], [1.0, 0.0]])
+    masses.a = 9.81 * np.array([-math.sin(slope), -math.cos(slope)])
+    masses.v = np.array([slip, 0.0])
+    return masses.problem
+
+
+def test_a_block_on_a_slope_sticks_slides_and_lifts():
+    on, none = np.array([True]), np.zeros(1, dtype=np.int64)
+    for slope, grip in ((0.29, STICK), (0.292, BACKWARD), (-0.29, STICK), (-0.292, FORWARD)):
+        assert instant.press(block(slope, 0.3), LIMITS, on, none)[0].tolist() == [grip]
+    assert math.tan(0.29) < 0.3 < math.tan(0.292)
+    assert instant.press(block(0.29, 0.3, 1.0), LIMITS, on, none)[0].tolist() == [FORWARD]
+    given = np.array([-1])
+    assert instant.press(block(0.29, 0.3), LIMITS, on, given)[0].tolist() == [BACKWARD]
+    assert instant.press(block(math.pi, 0.3), LIMITS, on, none)[0].tolist() == [OPEN]
+
+
+def test_what_closed_contacts_draw_in_is_told_from_what_comes_back():
+    masses = Masses(np.random.default_rng(1), 3, 3)
+    masses.J, masses.M = np.eye(3), np.ones(3)
+    masses.v, masses.a = np.array([0.0, 1e-3, 0.0]), np.array([-1.0, -4.0, 1.0])
+    drawn, horizon = instant.drawn_in(masses.problem, LIMITS, np.zeros(3, dtype=bool))
+    assert drawn.tolist() == [True, False, False]
+    assert horizon == pytest.approx(100.0 * 2.0 * 1e-3 / 4.0)
+    known = np.array([True, False, False])
+    assert not instant.drawn_in(masses.problem, LIMITS, known)[0].any()
+    masses.closed[:] = True
+    assert not instant.drawn_in(masses.problem, LIMITS, np.zeros(3, dtype=bool))[0].any()
+
+
+def test_hypotheses_have_codes():
+    assert [h.code for h in Hypothesis] == [0, 1, 2]
