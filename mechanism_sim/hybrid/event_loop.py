@@ -35,7 +35,6 @@ _MAX_SIMULTANEOUS = 100
 _SHORTER = 0.37  # off the powers of two, at which the search for roots bisects
 _SHORTEST = 1e-12
 _ROW = 64  # steps after which the directions of the drives are computed anew
-_NEAR = 0.05  # of a step: roots nearer to its start may get lost
 _BARELY = 1e-12 * WATCH_SCALE  # of a guard: a root may be near whatever its rate
 _QUICKEST = 1e3  # times the fastest drive: rate at which errors of gaps and loops are taken back
 _DEFECT = 1e3  # times the error of a step that its polynomials may be off the equations
@@ -235,7 +234,7 @@ class EventLoop:
                         end = tau + h
                         if pars[fired] or not end <= stop:
                             break
-                        if watch[1] < _NEAR * h * abs(watch[2]) + _BARELY:
+                        if watch[1] < _BARELY:
                             break
                         if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
                             break
@@ -261,7 +260,7 @@ class EventLoop:
                 taken = (alpha, reach, stride)
                 guard = self._system.fired(pars) if pars[fired] else None
                 if lone:
-                    if watch[1] < _NEAR * h * abs(watch[2]) + _BARELY:
+                    if watch[1] < _BARELY:
                         if watch[1] < 0.0 and not contacts.flying:
                             # it let go within the error of the last step's end
                             self._back_to(tau)
