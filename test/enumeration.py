@@ -1,4 +1,4 @@
-"""Linear complementarity for the few contacts of one instant."""
+"""Contacts of one instant solved by trying every combination: the second route of the tests."""
 
 from __future__ import annotations
 
@@ -239,3 +239,22 @@ def _settle(
         if s.grip is Grip.STICK:
             x[m + i] = max(-hold, min(q, hold))
     return x
+
+
+def newton_impulses(
+    compliance: list[list[float]], approach: Sequence[float], restitution: Sequence[float]
+) -> list[float]:
+    """Normal impulses of the m contacts that touch at one instant [N s].
+
+    Newton's hypothesis in the form of a complementarity: each contact ends with at least
+    ``-e`` times its approach rate, and carries an impulse only if with exactly that. For a
+    single contact it is ``(1 + e) m_eff v`` ([SB] 5.1).
+
+    Parameters
+    ----------
+    compliance : (m, m) gap rates per unit impulse [1/kg]
+    approach : (m,) gap rates before [m/s], negative when closing
+    restitution : (m,)
+    """
+    b = [(1.0 + e) * rate for e, rate in zip(restitution, approach, strict=True)]
+    return solve_lcp(compliance, b)

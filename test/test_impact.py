@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from enumeration import newton_impulses
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -21,7 +22,6 @@ from mechanism_sim.contact.impact import (
     strike,
     strike_together,
 )
-from mechanism_sim.contact.restitution import newton_impulses
 from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp
 
 NEWTON, POISSON, STRONGE = Hypothesis
@@ -339,7 +339,7 @@ def test_a_blow_scales_with_mass_and_speed(A, vn, vt, law, mass, speed):
 def test_without_friction_all_hypotheses_are_newtons_impulses(A, vn, vt, e, hypothesis):
     Ann, Ant, Att = A
     p, q, slip = strike(Ann, Ant, Att, vn, vt, ImpactLaw(e, 0.0, hypothesis))
-    assert [p] == newton_impulses([[Ann]], [vn], [e])
+    assert p == pytest.approx(*newton_impulses([[Ann]], [vn], [e]))
     assert q == 0.0
     assert slip == np.sign(vt + Ant * p)
 
@@ -690,7 +690,8 @@ def test_frictionless_contacts_of_newton_are_newton_impulses(m):
     for A, v, rng in random_groups(50, m, seed=40 + m):
         e = rng.uniform(0.0, 1.0, m)
         x, slip = group(A, v, [ImpactLaw(float(e_i)) for e_i in e])
-        assert x[:m].tolist() == newton_impulses(A[:m, :m].tolist(), v[:m].tolist(), e.tolist())
+        expected = newton_impulses(A[:m, :m].tolist(), v[:m].tolist(), e.tolist())
+        assert x[:m] == pytest.approx(expected, abs=1e-12 * max(expected, default=0.0))
         assert not x[m:].any()
         assert slip == np.sign(rates_after(A, v, x)[m:]).tolist()
         A[m:], A[:, m:] = 0.0, 0.0  # what is not asked for need not be there

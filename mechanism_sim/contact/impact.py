@@ -398,8 +398,7 @@ def strike_together(
 
     If all laws are Newton's, in Moreau's form: ``p >= 0``, ``vn+ + e vn >= 0``,
     ``p (vn+ + e vn) = 0``, and Coulomb's law holds between p, q and vt+. (J. J. Moreau, Unilateral
-    contact and dry friction in finite freedom dynamics, 1988.) Without friction that is
-    `newton_impulses`.
+    contact and dry friction in finite freedom dynamics, 1988.)
 
     If any is not, in two phases (C. Glocker and F. Pfeiffer, Nonlinear Dynamics 7, 1995).
     Compression is the above with e = 0 throughout and yields impulses pc. In expansion a contact

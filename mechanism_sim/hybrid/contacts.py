@@ -475,8 +475,7 @@ class Contacts:
             raise ArithmeticError('no impulses satisfy all contacts of this instant')
         log.count = done.entered
         self.horizon = min(self.horizon, done.horizon)
-        touching = np.flatnonzero(done.touching).tolist()
-        resting = np.flatnonzero(done.resting).tolist()
+        touching, resting = _chosen(done.touching), _chosen(done.resting)
         if resting or any(self.closed(i) for i in touching):
             self._rest(resting, touching)
 
@@ -587,7 +586,7 @@ class Contacts:
         if m > 1:
             mask, horizon = drawn_in(self.terms(), self._limits, self._mask(resting))
             self.horizon = min(self.horizon, horizon)
-            drawn = np.flatnonzero(mask).tolist()
+            drawn = _chosen(mask)
             if drawn:
                 self._rest([*resting, *drawn], [*touching, *drawn], jams)
         self._record_modes(before)
@@ -723,6 +722,12 @@ class Contacts:
         for name, old, new in zip(self._names, before, self.modes, strict=True):
             if old != new:
                 self.mode_changes.append(ModeChange(self.time, name, Mode(new), Mode(old)))
+
+
+def _chosen(mask: Mask) -> list[int]:
+    """Indices of what is set."""
+    found: list[int] = mask.nonzero()[0].tolist()
+    return found
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

@@ -532,26 +532,6 @@ def _holds(
     return True
 
 
-def solve_lcp(A: ArrayLike, b: ArrayLike) -> list[float]:
-    """Find ``x >= 0`` with ``A x + b >= 0`` and ``x . (A x + b) = 0``.
-
-    Parameters
-    ----------
-    A : (m, m), symmetric positive semidefinite
-    b : (m,)
-
-    Raises
-    ------
-    ArithmeticError
-        If there is none to rounding.
-    """
-    b = np.asarray(b, dtype=float)
-    m = len(b)
-    matrix = np.zeros((2 * m, 2 * m))
-    matrix[:m, :m] = A
-    return solve_frictional_lcp(matrix, np.append(b, np.zeros(m)), [0.0] * m)[0][:m]
-
-
 def solve_frictional_lcp(
     A: ArrayLike,
     b: ArrayLike,
