@@ -127,7 +127,7 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
     p, q, slip = blow(Ann, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code)
-    if p < 0.0:
+    if math.isnan(p):
         raise ArithmeticError(_WEDGED)
     return Blow(p, q, slip)
 
@@ -136,7 +136,7 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
 def blow(
     Ann: float, Ant: float, Att: float, vn: float, vt: float, e: float, mu: float, hypothesis: int
 ) -> tuple[float, float, int]:
-    """What `strike` says: normal and tangential impulse, and slip; the first is -1 if wedged."""
+    """What `strike` says: normal and tangential impulse, and slip; the first is NaN if wedged."""
     if vn >= 0.0:
         return 0.0, 0.0, _sign(vt)
     rebound = -e * vn
@@ -149,7 +149,7 @@ def blow(
         return slide.normal * x, slide.tangential * x, slide.slip
     last = _last(Ann, Ant, Att, mu, slide)
     if last.rise <= 0.0:
-        return -1.0, 0.0, 0
+        return math.nan, 0.0, 0
     turn = vn + slide.rise * slide.length  # normal rate where slip stops
     p, q = slide.normal * slide.length, slide.tangential * slide.length
     if hypothesis == NEWTON:

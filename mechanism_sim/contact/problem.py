@@ -116,7 +116,7 @@ def impulses(
         x = np.zeros(2)
         kind, vn, vt = hypothesis[0], rate[0], rate[1]
         x[0], x[1], _ = blow(A[0, 0], A[0, 1], A[1, 1], vn, vt, e[0], mu[0], kind)
-        found = x[0] >= 0.0
+        found = not math.isnan(x[0])
     else:
         x, found = blows(A, rate, e, mu, hypothesis)
         if not found:  # Moreau's form may have no solution with friction; two phases always have

@@ -21,6 +21,7 @@ _PIVOT = 1e-11  # least pivot, the entries being about 1
 _TIE = 1e-13  # ratios that differ by less are equal
 _EXACT = 1e-9  # of the terms of a row: more is not left over
 _ROUNDING = 1e-12  # of the largest rate: less is zero
+_CONE = 1e-10  # of the rates: friction beyond its cone may change them so much
 _NOTHING = 1e-14  # of the largest impulse
 _DEPENDENT = 1e-10  # least pivot of a row that does not depend on others
 _REGULAR = 1e-12  # least determinant over the product of the diagonal
@@ -511,7 +512,8 @@ def _holds(
             hold = mu * p
         wt = w[m + i]
         if grips[i] == STICK:
-            if abs(q) > hold + slack:
+            # rows of much friction were small while pivoting: what they left out moves no rate
+            if abs(q) > hold + max(slack, _CONE * largest(b) / A[m + i, m + i]):
                 return False
             if (p > 0.0 or q != 0.0) and abs(wt) > _EXACT * of_all:
                 return False
