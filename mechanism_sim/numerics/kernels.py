@@ -11,6 +11,7 @@ import hashlib
 import math
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, cached_property, update_wrapper
 from importlib import import_module
 from pathlib import Path
@@ -52,7 +53,7 @@ class Kernel:
                 known[name] = known[name].compiled
         copy = FunctionType(f.__code__, known, f.__name__, f.__defaults__)
         copy.__qualname__, copy.__module__ = f.__qualname__, f.__module__
-        return import_module('numba').njit(cache=True, error_model='numpy')(copy)
+        return import_module('numba').njit(cache=_is_kept(), error_model='numpy')(copy)
 
 
 def kernel(function: F) -> F:
@@ -81,6 +82,16 @@ def _folder() -> Path:
     source = hashlib.sha256(b''.join(Path(file).read_bytes() for file in files)).hexdigest()
     parent = os.environ.get('HEYOKA_CACHE_DIR') or llvm_state.get_diskcache_path().parent / FOLDER
     return Path(parent) / f'kernels-{source[:16]}'
+
+
+@cache
+def _is_kept() -> bool:
+    """Whether the code can be kept on disk."""
+    if not _folder().is_absolute():  # there is no home
+        return False
+    with suppress(OSError):
+        _folder().mkdir(parents=True, exist_ok=True)
+    return os.access(_folder(), os.W_OK)
 
 
 def compile_kernels() -> None:
