@@ -63,8 +63,10 @@ class Subscription:
         self.callback_group = group
         self.inbox = Inbox(context, self, *_queue(qos), group)
         name = type_name(kind)
-        receive = direct(self._receive)
-        self._subscriber = _declare(context.session, context.key(topic, name), receive, qos)
+        key = context.key(topic, name)
+        self._subscriber = _declare(context.session, key, direct(self._receive), qos)
+        self._here = context.local.of(key)
+        self._here.append(self)
         self._token = context.announce(node.token(wire.SUBSCRIPTION, topic, name, qos))
 
     def execute(self) -> bool:
@@ -94,6 +96,7 @@ class Subscription:
     def destroy(self) -> None:
         """Take the subscription off the network; what waits in its queue is dropped."""
         self._context.retract(self._token)
+        self._here.remove(self)
         self.inbox.close()
         self._context.undeclare(self._subscriber)
 
@@ -102,7 +105,7 @@ class Subscription:
         extra = sample.attachment
         attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
         if attachment is None or sample.kind != zenoh.SampleKind.PUT:
-            self._refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
+            self.refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
             return
         # An advanced subscriber sees to this itself, and may bring in what came before.
         once = self.qos_profile.durability == DurabilityPolicy.VOLATILE
@@ -112,13 +115,16 @@ class Subscription:
         try:
             message = judged(data, self.msg_type)
         except MessageError as error:
-            self._refuse('message', str(error))
+            self.refuse('message', str(error))
             return
-        if once and not self._is_news(attachment):
-            return
+        if not once or self._is_news(attachment):
+            self.accept(message, data, attachment)
+
+    def accept(self, message: Any, data: bytes, attachment: wire.Attachment) -> None:
+        """Put a good message into the queue; with ``raw`` its bytes."""
         item = (data if self.raw else message, attachment, time.time_ns())
         if not self.inbox.put(item, len(data)):
-            self._refuse('queue', 'its queue is full')
+            self.refuse('queue', 'its queue is full')
 
     def _is_news(self, attachment: wire.Attachment) -> bool:
         """Whether a publisher has not sent this before."""
@@ -129,7 +135,8 @@ class Subscription:
                 del self._latest[next(iter(self._latest))]
             return attachment.sequence > last
 
-    def _refuse(self, kind: str, reason: str) -> None:
+    def refuse(self, kind: str, reason: str) -> None:
+        """Count what is not taken in, and warn of it now and then."""
         self._context.refuse(self.topic_name, kind, reason, self._say)
 
 
