@@ -284,6 +284,12 @@ class SimulationNode(DescribedNode):
         publisher.publish(message)
         self.counts[publisher.topic_name] += 1
 
+    def send_all(self, publisher: Any, messages: Sequence[bytes]) -> None:
+        """Publish serialised messages in their order, and enter them in the books."""
+        for message in messages:
+            publisher.publish(message)
+        self.counts[publisher.topic_name] += len(messages)
+
     def report_soon(self, t: float) -> None:
         """Let partners know within a moment; many such calls make one report."""
         self._soon = t
