@@ -111,7 +111,8 @@ def test_every_message_has_a_layout(name):
         (data,) = Layout(message).write(np.array([7.5]), columns)
         read = columns_of(deserialize(data, kind))
         assert all(np.array_equal(read[n], v[0]) for n, v in columns.items())
-        assert read.get('time', 7.5) == 7.5 and read['header.stamp.nanosec'] == 500_000_000
+        assert read.get('time', 7.5) == 7.5
+        assert read['header.stamp.nanosec'] == 500_000_000
 
 
 def test_numbers_that_no_machine_has_are_left_to_be_judged_one_by_one():

@@ -6,7 +6,7 @@ are copies of its bytes into which columns of numbers are written.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
