@@ -84,8 +84,12 @@ class Layout:
         return [made(data[i : i + size]) for i in range(0, len(data), size)]
 
     def _possible(self, values: ArrayLike) -> bool:
-        sizes = np.abs(values) if self._judged else np.zeros(1)
-        return bool(np.all((sizes <= LARGEST) | (self._unknown & np.isnan(sizes))))
+        if not self._judged:
+            return True
+        sizes = np.abs(values)
+        if self._unknown:
+            sizes = sizes[~np.isnan(sizes)]
+        return bool(np.max(sizes, initial=0.0) <= LARGEST)  # NaN is not
 
     def _walk(self, message: Any, kind: str, path: str, at: int) -> int:
         """Enter the places of the numbers of a message that begins at `at`; gives its end."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -34,7 +35,10 @@ from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene.machine import Run
 
-STEPS_PER_BATCH = 256
+STEPS, STEPS_PER_BATCH = 256, 1024
+"""At a time, and of a message."""
+
+LONGEST = 0.05  # [s] of wall time for a batch, after which it is as large as it is
 
 
 class Integration:
@@ -157,14 +161,24 @@ class Integration:
                 return
         self._law_id = message.law_id
         while True:
-            before = self._run.steps
-            self._run.advance(message.valid_until, message.final, STEPS_PER_BATCH)
-            more = self._run.steps - before >= STEPS_PER_BATCH
+            more = self._advance_by_a_batch(message.valid_until, message.final)
             self._known = self._run.time if more or message.final else message.valid_until
             self._publish(*self._run.drain())
             if not more:
                 return
             self._node.report(self._run.time)
+
+    def _advance_by_a_batch(self, until: float, final: bool) -> bool:
+        """Integrate towards `until` [s]; whether there is more to do."""
+        assert self._run is not None  # noqa: S101 - who advances has begun
+        first, began = self._run.steps, time.monotonic()
+        while True:
+            before = self._run.steps
+            self._run.advance(until, final, STEPS)
+            if self._run.steps - before < STEPS:
+                return False
+            if self._run.steps - first >= STEPS_PER_BATCH or time.monotonic() - began > LONGEST:
+                return True
 
     def _change(self, path: str, value: float) -> None:
         """Change a restitution for all impacts that are not known yet."""
