@@ -29,6 +29,11 @@ class Layout:
     ----------
     message : one of them; what is not written later stays as it is here
 
+    Attributes
+    ----------
+    places : path, type and offset of every number or array of numbers, in their order
+    size : [bytes]
+
     Raises
     ------
     MessageError
@@ -38,14 +43,20 @@ class Layout:
     def __init__(self, message: Any) -> None:
         kind = type_name(type(message))
         self._data = serialize(message)
-        self._places: list[tuple[str, Any, int]] = []
+        self.size = len(self._data)
+        self.places: list[tuple[str, Any, int]] = []
         self._empty: set[str] = set()  # arrays without values
         end = self._walk(message, kind, '', _HEADER)
         if not end <= len(self._data) < end + 4:
             raise MessageError(f'{kind} takes {len(self._data)} bytes instead of {end}')
-        names, formats, offsets = zip(*self._places, strict=True)
+        names = [name for name, _, _ in self.places]
         self._dtype = np.dtype(
-            {'names': names, 'formats': formats, 'offsets': offsets, 'itemsize': len(self._data)}
+            {
+                'names': names,
+                'formats': [dtype for _, dtype, _ in self.places],
+                'offsets': [at for _, _, at in self.places],
+                'itemsize': self.size,
+            }
         )
         self._stamps = [name.removesuffix('.sec') for name in names if name.endswith('stamp.sec')]
         self._judged, self._unknown = kind.startswith(f'{OWN}/'), kind in UNKNOWN_AS_NAN
@@ -63,7 +74,7 @@ class Layout:
         -------
         N messages, `Written` unless there is a number among them that no machine has
         """
-        size = len(self._data)
+        size = self.size
         data = bytearray(self._data * len(t))
         rows = np.frombuffer(data, self._dtype)
         whole = np.floor(t)
@@ -122,7 +133,7 @@ class Layout:
             self._empty.add(name)
             return at
         at = _aligned(at, scalar.itemsize)
-        self._places.append((name, dtype, at))
+        self.places.append((name, dtype, at))
         return at + dtype.itemsize
 
 

@@ -11,6 +11,7 @@ from zenoh import ext
 from zenoh.handlers import Callback
 
 from mechanism_sim.messages import MessageError, type_name
+from mechanism_sim.messages.likeness import Likenesses
 from mechanism_sim.middleware import wire
 from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.callbacks import direct
@@ -57,6 +58,7 @@ class Subscription:
         self._callback = node.tasks.plain(callback, group)
         self._with_info = _takes_info(callback)
         self._say = node.voice.say
+        self._known = Likenesses(kind)
         self._latest: dict[bytes, int] = {}
         self._one_at_a_time = Lock()
         self._received = 0
@@ -112,11 +114,15 @@ class Subscription:
         if once and attachment.sequence <= self._latest.get(attachment.gid, 0):
             return
         data = sample.payload.to_bytes()
-        try:
-            message = judged(data, self.msg_type)
-        except MessageError as error:
-            self.refuse('message', str(error))
-            return
+        message = None
+        if not self.raw or data not in self._known:
+            try:
+                message = judged(data, self.msg_type)
+            except MessageError as error:
+                self.refuse('message', str(error))
+                return
+            if self.raw:
+                self._known.add(message, data)
         if not once or self._is_news(attachment):
             self.accept(message, data, attachment)
 
