@@ -53,9 +53,10 @@ class Publisher:
                 number = next(self._sequence)
                 now = time.time_ns()
                 attachment = wire.pack_attachment(number, now, self._gid)
-                self._publisher.put(data, attachment=attachment)
+                # First here: who copies what goes out comes too late.
                 if self._here:
                     deliver(self._here, message, data, wire.Attachment(number, now, self._gid))
+                self._publisher.put(data, attachment=attachment)
         except zenoh.ZError as error:
             raise MiddlewareError(f'{self.topic_name}: not published: {error}') from error
 

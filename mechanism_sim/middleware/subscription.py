@@ -59,6 +59,8 @@ class Subscription:
         self._with_info = _takes_info(callback)
         self._say = node.voice.say
         self._known = Likenesses(kind)
+        # An advanced subscriber sees to this itself, and may bring in what came before.
+        self._once = qos.durability == DurabilityPolicy.VOLATILE
         self._latest: dict[bytes, int] = {}
         self._one_at_a_time = Lock()
         self._received = 0
@@ -109,9 +111,7 @@ class Subscription:
         if attachment is None or sample.kind != zenoh.SampleKind.PUT:
             self.refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
             return
-        # An advanced subscriber sees to this itself, and may bring in what came before.
-        once = self.qos_profile.durability == DurabilityPolicy.VOLATILE
-        if once and attachment.sequence <= self._latest.get(attachment.gid, 0):
+        if self._once and attachment.sequence <= self._latest.get(attachment.gid, 0):
             return
         data = sample.payload.to_bytes()
         message = None
@@ -123,11 +123,12 @@ class Subscription:
                 return
             if self.raw:
                 self._known.add(message, data)
-        if not once or self._is_news(attachment):
-            self.accept(message, data, attachment)
+        self.accept(message, data, attachment)
 
     def accept(self, message: Any, data: bytes, attachment: wire.Attachment) -> None:
-        """Put a good message into the queue; with ``raw`` its bytes."""
+        """Put a good message into the queue, unless it has come before; with ``raw`` its bytes."""
+        if self._once and not self._is_news(attachment):
+            return
         item = (data if self.raw else message, attachment, time.time_ns())
         if not self.inbox.put(item, len(data)):
             self.refuse('queue', 'its queue is full')
