@@ -84,15 +84,15 @@ class Layout:
         for stamp in self._stamps:
             rows[f'{stamp}.sec'] = whole + carry
             rows[f'{stamp}.nanosec'] = nanoseconds
-        if 'time' in self._dtype.names:
+        if any(name == 'time' for name, _, _ in self.places):
             rows['time'] = t
         good = True
         for name, values in columns.items():
             if name not in self._empty:
                 rows[name] = values
                 good = good and self._possible(values)
-        made, data = Written if good else bytes, memoryview(data)
-        return [made(data[i : i + size]) for i in range(0, len(data), size)]
+        made, all_data = Written if good else bytes, memoryview(data)
+        return [made(all_data[i : i + size]) for i in range(0, len(data), size)]
 
     def _possible(self, values: ArrayLike) -> bool:
         if not self._judged:

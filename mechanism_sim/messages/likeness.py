@@ -88,6 +88,6 @@ def _like(layout: Layout, data: bytes, judged: bool) -> Callable[[bytes], bool]:
         for begin, length in many:
             array = np.frombuffer(other, '<f8', length, begin)
             total += abs(float(array.max())) + abs(float(array.min()))
-        return total <= LARGEST
+        return bool(total <= LARGEST)
 
     return like

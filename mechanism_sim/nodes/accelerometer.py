@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages import AccelerometerBlock, Imu, float64_array
@@ -37,7 +38,7 @@ class _Sensor:
         found: list[bytes] = []
         for size, group in groupby(self._channel.blocks(final), lambda block: len(block.samples)):
             blocks = list(group)
-            columns = {
+            columns: dict[str, ArrayLike] = {
                 'triggered': [block.triggered for block in blocks],
                 'overloads': [block.overloads for block in blocks],
                 self._scene.quantity: [block.samples for block in blocks],

@@ -7,6 +7,7 @@ instants N serialised messages.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,11 +109,11 @@ def transforms(
     layout = Layout(TFMessage(transforms=frames))
 
     def write(t: Array, angles: Array) -> list[bytes]:
-        columns = {}
-        q = dict(zip(mechanism.coordinates, angles.T, strict=True))
+        columns: dict[str, Array] = {}
+        q: Any = dict(zip(mechanism.coordinates, angles.T, strict=True))
         for i, link in enumerate(links):
             x, y = mechanism.locate_all(link, angles.T)
-            half = 0.5 * mechanism.angle(link, q)  # type: ignore[arg-type] # at all instants
+            half = 0.5 * mechanism.angle(link, q)  # at all instants
             inner = {'translation.x': x, 'translation.y': y,
                      'rotation.z': np.sin(half), 'rotation.w': np.cos(half)}  # fmt: skip
             columns |= {f'transforms[{i}].transform.{name}': v for name, v in inner.items()}

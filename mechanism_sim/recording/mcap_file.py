@@ -112,7 +112,8 @@ class McapFile:
         """Write the index; the stream stays open."""
         self._end_chunk()
         self._write(_record(DataEnd(self._crc)))
-        start, groups = self._offset, RecordBuilder()
+        start = self._offset
+        groups: Any = RecordBuilder()  # without annotations
         offsets = []
         for opcode, records in (
             (Opcode.SCHEMA, self._schemas),
@@ -201,6 +202,7 @@ class McapFile:
 
 def _record(record: Any) -> bytes:
     """The bytes of a record."""
-    builder = RecordBuilder()
+    builder: Any = RecordBuilder()  # without annotations
     record.write(builder)
-    return builder.end()
+    data: bytes = builder.end()
+    return data
