@@ -5,11 +5,20 @@ change it. Who takes bytes gets those that go out.
 """
 
 from collections import defaultdict
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
 
 from mechanism_sim.messages import MessageError, Written, deserialize, objection
 from mechanism_sim.middleware.refusals import judged
 from mechanism_sim.middleware.wire import Attachment
+
+
+class Item(NamedTuple):
+    """A good message; for those who take bytes it need not be decoded."""
+
+    message: Any
+    data: bytes
+    attachment: Attachment
 
 
 class Receiver(Protocol):
@@ -18,8 +27,8 @@ class Receiver(Protocol):
     msg_type: type[Any]
     raw: bool
 
-    def accept(self, message: Any, data: bytes, attachment: Attachment) -> None:
-        """Put a good message into the queue."""
+    def accept(self, items: Sequence[Item]) -> None:
+        """Put good messages of one publisher into the queue."""
 
     def refuse(self, kind: str, reason: str) -> None:
         """Count what is not taken in."""
@@ -36,21 +45,28 @@ class Local:
         return self._receivers[key]
 
 
-def deliver(to: list[Receiver], message: Any, data: bytes, attachment: Attachment) -> None:
-    """Hand a message to subscriptions: what was published, and its bytes."""
+def deliver(
+    to: list[Receiver], messages: Sequence[tuple[Any, bytes]], attachments: Sequence[Attachment]
+) -> None:
+    """Hand messages to subscriptions: what was published, and its bytes."""
     receivers = to.copy()  # others may come and go in other threads
-    kind = receivers[0].msg_type
-    try:
-        if isinstance(message, Written):
-            if not all(receiver.raw for receiver in receivers):
-                message = deserialize(data, kind)
-        elif isinstance(message, bytes) or not all(receiver.raw for receiver in receivers):
-            message = judged(data, kind)
-        elif reason := objection(message):
-            raise MessageError(reason)
-    except MessageError as error:
-        for receiver in receivers:
-            receiver.refuse('message', str(error))
-        return
+    kind, raw, items = receivers[0].msg_type, all(r.raw for r in receivers), []
+    for (message, data), attachment in zip(messages, attachments, strict=True):
+        try:
+            items.append(Item(_received(message, data, kind, raw), data, attachment))
+        except MessageError as error:
+            for receiver in receivers:
+                receiver.refuse('message', str(error))
     for receiver in receivers:
-        receiver.accept(message, data, attachment)
+        receiver.accept(items)
+
+
+def _received(message: Any, data: bytes, kind: type[Any], raw: bool) -> Any:
+    """What those get who do not take bytes. MessageError: nobody should get it."""
+    if isinstance(message, Written):
+        return None if raw else deserialize(data, kind)
+    if isinstance(message, bytes) or not raw:
+        return judged(data, kind)
+    if reason := objection(message):
+        raise MessageError(reason)
+    return None

@@ -1,7 +1,8 @@
 """Publishers."""
 
 import time
-from itertools import count
+from collections.abc import Sequence
+from itertools import count, islice
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
@@ -46,17 +47,23 @@ class Publisher:
 
     def publish(self, message: Any) -> None:
         """Publish a message, or the bytes of one that is serialised already."""
-        data = message if isinstance(message, bytes) else serialize(message)
+        self.publish_all([message])
+
+    def publish_all(self, messages: Sequence[Any]) -> None:
+        """The same for several messages in their order, with less work for each."""
+        out = [(m, m if isinstance(m, bytes) else serialize(m)) for m in messages]
         try:
             # Sequence numbers have to go out in their order, whichever threads publish.
             with self._context.waits, self._one_at_a_time:
-                number = next(self._sequence)
-                now = time.time_ns()
-                attachment = wire.pack_attachment(number, now, self._gid)
+                now, gid = time.time_ns(), self._gid
+                numbers = list(islice(self._sequence, len(out)))
                 # First here: who copies what goes out comes too late.
                 if self._here:
-                    deliver(self._here, message, data, wire.Attachment(number, now, self._gid))
-                self._publisher.put(data, attachment=attachment)
+                    attachments = [wire.Attachment(number, now, gid) for number in numbers]
+                    deliver(self._here, out, attachments)
+                for number, (_, data) in zip(numbers, out, strict=True):
+                    attachment = wire.pack_attachment(number, now, gid)
+                    self._publisher.put(data, attachment=attachment)
         except zenoh.ZError as error:
             raise MiddlewareError(f'{self.topic_name}: not published: {error}') from error
 
@@ -71,6 +78,11 @@ class Publisher:
             self._context.undeclare(self._publisher)
         else:
             self._context.drop_at_the_end(self._publisher)
+
+
+def publish_all(publisher: Publisher, messages: Sequence[Any]) -> None:
+    """Publish messages in their order."""
+    publisher.publish_all(messages)
 
 
 def _goes_by_network(qos: QoSProfile) -> bool:

@@ -1,7 +1,7 @@
 """Subscriptions."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from inspect import signature
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from mechanism_sim.middleware import wire
 from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.inbox import LIMIT, Inbox, Overflow
+from mechanism_sim.middleware.local import Item
 from mechanism_sim.middleware.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -123,24 +124,29 @@ class Subscription:
                 return
             if self.raw:
                 self._known.add(message, data)
-        self.accept(message, data, attachment)
+        self.accept([Item(message, data, attachment)])
 
-    def accept(self, message: Any, data: bytes, attachment: wire.Attachment) -> None:
-        """Put a good message into the queue, unless it has come before; with ``raw`` its bytes."""
-        if self._once and not self._is_news(attachment):
-            return
-        item = (data if self.raw else message, attachment, time.time_ns())
-        if not self.inbox.put(item, len(data)):
+    def accept(self, items: Sequence[Item]) -> None:
+        """Put good messages of one publisher into the queue, unless they have come before."""
+        if self._once:
+            items = self._news(items)
+        now, raw = time.time_ns(), self.raw
+        queued = [((data if raw else message, about, now), len(data))
+                  for message, data, about in items]  # fmt: skip
+        for _ in range(len(queued) - self.inbox.put_all(queued)):
             self.refuse('queue', 'its queue is full')
 
-    def _is_news(self, attachment: wire.Attachment) -> bool:
-        """Whether a publisher has not sent this before."""
+    def _news(self, items: Sequence[Item]) -> list[Item]:
+        """Those with numbers that the publisher has not sent before."""
+        if not items:
+            return []
+        about = items[-1].attachment
         with self._one_at_a_time:
-            last = self._latest.pop(attachment.gid, 0)
-            self._latest[attachment.gid] = max(last, attachment.sequence)
+            last = self._latest.pop(about.gid, 0)
+            self._latest[about.gid] = max(last, about.sequence)
             if len(self._latest) > PUBLISHERS:
                 del self._latest[next(iter(self._latest))]
-            return attachment.sequence > last
+        return [item for item in items if item.attachment.sequence > last]
 
     def refuse(self, kind: str, reason: str) -> None:
         """Count what is not taken in, and warn of it now and then."""

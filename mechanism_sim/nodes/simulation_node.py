@@ -16,7 +16,7 @@ from mechanism_sim.messages import (
     stamp,
     uint64_array,
 )
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.middleware import Parameter, publish_all
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import OVERRIDES, lines, next_machine
@@ -286,8 +286,7 @@ class SimulationNode(DescribedNode):
 
     def send_all(self, publisher: Any, messages: Sequence[bytes]) -> None:
         """Publish serialised messages in their order, and enter them in the books."""
-        for message in messages:
-            publisher.publish(message)
+        publish_all(publisher, messages)
         self.counts[publisher.topic_name] += len(messages)
 
     def report_soon(self, t: float) -> None:
