@@ -18,6 +18,7 @@ from mechanism_sim.export.mjcf import to_mjcf
 from mechanism_sim.export.sdf import to_sdf
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
+from mechanism_sim.messages import TFMessage, deserialize
 from mechanism_sim.nodes.publications import transforms
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 
@@ -143,7 +144,8 @@ def test_urdf_shows_links_where_tf_has_them():
         states = dict(zip(mechanism.coordinates, q[0], strict=True))
         prefix = '' if rng.random() < 0.5 else 'left/'
         frames = frames_of_urdf(to_urdf(machine, prefix), states)
-        (message,) = transforms(mechanism, np.zeros(1), q, prefix.__add__)
+        (data,) = transforms(mechanism, prefix.__add__)(np.zeros(1), q)
+        message = deserialize(data, TFMessage)
         for transform in message.transforms:
             at, turn = transform.transform.translation, transform.transform.rotation
             expected = homogeneous((at.x, at.y, 0.0), 2.0 * np.arctan2(turn.z, turn.w))

@@ -30,7 +30,7 @@ BURSTS = {'bytes': 20_000, 'JointState': 10_000, 'AccelerometerBlock': 5_000, 'M
 
 ROUNDS = 3_000
 CREDITS, STEP = 500, 1e-3
-REVOLUTIONS = 20, 120
+REVOLUTIONS = 20, 220
 RUNS = 3
 """At most so many repeats of a whole run."""
 
@@ -93,6 +93,7 @@ class WholeRun:
     arrangement : of the nodes in processes
     cpu, wall : of the shorter run, start of all processes included [s]: least and median
     cpu_per_unit : CPU time of a revolution [s], by the difference of two lengths
+    realtime_factor : simulated seconds per second of wall time, by the same difference
     sent : messages of the shorter run; 0 for the library
     error : messages that are missing in the bag; None without one
     digest : of the shorter run's motion and impacts; None without a bag
@@ -104,6 +105,7 @@ class WholeRun:
     cpu: float
     wall: float
     cpu_per_unit: float
+    realtime_factor: float
     sent: int
     error: int | None
     digest: str | None
@@ -114,6 +116,7 @@ Figure = Stream | Delay | WholeRun
 ARRANGEMENTS: dict[str, tuple[str, ...]] = {
     'all in one process': (),
     'all in one process, recorded': ('--record',),
+    'the same, joint_states at 1 kHz': ('--record', '--set', 'outputs.joint_states=1 kHz'),
     'a process each': ('--processes',),
     'a process each, recorded': ('--processes', '--record'),
     'a process each, recorded and displayed': ('--processes', '--record', '--display'),
@@ -227,10 +230,13 @@ def _whole_run(
         if '--record' in options:
             *_, read = _timed(('analyze', bag, '--json'), env)
     cpu = {n: min(t[0] for t in pairs) for n, pairs in times.items()}
-    wall = {n: median(t[1] for t in pairs) for n, pairs in times.items()}
+    wall = median(t[1] for t in times[short])
+    took = min(t[1] for t in times[long]) - min(t[1] for t in times[short])
+    simulated = told['duration'] / short * (long - short)
     return WholeRun(
-        told.get('middleware', method), arrangement, short, cpu[short], wall[short],
-        (cpu[long] - cpu[short]) / (long - short), sum(told.get('sent', {}).values()),
+        told.get('middleware', method), arrangement, short, cpu[short], wall,
+        (cpu[long] - cpu[short]) / (long - short), simulated / took,
+        sum(told.get('sent', {}).values()),
         read['ledger']['lost'] if read else None, read['digest'] if read else told.get('digest'),
     )  # fmt: skip
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from mechanism_sim.messages.checks import objection
 from mechanism_sim.messages.classes import (
+    Written,
     action_class,
     deserialize,
     float64_array,
@@ -43,6 +44,7 @@ from mechanism_sim.messages.stamps import seconds, stamp
 
 __all__ = [
     'MessageError',
+    'Written',
     'action_class',
     'define',
     'define_action',

@@ -49,7 +49,7 @@ LATEST = 2.0**31
 """[s] A stamp holds no more."""
 
 _LAST_MODE = 6  # RECOVERING, of ModeChange
-_FEW = 100  # numbers are summed faster one by one
+FEW = 100  # numbers are summed faster one by one
 
 Objection = Callable[[Any], str | None]
 
@@ -84,7 +84,7 @@ def _objections(kind: Any) -> tuple[Objection, ...]:
                 (field := find(message)) and f'{field} holds a number that no machine has'
             )
         )
-        found += [find for own, find in _CONTRADICTIONS.items() if name == f'{OWN}/msg/{own}']
+        found += [find for own, find in CONTRADICTIONS.items() if name == f'{OWN}/msg/{own}']
     return tuple(found)
 
 
@@ -102,7 +102,7 @@ def _about_numbers(kind: Any) -> Objection:
         total = sum(map(abs, numbers(message)))
         for field in many:
             if size := len(values := getattr(message, field)):
-                few = values if size < _FEW else np.array([np.max(values), np.min(values)])
+                few = values if size < FEW else np.array([np.max(values), np.min(values)])
                 total += sum(map(abs, few.tolist()))
         if total <= LARGEST and not unknown:
             return None
@@ -194,7 +194,7 @@ def _beyond(message: Any, *fields: str) -> str | None:
     return None
 
 
-_CONTRADICTIONS = {
+CONTRADICTIONS = {
     'Progress': _about_progress,
     'DriveLaw': _about_law,
     'Motion': _about_motion,

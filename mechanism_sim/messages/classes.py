@@ -35,6 +35,10 @@ _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
 _DTYPES = {'byte': 'uint8', 'char': 'uint8', 'bool': 'bool'}
 
 
+class Written(bytes):
+    """CDR of a good message, written and judged in this process."""
+
+
 @cache
 def message_class(name: str) -> type[Any]:
     """Class of the message ``pkg/msg/Name``; of a service: ``pkg/srv/Name_Request``.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Callable, Container, Sequence
 from typing import Any
+
+import numpy as np
 
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.messages.classes import float64_array, message_class
+from mechanism_sim.messages.layout import Layout
 from mechanism_sim.messages.stamps import stamp
 from mechanism_sim.planar.drive import DriveLaw as MotionLaw
 from mechanism_sim.planar.drive import Law, TorqueLaw
@@ -123,3 +126,40 @@ def mode_change(event: ModeChangeEvent) -> Any:
     )
     message.header.stamp = stamp(event.t)
     return message
+
+
+class EventWriter:
+    """Serialises events in bulk: the same bytes as those of `impact` and `mode_change`."""
+
+    def __init__(self) -> None:
+        self._layouts: dict[tuple[type, str], Layout] = {}  # by class and joint
+
+    def impacts(self, events: Sequence[ImpactEvent], first: int) -> list[bytes]:
+        """Impact messages, counted from `first`."""
+        columns = dict(zip(ImpactEvent._fields, zip(*events, strict=True), strict=False))
+        columns.pop('drive_work', None)
+        columns['index'] = tuple(range(first, first + len(events)))
+        return self._write(events, columns, lambda event: impact(event, 0))
+
+    def mode_changes(self, events: Sequence[ModeChangeEvent]) -> list[bytes]:
+        """ModeChange messages."""
+        columns = dict(zip(('t', 'joint', 'mode', 'previous_mode'), zip(*events, strict=True),
+                           strict=False))  # fmt: skip
+        return self._write(events, columns, mode_change)
+
+    def _write(
+        self, events: Sequence[Any], columns: dict[str, Any], make: Callable[[Any], Any]
+    ) -> list[bytes]:
+        made: list[bytes] = [b''] * len(events)
+        joints = columns.pop('joint', ())
+        arrays = {name: np.array(values) for name, values in columns.items()}
+        for joint in dict.fromkeys(joints):
+            which = [i for i, name in enumerate(joints) if name == joint]
+            key = type(events[which[0]]), joint
+            layout = self._layouts.get(key)
+            if layout is None:
+                layout = self._layouts[key] = Layout(make(events[which[0]]))
+            chosen = {name: values[which] for name, values in arrays.items()}
+            for i, data in zip(which, layout.write(chosen.pop('t'), chosen), strict=True):
+                made[i] = data
+        return made

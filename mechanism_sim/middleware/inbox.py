@@ -15,6 +15,7 @@ here: see ``refusals``.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from enum import Enum
 from queue import SimpleQueue
 from threading import Condition
@@ -75,13 +76,9 @@ class Inbox:
         return len(self._items)
 
     def put(self, item: Any, size: int = 0) -> bool:
-        """Add an item of a size in bytes; False if there is no room for it."""
+        """Add an item of a size in bytes, without waiting; False if there is no room for it."""
         with self._changed:
-            if self._overflow is Overflow.WAIT and self._fills(1.0):
-                # What this process publishes is delivered inside that call.
-                if not self._context.waits.here():
-                    self._wait_for_room()
-            elif self._overflow is Overflow.REFUSE and self._fills(1.0):
+            if self._overflow is Overflow.REFUSE and self._fills(1.0):
                 return False
             if not self._open:
                 return True
@@ -93,6 +90,22 @@ class Inbox:
             elif self._ready is not None:
                 self._ready.put(self._owner)
             return True
+
+    def put_all(self, items: Sequence[tuple[Any, int]]) -> int:
+        """Add items with their sizes; how many there was room for."""
+        if self._overflow is not Overflow.WAIT:
+            return sum(self.put(item, size) for item, size in items)
+        with self._changed:
+            # What this process publishes is delivered inside that call.
+            if self._fills(1.0) and not self._context.waits.here():
+                self._wait_for_room()
+            if self._open:
+                self._items.extend(items)
+                self._bytes += sum(size for _, size in items)
+                if self._ready is not None:
+                    for _ in items:
+                        self._ready.put(self._owner)
+        return len(items)
 
     def take(self) -> Any:
         """Next item, None if there is none or its group waits; called by the executor."""

@@ -109,6 +109,7 @@ __all__ = [
     'init',
     'leave',
     'ok',
+    'publish_all',
     'qos_profile_sensor_data',
     'remove_ros_args',
     'shutdown',
@@ -167,6 +168,12 @@ def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None
         )
     except RuntimeError as error:
         raise MiddlewareError(str(error)) from error
+
+
+def publish_all(publisher: Any, messages: Iterable[Any]) -> None:
+    """Publish messages in their order."""
+    for message in messages:
+        publisher.publish(message)
 
 
 def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:

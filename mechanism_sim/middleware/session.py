@@ -23,6 +23,7 @@ from mechanism_sim.middleware.arguments import Arguments
 from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.graph import Graph
+from mechanism_sim.middleware.local import Local
 from mechanism_sim.middleware.refusals import Refusals, Say
 from mechanism_sim.middleware.waits import Waits
 
@@ -49,6 +50,7 @@ class Context:
         self.graph = Graph()
         self.is_open = True
         self.inboxes: set[Closable] = set()
+        self.local = Local()
         self.refusals = Refusals()
         #: of the nodes: what Zenoh's threads have to say
         self.voices: list[Say] = []

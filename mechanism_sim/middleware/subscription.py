@@ -1,7 +1,7 @@
 """Subscriptions."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from inspect import signature
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -11,10 +11,12 @@ from zenoh import ext
 from zenoh.handlers import Callback
 
 from mechanism_sim.messages import MessageError, type_name
+from mechanism_sim.messages.likeness import Likenesses
 from mechanism_sim.middleware import wire
 from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.inbox import LIMIT, Inbox, Overflow
+from mechanism_sim.middleware.local import Item
 from mechanism_sim.middleware.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -57,14 +59,19 @@ class Subscription:
         self._callback = node.tasks.plain(callback, group)
         self._with_info = _takes_info(callback)
         self._say = node.voice.say
+        self._known = Likenesses(kind)
+        # An advanced subscriber sees to this itself, and may bring in what came before.
+        self._once = qos.durability == DurabilityPolicy.VOLATILE
         self._latest: dict[bytes, int] = {}
         self._one_at_a_time = Lock()
         self._received = 0
         self.callback_group = group
         self.inbox = Inbox(context, self, *_queue(qos), group)
         name = type_name(kind)
-        receive = direct(self._receive)
-        self._subscriber = _declare(context.session, context.key(topic, name), receive, qos)
+        key = context.key(topic, name)
+        self._subscriber = _declare(context.session, key, direct(self._receive), qos)
+        self._here = context.local.of(key)
+        self._here.append(self)
         self._token = context.announce(node.token(wire.SUBSCRIPTION, topic, name, qos))
 
     def execute(self) -> bool:
@@ -94,6 +101,7 @@ class Subscription:
     def destroy(self) -> None:
         """Take the subscription off the network; what waits in its queue is dropped."""
         self._context.retract(self._token)
+        self._here.remove(self)
         self.inbox.close()
         self._context.undeclare(self._subscriber)
 
@@ -102,34 +110,46 @@ class Subscription:
         extra = sample.attachment
         attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
         if attachment is None or sample.kind != zenoh.SampleKind.PUT:
-            self._refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
+            self.refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
             return
-        # An advanced subscriber sees to this itself, and may bring in what came before.
-        once = self.qos_profile.durability == DurabilityPolicy.VOLATILE
-        if once and attachment.sequence <= self._latest.get(attachment.gid, 0):
+        if self._once and attachment.sequence <= self._latest.get(attachment.gid, 0):
             return
         data = sample.payload.to_bytes()
-        try:
-            message = judged(data, self.msg_type)
-        except MessageError as error:
-            self._refuse('message', str(error))
-            return
-        if once and not self._is_news(attachment):
-            return
-        item = (data if self.raw else message, attachment, time.time_ns())
-        if not self.inbox.put(item, len(data)):
-            self._refuse('queue', 'its queue is full')
+        message = None
+        if not self.raw or data not in self._known:
+            try:
+                message = judged(data, self.msg_type)
+            except MessageError as error:
+                self.refuse('message', str(error))
+                return
+            if self.raw:
+                self._known.add(message, data)
+        self.accept([Item(message, data, attachment)])
 
-    def _is_news(self, attachment: wire.Attachment) -> bool:
-        """Whether a publisher has not sent this before."""
+    def accept(self, items: Sequence[Item]) -> None:
+        """Put good messages of one publisher into the queue, unless they have come before."""
+        if self._once:
+            items = self._news(items)
+        now, raw = time.time_ns(), self.raw
+        queued = [((data if raw else message, about, now), len(data))
+                  for message, data, about in items]  # fmt: skip
+        for _ in range(len(queued) - self.inbox.put_all(queued)):
+            self.refuse('queue', 'its queue is full')
+
+    def _news(self, items: Sequence[Item]) -> list[Item]:
+        """Those with numbers that the publisher has not sent before."""
+        if not items:
+            return []
+        about = items[-1].attachment
         with self._one_at_a_time:
-            last = self._latest.pop(attachment.gid, 0)
-            self._latest[attachment.gid] = max(last, attachment.sequence)
+            last = self._latest.pop(about.gid, 0)
+            self._latest[about.gid] = max(last, about.sequence)
             if len(self._latest) > PUBLISHERS:
                 del self._latest[next(iter(self._latest))]
-            return attachment.sequence > last
+        return [item for item in items if item.attachment.sequence > last]
 
-    def _refuse(self, kind: str, reason: str) -> None:
+    def refuse(self, kind: str, reason: str) -> None:
+        """Count what is not taken in, and warn of it now and then."""
         self._context.refuse(self.topic_name, kind, reason, self._say)
 
 

@@ -36,7 +36,7 @@ from mechanism_sim.middleware.future import Future
 from mechanism_sim.middleware.logger import LoggingSeverity
 from mechanism_sim.middleware.node import Node
 from mechanism_sim.middleware.parameter import Parameter
-from mechanism_sim.middleware.publisher import Publisher
+from mechanism_sim.middleware.publisher import Publisher, publish_all
 from mechanism_sim.middleware.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -91,6 +91,7 @@ __all__ = [
     'init',
     'leave',
     'ok',
+    'publish_all',
     'qos_profile_sensor_data',
     'remove_ros_args',
     'shutdown',

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.messages import AccelerometerBlock, Imu, float64_array, stamp
+from mechanism_sim.messages import AccelerometerBlock, Imu, float64_array
+from mechanism_sim.messages.layout import Layout
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.process import main_of
@@ -24,29 +26,38 @@ class _Sensor:
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         self._name, self._scene = name, machine.scene.sensors[name]
         self._frame = frame
+        self._layouts: dict[int, Layout] = {}
         self._channel = machine.channel(name)
 
     def take(self, motion: Motion) -> None:
         """Measure a piece of motion."""
         self._channel.take(motion)
 
-    def messages(self, final: bool) -> list[Any]:
+    def messages(self, final: bool) -> list[bytes]:
         """The blocks that are full, or all that is left."""
-        scene, found = self._scene, []
-        for block in self._channel.blocks(final):
-            message = AccelerometerBlock(
-                time=block.time,
-                sensor=self._name,
-                link=scene.link,
-                sample_rate=scene.sample_rate,
-                triggered=block.triggered,
-                overloads=block.overloads,
-            )
-            setattr(message, scene.quantity, float64_array(block.samples))
-            message.header.stamp = stamp(block.time)
-            message.header.frame_id = self._frame
-            found.append(message)
+        found: list[bytes] = []
+        for size, group in groupby(self._channel.blocks(final), lambda block: len(block.samples)):
+            blocks = list(group)
+            columns: dict[str, ArrayLike] = {
+                'triggered': [block.triggered for block in blocks],
+                'overloads': [block.overloads for block in blocks],
+                self._scene.quantity: [block.samples for block in blocks],
+            }
+            t = np.array([block.time for block in blocks])
+            found += self._layout(size).write(t, columns)
         return found
+
+    def _layout(self, size: int) -> Layout:
+        """That of blocks of so many samples; most have the same."""
+        if size not in self._layouts:
+            scene = self._scene
+            message = AccelerometerBlock(
+                sensor=self._name, link=scene.link, sample_rate=scene.sample_rate
+            )
+            setattr(message, scene.quantity, float64_array(np.zeros(size)))
+            message.header.frame_id = self._frame
+            self._layouts = {size: Layout(message)}
+        return self._layouts[size]
 
 
 class _Unit:
@@ -54,33 +65,33 @@ class _Unit:
 
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         scene = machine.scene.sensors[name]
-        self._frame, self._unit = frame, machine.inertial_unit(name)
+        self._unit = machine.inertial_unit(name)
         chain = scene.chain()
         limit, bits = chain.converter.range, chain.converter.bits
         step = 2.0 * limit / 2**bits if limit and bits else 0.0
         variance = chain.noise.rms**2 + step**2 / 12.0
-        self._covariance = float64_array(np.diag([variance, variance, 0.0]))
+        covariance = float64_array(np.diag([variance, variance, 0.0]))
+        message = Imu(linear_acceleration_covariance=covariance)
+        message.header.frame_id = frame
+        self._layout = Layout(message)
 
     def take(self, motion: Motion) -> None:
         """Measure a piece of motion."""
         self._unit.take(motion)
 
-    def messages(self, final: bool) -> list[Any]:
+    def messages(self, final: bool) -> list[bytes]:
         """The readings of full blocks, or all that is left."""
-        found = []
+        found: list[bytes] = []
         for readings in self._unit.readings(final):
-            for t, (x, y), angle, rate in zip(
-                *(column.tolist() for column in readings), strict=True
-            ):
-                message = Imu(linear_acceleration_covariance=self._covariance)
-                message.header.stamp = stamp(t)
-                message.header.frame_id = self._frame
-                message.orientation.z, message.orientation.w = (
-                    math.sin(0.5 * angle), math.cos(0.5 * angle),
-                )  # fmt: skip
-                message.angular_velocity.z = rate
-                message.linear_acceleration.x, message.linear_acceleration.y = x, y
-                found.append(message)
+            t, acceleration, angle, rate = readings
+            columns = {
+                'orientation.z': np.sin(0.5 * angle),
+                'orientation.w': np.cos(0.5 * angle),
+                'angular_velocity.z': rate,
+                'linear_acceleration.x': acceleration[:, 0],
+                'linear_acceleration.y': acceleration[:, 1],
+            }
+            found += self._layout.write(t, columns)
         return found
 
 
@@ -120,8 +131,7 @@ class Accelerometer(SimulationNode):
 
     def _send(self, final: bool) -> None:
         for sensor, publisher in self._sensors:
-            for message in sensor.messages(final):
-                self.send(publisher, message)
+            self.send_all(publisher, sensor.messages(final))
 
 
 def main(args: list[str] | None = None) -> None:

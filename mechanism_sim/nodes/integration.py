@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.hybrid.audit import Audit
@@ -32,7 +35,10 @@ from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene.machine import Run
 
-STEPS_PER_BATCH = 256
+STEPS, STEPS_PER_BATCH = 256, 1024
+"""At a time, and of a message."""
+
+LONGEST = 0.05  # [s] of wall time for a batch, after which it is as large as it is
 
 
 class Integration:
@@ -104,11 +110,17 @@ class Integration:
             'joint_reactions': Schedule(outputs.joint_reactions),
             'transforms': Schedule(outputs.transforms),
         }
+        physics, mechanism, frame = self._physics, self._machine.mechanism, self._node.frame
+        self._write_states = publications.joint_states(physics)
+        self._write_linkage = publications.linkage_states(physics)
+        self._write_reactions = publications.reactions(physics, frame(WORLD))
+        self._write_transforms = publications.transforms(mechanism, frame)
         self._run: Run | None = None
         self._law_id = 0
         self._known = 0.0
         self._told = 0.0  # [s] up to which followers have been told
         self._impact_count = 0
+        self._events = events.EventWriter()
         self._audit = Audit(self._physics)
 
     def _follow(self, message: Any) -> None:
@@ -149,14 +161,24 @@ class Integration:
                 return
         self._law_id = message.law_id
         while True:
-            before = self._run.steps
-            self._run.advance(message.valid_until, message.final, STEPS_PER_BATCH)
-            more = self._run.steps - before >= STEPS_PER_BATCH
+            more = self._advance_by_a_batch(message.valid_until, message.final)
             self._known = self._run.time if more or message.final else message.valid_until
             self._publish(*self._run.drain())
             if not more:
                 return
             self._node.report(self._run.time)
+
+    def _advance_by_a_batch(self, until: float, final: bool) -> bool:
+        """Integrate towards `until` [s]; whether there is more to do."""
+        assert self._run is not None  # noqa: S101 - who advances has begun
+        first, began = self._run.steps, time.monotonic()
+        while True:
+            before = self._run.steps
+            self._run.advance(until, final, STEPS)
+            if self._run.steps - before < STEPS:
+                return False
+            if self._run.steps - first >= STEPS_PER_BATCH or time.monotonic() - began > LONGEST:
+                return True
 
     def _change(self, path: str, value: float) -> None:
         """Change a restitution for all impacts that are not known yet."""
@@ -172,8 +194,7 @@ class Integration:
         before = self._audit.drive_work, self._audit.dissipated
         work = self._audit.add(motion, impacts)
         self._audit.judge(self._machine.allowed_penetration)
-        for change in changes:
-            self._node.send(self._modes, events.mode_change(change))
+        self._node.send_all(self._modes, self._events.mode_changes(changes))
         if len(motion) or self._known > self._told:
             names = (self._physics.coordinates, self._physics.clearances)
             message = pack(motion, *names, self._known, self._node.run, self._run.time)
@@ -185,29 +206,27 @@ class Integration:
             self._publish_samples(MotionBatch.joined(seen), Books(work, impacts, *before))
         if len(motion):
             self._also(motion)
-        for impact in impacts:
-            self._node.send(self._impacts, events.impact(impact, self._impact_count))
-            self._impact_count += 1
+        self._node.send_all(self._impacts, self._events.impacts(impacts, self._impact_count))
+        self._impact_count += len(impacts)
 
     def _publish_samples(self, motion: MotionBatch, books: Books) -> None:
-        physics, curve = self._physics, motion.curve
-        t = self._schedules['joint_states'].due(curve.end)
+        physics, curve, node = self._physics, motion.curve, self._node
+        due = {topic: schedule.due(curve.end) for topic, schedule in self._schedules.items()}
+        t, seen = due['linkage_state'], None
         if t.size:
-            seen = physics.observe(motion, *curve.find(t))
-            for state in publications.joint_states(physics, t, seen):
-                self._node.send(self._states, state)
-        t = self._schedules['linkage_state'].due(curve.end)
+            samples = sample(physics, motion, books, t)
+            seen = samples.observed
+            node.send_all(self._linkage, self._write_linkage(samples))
+        forces = physics.has_forces and self._machine.scene.outputs.forces
+        for topic, publisher, write in (
+            ('joint_states', self._states, self._write_states),
+            ('joint_reactions', self._reactions, self._write_reactions if forces else None),
+        ):
+            if not due[topic].size or write is None:
+                continue
+            if seen is None or not np.array_equal(due[topic], t):
+                t, seen = due[topic], physics.observe(motion, *curve.find(due[topic]))
+            node.send_all(publisher, write(t, seen))
+        t = due['transforms']
         if t.size:
-            for message in publications.linkage_states(physics, sample(physics, motion, books, t)):
-                self._node.send(self._linkage, message)
-        t = self._schedules['joint_reactions'].due(curve.end)
-        if t.size and physics.has_forces and self._machine.scene.outputs.forces:
-            seen = physics.observe(motion, *curve.find(t))
-            for forces in publications.reactions(physics, t, seen):
-                forces.header.frame_id = self._node.frame(WORLD)
-                self._node.send(self._reactions, forces)
-        t = self._schedules['transforms'].due(curve.end)
-        if t.size:
-            mechanism, frame = self._machine.mechanism, self._node.frame
-            for frames in publications.transforms(mechanism, t, curve(t), frame):
-                self._node.send(self._transforms, frames)
+            node.send_all(self._transforms, self._write_transforms(t, curve(t)))

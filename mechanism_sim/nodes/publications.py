@@ -1,8 +1,12 @@
-"""Messages of samples, from what the engine knows; events have theirs in `messages.events`."""
+"""Messages of samples, serialised from what the engine knows; events have `messages.events`.
+
+Each function gives what writes the messages of one topic: from samples of the machine at N
+instants N serialised messages.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,95 +22,101 @@ from mechanism_sim.messages import (
     TFMessage,
     TransformStamped,
     float64_array,
-    stamp,
     uint8_array,
 )
+from mechanism_sim.messages.layout import Layout
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
 
-def joint_states(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
-    """JointState messages: angles and displacements of the links; the effort is the drives'.
-
-    It is the same object every time, to be published before the next: they come by the thousand.
-    """
+def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]]:
+    """JointState messages: angles and displacements of the links; the effort is the drives'."""
     names = list(physics.coordinates)
-    effort = np.zeros_like(o.position)
-    effort[[names.index(c) for c in physics.driven]] = o.drive_torque
-    rows = [np.ascontiguousarray(x.T) for x in (o.position, o.velocity, effort)]
-    message = JointState(name=names)
-    for time, q, v, torque in zip(t.tolist(), *rows, strict=True):
-        message.header.stamp = stamp(time)
-        message.position = float64_array(q)
-        message.velocity = float64_array(v)
-        message.effort = float64_array(torque)
-        yield message
+    driven, none = [names.index(c) for c in physics.driven], float64_array(np.zeros(len(names)))
+    layout = Layout(JointState(name=names, position=none, velocity=none, effort=none))
+
+    def write(t: Array, o: Observation) -> list[bytes]:
+        effort = np.zeros_like(o.position)
+        effort[driven] = o.drive_torque
+        return layout.write(
+            t, {'position': o.position.T, 'velocity': o.velocity.T, 'effort': effort.T}
+        )
+
+    return write
 
 
-def linkage_states(physics: Physics, s: Samples) -> Iterator[Any]:
+def linkage_states(physics: Physics) -> Callable[[Samples], list[bytes]]:
     """LinkageState messages."""
-    o = s.observed
-    torque = o.drive_torque[0]
-    for i, time in enumerate(s.t.tolist()):
-        message = LinkageState(
-            time=time,
-            coordinates=list(physics.coordinates),
-            position=_column(o.position, i),
-            velocity=_column(o.velocity, i),
-            acceleration=_column(o.acceleration, i),
-            joints=list(physics.clearances),
-            modes=uint8_array(np.ascontiguousarray(s.modes[:, i])),
-            gaps=_column(o.gap, i),
-            normal_forces=_column(o.normal_force, i),
-            friction_forces=_column(o.friction_force, i),
-            drive_torque=float(torque[i]),
-            kinetic_energy=float(o.kinetic_energy[i]),
-            potential_energy=float(o.potential_energy[i]),
-            drive_work=float(s.drive_work[i]),
-            dissipated=float(s.dissipated[i]),
-        )
-        message.header.stamp = stamp(time)
-        yield message
+    names, joints = list(physics.coordinates), list(physics.clearances)
+    each, gap = float64_array(np.zeros(len(names))), float64_array(np.zeros(len(joints)))
+    message = LinkageState(coordinates=names, joints=joints)
+    message.position = message.velocity = message.acceleration = each
+    message.gaps = message.normal_forces = message.friction_forces = gap
+    message.modes = uint8_array(np.zeros(len(joints)))
+    layout = Layout(message)
+
+    def write(s: Samples) -> list[bytes]:
+        o = s.observed
+        columns = {
+            'position': o.position.T,
+            'velocity': o.velocity.T,
+            'acceleration': o.acceleration.T,
+            'modes': s.modes.T,
+            'gaps': o.gap.T,
+            'normal_forces': o.normal_force.T,
+            'friction_forces': o.friction_force.T,
+            'drive_torque': o.drive_torque[0],
+            'kinetic_energy': o.kinetic_energy,
+            'potential_energy': o.potential_energy,
+            'drive_work': s.drive_work,
+            'dissipated': s.dissipated,
+        }
+        return layout.write(s.t, columns)
+
+    return write
 
 
-def reactions(physics: Physics, t: Array, o: Observation) -> Iterator[Any]:
-    """JointReactions messages."""
-    torque = o.drive_torque[0]
-    for i, time in enumerate(t.tolist()):
-        message = JointReactions(
-            time=time,
-            joints=list(physics.joints),
-            force_x=_column(o.reaction[:, 0], i),
-            force_y=_column(o.reaction[:, 1], i),
-            moment=_column(o.reaction_moment, i),
-            drive_torque=float(torque[i]),
-        )
-        message.header.stamp = stamp(time)
-        yield message
+def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], list[bytes]]:
+    """JointReactions messages, in the frame of the world."""
+    joints = list(physics.joints)
+    none = float64_array(np.zeros(len(joints)))
+    message = JointReactions(joints=joints, force_x=none, force_y=none, moment=none)
+    message.header.frame_id = world
+    layout = Layout(message)
+
+    def write(t: Array, o: Observation) -> list[bytes]:
+        columns = {
+            'force_x': o.reaction[:, 0].T,
+            'force_y': o.reaction[:, 1].T,
+            'moment': o.reaction_moment.T,
+            'drive_torque': o.drive_torque[0],
+        }
+        return layout.write(t, columns)
+
+    return write
 
 
 def transforms(
-    mechanism: Mechanism, t: Array, angles: Array, frame_of: Callable[[str], str]
-) -> Iterator[Any]:
-    """TFMessages with the frame of every link in the world; `angles` are (N, n)."""
-    for time, row in zip(t.tolist(), angles.tolist(), strict=True):
-        frames = []
-        known = dict(zip(mechanism.coordinates, row, strict=True))
-        for link in (body.name for body in mechanism.bodies):
-            x, y = mechanism.locate(link, known)
-            frame = TransformStamped(child_frame_id=frame_of(link))
-            frame.header.stamp = stamp(time)
-            frame.header.frame_id = frame_of(WORLD)
-            frame.transform.translation.x = x
-            frame.transform.translation.y = y
-            half = 0.5 * mechanism.angle(link, known)
-            frame.transform.rotation.z = float(np.sin(half))
-            frame.transform.rotation.w = float(np.cos(half))
-            frames.append(frame)
-        yield TFMessage(transforms=frames)
+    mechanism: Mechanism, frame_of: Callable[[str], str]
+) -> Callable[[Array, Array], list[bytes]]:
+    """TFMessages with the frame of every link in the world; angles are (N, n)."""
+    links = [body.name for body in mechanism.bodies]
+    frames = [TransformStamped(child_frame_id=frame_of(link)) for link in links]
+    for frame in frames:
+        frame.header.frame_id = frame_of(WORLD)
+    layout = Layout(TFMessage(transforms=frames))
 
+    def write(t: Array, angles: Array) -> list[bytes]:
+        columns: dict[str, Array] = {}
+        q: Any = dict(zip(mechanism.coordinates, angles.T, strict=True))
+        for i, link in enumerate(links):
+            x, y = mechanism.locate_all(link, angles.T)
+            half = 0.5 * mechanism.angle(link, q)  # at all instants
+            inner = {'translation.x': x, 'translation.y': y,
+                     'rotation.z': np.sin(half), 'rotation.w': np.cos(half)}  # fmt: skip
+            columns |= {f'transforms[{i}].transform.{name}': v for name, v in inner.items()}
+        return layout.write(t, columns)
 
-def _column(rows: Array, i: int) -> Any:
-    return float64_array(np.ascontiguousarray(rows[:, i]))
+    return write

@@ -136,8 +136,7 @@ class Recorder(SimulationNode):
                 # Its run is not known here yet: topics do not wait for each other.
                 self._ahead.append((topic, data))
                 return
-            self.writer.write(topic, data, self._now)
-            if self.writer.counts[topic] == self._due.get(topic):
+            if self.writer.write(topic, data, self._now) == self._due.get(topic):
                 self._review()
             if self._loss_deadline is not None:
                 self._finish()

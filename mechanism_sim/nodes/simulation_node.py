@@ -16,7 +16,7 @@ from mechanism_sim.messages import (
     stamp,
     uint64_array,
 )
-from mechanism_sim.middleware import Parameter
+from mechanism_sim.middleware import Parameter, publish_all
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import OVERRIDES, lines, next_machine
@@ -283,6 +283,11 @@ class SimulationNode(DescribedNode):
         """Publish, and enter it in the books."""
         publisher.publish(message)
         self.counts[publisher.topic_name] += 1
+
+    def send_all(self, publisher: Any, messages: Sequence[bytes]) -> None:
+        """Publish serialised messages in their order, and enter them in the books."""
+        publish_all(publisher, messages)
+        self.counts[publisher.topic_name] += len(messages)
 
     def report_soon(self, t: float) -> None:
         """Let partners know within a moment; many such calls make one report."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO, Any, BinaryIO
+
+from mcap.writer import Writer
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.output import beside
@@ -13,7 +15,7 @@ from mechanism_sim.recording.reader import Bag, file_of
 from mechanism_sim.recording.rosbag2 import METADATA_NAME, Qos, TopicRecord, bag_metadata
 from mechanism_sim.recording.rosbag2 import qos_profile as profile_of
 from mechanism_sim.recording.scan import MESSAGE, Layout, attachments, blocks, messages, survey
-from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock, mcap_writer
+from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def render_recovered(found: Recovered) -> str:
 
 def _rewrite(path: Path, stream: BinaryIO, layout: Layout, out: IO[bytes]) -> None:
     """Write what can be read of a file as a file that is complete."""
-    writer = mcap_writer(out)
+    writer: Any = Writer(out, enable_crcs=True, enable_data_crcs=True)
     writer.start(profile=layout.profile, library=layout.library)
     schemas = {0: 0} | {
         number: writer.register_schema(schema.name, schema.encoding, schema.data)

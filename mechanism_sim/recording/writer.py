@@ -12,14 +12,14 @@ from dataclasses import replace
 from io import BufferedWriter
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import IO, Any, Self
+from typing import IO, Self
 
-from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
-from mcap.writer import CompressionType, Writer
+from mcap.well_known import Profile
 
 from mechanism_sim.catalogue import installed_version
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import MessageError, definition, type_hash
+from mechanism_sim.recording.mcap_file import McapFile
 from mechanism_sim.recording.rosbag2 import (
     METADATA_NAME,
     QosLike,
@@ -29,7 +29,6 @@ from mechanism_sim.recording.rosbag2 import (
     qos_profile,
 )
 
-CHUNK_SIZE = 1 << 20  # [bytes] before compression
 VERSION = 1
 """Of what bags hold: topics, their types, their times. A reader refuses a later one."""
 
@@ -66,7 +65,6 @@ class BagWriter:
     def __init__(self, path: Path | str, *, overwrite: bool = False) -> None:
         self.path = Path(path)
         self._stream: BufferedWriter | None = _create(self.path, overwrite=overwrite)
-        self._mcap = mcap_writer(self._stream)
         self._lock = threading.RLock()
         self._topics: dict[str, TopicRecord] = {}
         self._schemas: dict[str, int] = {}
@@ -76,7 +74,7 @@ class BagWriter:
         self._flushed = time.monotonic()
         self._written: tuple[float, float] | None = None  # [s] when the first and last message was
         with self._writing():
-            self._mcap.start(profile=Profile.ROS2, library=LIBRARY)
+            self._mcap = McapFile(self._stream, Profile.ROS2, LIBRARY)
             # Here already, and again at the end: without the version that it states, the quality
             # of service of a bag that was cut would be misread.
             self._add_metadata()
@@ -117,12 +115,9 @@ class BagWriter:
                 raise InputError(f'{topic}: {error}.') from error
             record = TopicRecord(topic, type_name, fingerprint, qos_profile(qos), 0)
             if type_name not in self._schemas:
-                self._schemas[type_name] = self._mcap.register_schema(
-                    type_name, SchemaEncoding.ROS2, schema
-                )
-            self._channels[topic] = self._mcap.register_channel(
+                self._schemas[type_name] = self._mcap.add_schema(type_name, schema)
+            self._channels[topic] = self._mcap.add_channel(
                 topic,
-                MessageEncoding.CDR,
                 self._schemas[type_name],
                 {
                     'offered_qos_profiles': plain_yaml([record.qos]),
@@ -133,7 +128,7 @@ class BagWriter:
 
     def write(
         self, topic: str, cdr: bytes, log_time_ns: int, publish_time_ns: int | None = None
-    ) -> None:
+    ) -> int:
         """Append a message.
 
         Args:
@@ -141,6 +136,9 @@ class BagWriter:
             cdr: The message as on the wire, encapsulation header included.
             log_time_ns: Simulated time by which players order messages [ns], not negative.
             publish_time_ns: Time of publication [ns], `log_time_ns` unless told.
+
+        Returns:
+            How many messages of this topic are written now.
 
         Raises:
             InputError: A topic that was not added, or a negative time.
@@ -159,7 +157,7 @@ class BagWriter:
             count = self._counts[topic]
             try:
                 self._mcap.add_message(
-                    channel, log_time_ns, cdr, publish_time_ns, count & 0xFFFFFFFF
+                    channel, count & 0xFFFFFFFF, log_time_ns, publish_time_ns, cdr
                 )
             except OSError as error:
                 raise self._abandon(error) from error
@@ -170,6 +168,7 @@ class BagWriter:
             self._written = self._written[0] if self._written else now, now
             if now - self._flushed > FLUSH_PERIOD:
                 self.flush()
+            return count + 1
 
     def flush(self) -> None:
         """Close the chunk under way and hand everything to the operating system."""
@@ -265,14 +264,3 @@ def lock(stream: IO[bytes]) -> bool:
     except OSError:
         pass  # a file system without locks
     return True
-
-
-def mcap_writer(stream: IO[bytes]) -> Any:
-    """Return mcap's writer; as Any, since half of its methods carry no annotations."""
-    return Writer(
-        stream,
-        chunk_size=CHUNK_SIZE,
-        compression=CompressionType.ZSTD,
-        enable_crcs=True,
-        enable_data_crcs=True,
-    )

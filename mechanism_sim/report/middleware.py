@@ -34,9 +34,10 @@ def render(figures: Sequence[Figure]) -> str:
         _table(
             f'whole runs of {runs[0].revolutions if runs else 0} revolutions',
             ('middleware', 'nodes', 'CPU [s]', 'wall [s]', 'CPU per revolution [ms]',
-             'sent', 'lost', 'digest'),
+             'x real time', 'sent', 'lost', 'digest'),
             [(f.method, f.arrangement, f'{f.cpu:.2f}', f'{f.wall:.2f}', _ms(f.cpu_per_unit),
-              f'{f.sent or ""}', '' if f.error is None else f'{f.error}', (f.digest or '')[:8])
+              f'{f.realtime_factor:.1f}', f'{f.sent or ""}',
+              '' if f.error is None else f'{f.error}', (f.digest or '')[:8])
              for f in runs],
         ),
     ]  # fmt: skip

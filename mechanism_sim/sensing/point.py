@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -47,9 +48,13 @@ class PointOnLink:
         gravity: bool = False,
         transverse: float = 0.0,
     ) -> None:
-        index = mechanism.coordinates.index
         self._mechanism, self._link = mechanism, link
         self._place = at if isinstance(at, tuple) else (at, 0.0)
+        frame, offset = mechanism.frame(link)
+        names = {frame, *(name for arm in mechanism.point(link, self._place) for name in arm)}
+        used = [name for name in mechanism.coordinates if name in names]
+        index = used.index
+        self._used = [mechanism.coordinates.index(name) for name in used]
         self._arms = [
             (
                 None if frame == GROUND else index(frame),
@@ -58,7 +63,6 @@ class PointOnLink:
             )
             for (frame, slide), d in mechanism.point(link, self._place).items()
         ]
-        frame, offset = mechanism.frame(link)
         self._frame = None if frame == GROUND else index(frame)
         turn = offset + (0.0 if axis == 'along' else 0.5 * np.pi)
         self._turn, self._size = turn + math.atan(transverse), math.hypot(1.0, transverse)
@@ -71,7 +75,9 @@ class PointOnLink:
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""
-        q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
+        curve = motion.curve
+        curve = replace(curve, coefficients=curve.coefficients[:, self._used])
+        q, v, a = (curve.local(segments, dt, d).T for d in (0, 1, 2))
         axis = self._axis(q)
         gx, gy = self._gravity
         reading = -(gx * np.cos(axis) + gy * np.sin(axis))
@@ -93,7 +99,7 @@ class PointOnLink:
         curve = motion.curve
         every = np.arange(len(curve))
         q = curve.local(every, np.zeros(len(curve))).T
-        axis = self._axis(q)
+        axis = self._axis(q[self._used])
         after = self._velocity(curve, every, np.zeros(len(curve)))
         ends = self._velocity(curve, every, curve.duration)
         first = after[:, :1] if self._before is None else self._before
@@ -106,7 +112,7 @@ class PointOnLink:
         return np.asarray(self._size * step)[:, None]
 
     def _axis(self, q: Array) -> Array:
-        """Direction [rad] of the axis in the world."""
+        """Direction [rad] of the axis in the world, by the coordinates that are used."""
         turned = np.zeros(q.shape[1]) if self._frame is None else q[self._frame]
         return np.asarray(self._turn + turned)
 
