@@ -32,12 +32,30 @@ import mechanism_sim.analysis, mechanism_sim.nodes.run, mechanism_sim.study.stat
 print(*heavy & set(sys.modules))
 """
 
+RUN = """
+import sys
+import mechanism_sim as ms
+ms.simulate(ms.load_scene('four_bar_clearance'), revolutions=0.1)
+assert not {'dask', 'pint', 'sympy'} & set(sys.modules)
+
+import heyoka as hy, sympy
+x, t = hy.expression('x'), hy.time
+found = hy.to_sympy(hy.sin(x) * x**3.0 / 4.0 + hy.kepE(x, t))
+x, t = sympy.Symbol('x', real=True), sympy.Function('heyoka_time')()
+print(sympy.simplify(found - (sympy.sin(x) * x**3 / 4 + sympy.Function('heyoka_kepE')(x, t))))
+"""
+
 
 def test_nothing_heavy_is_imported_before_it_is_needed() -> None:
     done = subprocess.run(
         [sys.executable, '-c', IMPORTS], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, '\n', '')
+
+
+def test_a_run_imports_no_sympy_which_translates_all_the_same() -> None:
+    done = subprocess.run([sys.executable, '-c', RUN], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, '0\n', '')
 
 
 def first_steps(**environment: str) -> str:
