@@ -12,6 +12,7 @@ from typing import Any
 __path__ = extend_path(__path__, __name__)
 
 from mechanism_sim.hybrid import plotting
+from mechanism_sim.numerics.lazy_sympy import postpone_sympy
 
 __all__ = ['animate', 'cycle', 'draw', 'load_scene', 'scene_names', 'simulate', 'stream']
 
@@ -23,6 +24,7 @@ def _plot() -> Any:
 
 
 plotting.drawn_by(_plot)
+postpone_sympy()
 
 
 def __getattr__(name: str) -> Any:

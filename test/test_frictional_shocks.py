@@ -175,3 +175,49 @@ def test_cramers_rule_needs_no_pivots(n):
     found = hy.cfunc([*x, det], given)([*A.ravel(), *b])
     assert found[:n] == pytest.approx(np.linalg.solve(A, b), rel=1e-10)
     assert found[n] == pytest.approx(np.linalg.det(A), rel=1e-10)
+
+
+LOOSE = {
+    'four_bar_clearance': ('ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground'),
+    'ten_links': (
+        'crank_upper_rod', 'crank_lower_rod', 'upper_rod_shoulder', 'lower_rod_strut',
+        'shoulder_shank', 'shank_foot', 'strut_foot',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('name', LOOSE)
+def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
+    """Of any mix of open, sticking and sliding contacts, few and many, some without friction."""
+    loose = {'radial': '0.1 mm', 'restitution': 0.5}
+    clearances = {j: loose | {'friction': 0.2 * (j != LOOSE[name][1])} for j in LOOSE[name]}
+    machine = ms.load_scene(name, {f'joints.{j}.clearance': c for j, c in clearances.items()})
+    system = machine.system
+    dynamics, m = system.dynamics, len(system.gaps)
+    mu, rubs = np.array(dynamics.friction), dynamics.frictional
+    assert 0 < len(rubs) < m
+    margin = system._on_now([dynamics.jam_margin])
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        state = rng.uniform(-1.0, 1.0, 2 * len(system.free))
+        parameters = np.array(system.parameters)
+        modes = rng.integers(0, 4, m)  # open, sticking, sliding either way
+        modes[(mu == 0.0) & (modes == 1)] = 2
+        slips = np.choose(modes, [0.0, 0.0, 1.0, -1.0])
+        parameters[system.flag_index] = modes > 0
+        parameters[system.stick_index] = modes[rubs] == 1
+        parameters[system.slip_index] = slips[rubs]
+        inputs = np.array([*state, *parameters, 0.3])
+        terms = system.contact_terms(system.contact_function(inputs).tolist())
+        C, free = np.array(terms.compliance), np.array(terms.free_acceleration)
+        normal, stuck = np.flatnonzero(modes > 0), m + np.flatnonzero(modes == 1)
+        rows = np.concatenate([normal, stuck])
+        follow = np.zeros((2 * m, len(rows)))  # all forces by those that are unknown
+        follow[rows, np.arange(len(rows))] = 1.0
+        smooth = C[np.ix_(rows, rows)]
+        follow[m + normal, np.arange(len(normal))] -= (mu * slips)[normal]
+        kept = (C @ follow)[rows]
+        forces = follow @ np.linalg.solve(kept, -free[rows])
+        assert terms.acceleration == pytest.approx(free + C @ forces, rel=1e-7, abs=1e-6)
+        wanted = np.linalg.det(kept) / np.linalg.det(smooth)
+        assert margin(inputs)[0] == pytest.approx(wanted, rel=1e-7)

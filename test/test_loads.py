@@ -6,6 +6,7 @@ import pytest
 import mechanism_sim as ms
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics import compiled
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.linkage import LinkageScene
 
@@ -117,6 +118,27 @@ def test_a_step_in_a_machine_keeps_the_books():
     solution = ms.simulate(ms.load_scene('slider_crank', rub | free), duration=0.5)
     assert solution.energy.dissipated > 1.0
     assert abs(solution.energy.residual) < 1e-11 * solution.energy.dissipated
+
+
+def made() -> int:
+    """How many expressions have been compiled in this process."""
+    return sum(f.cache_info().misses for f in (compiled._function, compiled._integrator))
+
+
+def test_another_number_in_a_formula_compiles_nothing_anew():
+    """A wheel that is braked, against the exponential that solves it."""
+    misses = []
+    for c, a, b in (('0.106', '0.3', '0.7'), ('0.107', '0.4', '0.6')):
+        load = f'-{c}*wheel_rate*({a} + {b})'
+        solution = ms.simulate(wheel({'torque': {}}, torque=load), duration=0.2)
+        wanted = 60.0 * np.exp(-float(c) / 0.01 * 0.2)
+        assert solution.sample([0.2])['velocity.wheel'] == pytest.approx([wanted], rel=1e-12)
+        misses.append(made())
+    assert misses[0] == misses[1]
+    ms.simulate(wheel({'torque': {}}, torque='-0.001*wheel_rate**3'), duration=0.2)
+    cube = made()
+    ms.simulate(wheel({'torque': {}}, torque='-0.001*wheel_rate**4'), duration=0.2)
+    assert made() > cube > misses[1]  # exponents shape the expression
 
 
 @pytest.mark.parametrize('formula', ['sqrt(crank_rate-100)', 'log(t-0.1)', '1/0', 'sqrt(0.3-t)'])

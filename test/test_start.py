@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+import heyoka as hy
+import pytest
+
+from mechanism_sim.numerics.compiled import function
 
 FIRST_STEPS = """
 import heyoka as hy
@@ -32,12 +38,49 @@ import mechanism_sim.analysis, mechanism_sim.nodes.run, mechanism_sim.study.stat
 print(*heavy & set(sys.modules))
 """
 
+RUN = """
+import sys
+import mechanism_sim as ms
+ms.simulate(ms.load_scene('four_bar_clearance'), revolutions=0.1)
+assert not {'dask', 'pint', 'sympy'} & set(sys.modules)
+
+import heyoka as hy, sympy
+x, t = hy.expression('x'), hy.time
+found = hy.to_sympy(hy.sin(x) * x**3.0 / 4.0 + hy.kepE(x, t))
+x, t = sympy.Symbol('x', real=True), sympy.Function('heyoka_time')()
+print(sympy.simplify(found - (sympy.sin(x) * x**3 / 4 + sympy.Function('heyoka_kepE')(x, t))))
+"""
+
 
 def test_nothing_heavy_is_imported_before_it_is_needed() -> None:
     done = subprocess.run(
         [sys.executable, '-c', IMPORTS], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, '\n', '')
+
+
+def test_a_run_imports_no_sympy_which_translates_all_the_same() -> None:
+    done = subprocess.run([sys.executable, '-c', RUN], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, '0\n', '')
+
+
+def test_expressions_too_large_to_be_compared_are_compiled_once() -> None:
+    def chain(factor: float) -> hy.expression:
+        found = hy.expression('x')
+        for _ in range(60):  # as a tree it has more parts than can be counted
+            found = hy.sin(found) - factor * found * found
+        return found
+
+    x = hy.expression('x')
+    given = [[chain(0.3), x], [x, chain(0.3)], [chain(0.4), x], [chain(0.3), 0.0 * x, x]]
+    functions = [function(terms, [x]) for terms in given]
+    assert all(function(terms, [x]) is f for terms, f in zip(given, functions, strict=True))
+    assert len({id(f) for f in functions}) == 4
+    wanted = 0.7
+    for _ in range(60):
+        wanted = math.sin(wanted) - 0.3 * wanted * wanted
+    assert functions[0]([0.7]) == pytest.approx([wanted, 0.7], rel=1e-12)
+    assert functions[1]([0.7]) == pytest.approx([0.7, wanted], rel=1e-12)
 
 
 def first_steps(**environment: str) -> str:

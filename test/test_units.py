@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf, pi
 
+from mechanism_sim import units
 from mechanism_sim.units import EXAMPLES, to_si
 
 EXACT = (
@@ -56,6 +57,33 @@ def test_a_plain_number_is_taken_to_be_in_si():
     assert to_si('36.6519', 'rad/s') == 36.6519
     assert to_si(3, '') == 3.0
     assert to_si('1e-12', '') == 1e-12  # YAML 1.1 reads this as text
+
+
+factors = st.lists(
+    st.tuples(
+        st.sampled_from([' ', '*', '/', ' / ']),
+        st.sampled_from(sorted(units._KNOWN)),
+        st.sampled_from(['', '', '^2', '**3', '^-1']),
+    ),
+    min_size=1,
+    max_size=3,
+)
+
+
+def outcome(call, *arguments):
+    """What a call gives, or says."""
+    try:
+        return call(*arguments)
+    except ValueError as error:
+        return str(error)
+
+
+@given(st.decimals(min_value='0.0001', max_value=9999, places=7), factors)
+def test_common_units_are_those_of_pint_to_the_last_bit(number, factors):
+    text = ''.join(''.join(f) for f in factors)[len(factors[0][0]) :]
+    for unit in filter(None, EXAMPLES):
+        mine = outcome(units._text_to_si, f'{number} {text}', unit, 'hint')
+        assert mine == outcome(units._asked_of_pint, str(number), text, unit, 'hint')
 
 
 @pytest.mark.parametrize('unit', EXAMPLES)

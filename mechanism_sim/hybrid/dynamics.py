@@ -8,7 +8,8 @@ known; everything is solved for the free ones.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import truediv
 from typing import NamedTuple
 
 import heyoka as hy
@@ -18,12 +19,14 @@ from mechanism_sim.numerics.symbolic import (
     Term,
     Vector,
     add,
+    backward,
     cramer,
     dense,
     div,
     dot,
     eliminate,
     factorise,
+    forward,
     mul,
     neg,
     solve_symmetric,
@@ -301,24 +304,24 @@ class Dynamics:
         closing = self._with(closing, self._closing, factors) if self.relation else []
         return Solved(a, N, friction, closing)
 
-    def _kept(self, rows: Sequence[int], columns: Sequence[int], slides: bool = False) -> Matrix:
-        """Compliance of what is kept, and the identity for what is not.
-
-        With `slides`, normal forces of sliding contacts have friction that goes with them.
-        """
-        m = len(self.normal)
+    def _kept(self, rows: Sequence[int], columns: Sequence[int]) -> Matrix:
+        """Compliance of what is kept, and the identity for what is not."""
         K: Matrix = []
         for r in rows:
             line: Vector = []
             for c in columns:
                 entry = self.compliance[r][c]
-                if slides and c in self.slips:
-                    share = mul(self.slips[c], mul(self.mu[c], self.compliance[r][m + c]))
-                    entry = add(entry, neg(share))
                 entry = mul(self.active[r], mul(1.0 if r == c else self.active[c], entry))
                 line.append(add(entry, 1.0 - self.active[r]) if r == c else entry)
             K.append(line)
         return K
+
+    def _dragged(self, rows: Sequence[int], c: int) -> Vector:
+        """What the friction of a sliding contact takes off the kept rows, by its normal force."""
+        share = [mul(self.mu[c], self.compliance[r][len(self.normal) + c]) for r in rows]
+        return [
+            mul(self.active[r], mul(self.slips[c], x)) for r, x in zip(rows, share, strict=True)
+        ]
 
     def _pressed(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
         """Normal forces, and friction of what sticks.
@@ -327,28 +330,73 @@ class Dynamics:
         what slides: their matrix S is not symmetric and may be singular.
         """
         m = len(self.normal)
+        if m > _CRAMER:
+            return self._pressed_by_contact(right, tangential)
         normal, held = range(m), [m + i for i in self.frictional]
-        right_held = [neg(mul(self.active[r], tangential[r - m])) for r in held]
-        coupling = self._kept(normal, held)
-
-        def reduced(slides: bool) -> tuple[Matrix, list[Vector]]:
-            columns = [list(x) for x in zip(*self._kept(held, normal, slides), strict=True)]
-            free, *each = solve_symmetric(self._kept(held, held), [right_held, *columns])
-            K = self._kept(normal, normal, slides)
-            S = [[add(K[i][k], neg(dot(coupling[i], each[k]))) for k in normal] for i in normal]
-            return S, [free, *each]
-
-        S, (free, *each) = reduced(slides=True)
-        solve = cramer if m <= _CRAMER else eliminate
-        left = [add(x, neg(dot(row, free))) for x, row in zip(right, coupling, strict=True)]
-        N, det = solve(S, left)
+        L, D = factorise(self._kept(held, held))
+        free = forward(L, [neg(mul(self.active[r], tangential[r - m])) for r in held])
+        columns = zip(*self._kept(held, normal), strict=True)
+        each = [forward(L, column) for column in columns]
+        scaled = [[div(x, d) for x, d in zip(y, D, strict=True)] for y in each]
+        smooth = self._kept(normal, normal)  # without the friction of what slides
+        for i in normal:
+            for k in range(i + 1):
+                smooth[i][k] = smooth[k][i] = add(smooth[i][k], neg(dot(scaled[i], each[k])))
+        S = [list(row) for row in smooth]
+        for c in self.frictional:
+            dragged = forward(L, self._dragged(held, c))
+            for i, x in enumerate(self._dragged(normal, c)):
+                S[i][c] = add(S[i][c], neg(x), dot(scaled[i], dragged))
+            each[c] = [add(x, neg(y)) for x, y in zip(each[c], dragged, strict=True)]
+        left = [add(x, neg(dot(row, free))) for x, row in zip(right, scaled, strict=True)]
+        N, det = cramer(S, left)
         if self.jam_margin is None:
-            self.jam_margin = dense(det) / dense(solve(reduced(slides=False)[0], left)[1])
-        stuck = [
+            pivots = factorise(smooth)[1]
+            self.jam_margin = reduce(truediv, map(dense, pivots), dense(det))
+        rest = [
             add(x, *(neg(mul(column[k], n)) for column, n in zip(each, N, strict=True)))
             for k, x in enumerate(free)
         ]
-        return N, stuck
+        return N, backward(L, D, rest)
+
+    def _pressed_by_contact(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
+        """The same for many contacts: one after the other, few of which share a link."""
+        m = len(self.normal)
+        left = [
+            *right,
+            *(neg(mul(a, x)) for a, x in zip(self.active[m:], tangential, strict=True)),
+        ]
+        rows = [r for i in self._order() for r in (m + i, i) if r < m or i in self.mu]
+        kept = self._kept(rows, rows)
+        A = [list(row) for row in kept]
+        for k, c in enumerate(rows):
+            if c in self.mu:
+                for row, x in zip(A, self._dragged(rows, c), strict=True):
+                    row[k] = add(row[k], neg(x))
+        found, det = eliminate(A, [left[r] for r in rows])
+        if self.jam_margin is None:
+            self.jam_margin = reduce(truediv, map(dense, factorise(kept)[1]), dense(det))
+        forces = dict(zip(rows, found, strict=True))
+        return [forces[i] for i in range(m)], [forces[m + i] for i in self.frictional]
+
+    def _order(self) -> list[int]:
+        """The contacts by how many others they are coupled to when those before are eliminated."""
+        m = len(self.normal)
+        rest = {
+            i: {
+                k
+                for k in range(m)
+                if k != i and any(x is not None for r in self.compliance[i::m] for x in r[k::m])
+            }
+            for i in range(m)
+        }
+        order = []
+        while rest:
+            order.append(min(rest, key=lambda i: (len(rest[i]), i)))
+            near = rest.pop(order[-1])
+            for k in near:
+                rest[k] = (rest[k] | near) - {k, order[-1]}
+        return order
 
     def compressed(self, i: int) -> tuple[Term, Term, Term]:
         """Depth of a closed compliant contact, its rate, and ``|dy/d distance|``.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -214,7 +215,12 @@ class AppliedForce(_Element):
                 known[name] = self._unwound(frames, name)
         if 't' in formula.names(given):
             known['t'] = frames.time
-        return formula.expression(given, {k: dense(term) for k, term in known.items()})
+        count = itertools.count()
+
+        def number(value: float) -> hy.expression:
+            return frames.parameters.reserve(f'{self.key}.{part}.number.{next(count)}', value)
+
+        return formula.expression(given, {k: dense(term) for k, term in known.items()}, number)
 
     def _unwound(self, frames: Frames, link: str) -> Term:
         """Angle of a link with all its turns [rad]."""

@@ -91,22 +91,36 @@ def names(text: str) -> set[str]:
     return found - {'pi'}
 
 
-def expression(text: str, known: Mapping[str, hy.expression]) -> hy.expression:
+def expression(
+    text: str,
+    known: Mapping[str, hy.expression],
+    number: Callable[[float], hy.expression] = hy.expression,
+) -> hy.expression:
     """A formula as an expression of what is known.
+
+    Parameters
+    ----------
+    text : the formula
+    known : expressions by the names that it may hold
+    number : makes expressions of its numbers in the order in which they are written; zero, one
+        and exponents, which shape the expression, are constants
 
     Raises
     ------
     ValueError
         If it names or calls something else.
     """
-    return hy.expression(0.0) + _build(parse(text), {'pi': hy.pi, **known}, text)
+    return hy.expression(0.0) + _build(parse(text), {'pi': hy.pi, **known}, number, text)
 
 
-def _build(node: ast.expr, known: Mapping[str, Any], text: str) -> Any:
+def _build(
+    node: ast.expr, known: Mapping[str, Any], number: Callable[[float], Any], text: str
+) -> Any:
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         if not abs(node.value) <= LARGEST:  # 1e400 is infinite to Python
             raise ValueError(f'a number in {quoted(text)} is larger than {LARGEST:g}')
-        return hy.expression(float(node.value))
+        constant = hy.expression if node.value in (0, 1) else number
+        return constant(float(node.value))
     if isinstance(node, ast.Name):
         if node.id in known:
             return known[node.id]
@@ -114,20 +128,20 @@ def _build(node: ast.expr, known: Mapping[str, Any], text: str) -> Any:
             f"'{node.id}' in {quoted(text)} is not known; known are {', '.join(known)}"
         )
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-        value = _build(node.operand, known, text)
+        value = _build(node.operand, known, number, text)
         return -value if isinstance(node.op, ast.USub) else value
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        left, right = _build(node.left, known, text), _build(node.right, known, text)
+        left, right = (_build(side, known, number, text) for side in (node.left, node.right))
         return _BINARY[type(node.op)](left, right)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
         exponent = node.right
         value = getattr(exponent, 'value', None)
         if value in _POWERS:
-            return reduce(operator.mul, [_build(node.left, known, text)] * _POWERS[value])
+            return reduce(operator.mul, [_build(node.left, known, number, text)] * _POWERS[value])
         raise ValueError(f'the power in {quoted(text)} must be 2, 3 or 4')
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and len(node.args) == 1:
         if node.func.id in FUNCTIONS:
-            return FUNCTIONS[node.func.id](_build(node.args[0], known, text))
+            return FUNCTIONS[node.func.id](_build(node.args[0], known, number, text))
         raise ValueError(
             f"'{node.func.id}' in {quoted(text)} is not a function known here; known are "
             f'{", ".join(FUNCTIONS)}'

@@ -68,17 +68,24 @@ def solve_symmetric(A: Matrix, columns: Sequence[Vector]) -> list[Vector]:
     One solution vector for each right-hand side.
     """
     L, D = factorise(A)
-    n = len(A)
-    solutions = []
-    for b in columns:
-        y: Vector = []
-        for i in range(n):
-            y.append(add(b[i], *(neg(mul(L[i][k], y[k])) for k in range(i))))
-        x: Vector = [div(y[i], D[i]) for i in range(n)]
-        for i in reversed(range(n)):
-            x[i] = add(x[i], *(neg(mul(L[k][i], x[k])) for k in range(i + 1, n)))
-        solutions.append(x)
-    return solutions
+    return [backward(L, D, forward(L, b)) for b in columns]
+
+
+def forward(L: Matrix, b: Sequence[Term]) -> Vector:
+    """Solve ``L y = b``, with L as `factorise` gives it."""
+    y: Vector = []
+    for row, right in zip(L, b, strict=True):
+        y.append(add(right, *(neg(mul(x, known)) for x, known in zip(row, y, strict=False))))
+    return y
+
+
+def backward(L: Matrix, D: Vector, y: Vector) -> Vector:
+    """Solve ``D L^T x = y``, with L and D as `factorise` gives them."""
+    n = len(D)
+    x: Vector = [div(y[i], D[i]) for i in range(n)]
+    for i in reversed(range(n)):
+        x[i] = add(x[i], *(neg(mul(L[k][i], x[k])) for k in range(i + 1, n)))
+    return x
 
 
 def factorise(A: Matrix) -> tuple[Matrix, Vector]:
@@ -136,13 +143,16 @@ def cramer(A: Matrix, b: Vector) -> tuple[Vector, Term]:
 def eliminate(A: Matrix, b: Vector) -> tuple[Vector, Term]:
     """What `cramer` returns, by LU without pivoting; leading minors of A must not vanish."""
     n = len(A)
-    U, x = [list(row) for row in A], list(b)
-    for j in range(n):
-        for i in range(j + 1, n):
-            factor = div(U[i][j], U[j][j])
-            for k in range(j + 1, n):
-                U[i][k] = add(U[i][k], neg(mul(factor, U[j][k])))
-            x[i] = add(x[i], neg(mul(factor, x[j])))
+    L: Matrix = [[None] * n for _ in range(n)]
+    U: Matrix = [[None] * n for _ in range(n)]
+    for i in range(n):
+        for j in range(n):
+            left = add(A[i][j], *(neg(mul(L[i][k], U[k][j])) for k in range(min(i, j))))
+            if i > j:
+                L[i][j] = div(left, U[j][j])
+            else:
+                U[i][j] = left
+    x = forward(L, b)
     for i in reversed(range(n)):
         x[i] = div(add(x[i], *(neg(mul(U[i][k], x[k])) for k in range(i + 1, n))), U[i][i])
     det: Term = hy.expression(1.0)

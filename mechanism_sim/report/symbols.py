@@ -150,7 +150,7 @@ class Symbols:
         exchange = {x: self._variables[x] for x in found.free_symbols if x in self._variables}
         parameters = [x for x in found.free_symbols if str(x).startswith('par[')]
         exchange |= {x: self._parameter(x) for x in sorted(parameters, key=_index)}
-        exchange |= {x: r for x in found.atoms(sympy.Float) if _plain(r := sympy.Rational(x))}
+        exchange |= {x: _number(x) for x in found.atoms(sympy.Float)}
         return tidy(found.xreplace(exchange))
 
     def _parameter(self, par: Expression) -> Expression:
@@ -162,6 +162,8 @@ class Symbols:
 
     def _named(self, name: str, value: float) -> Expression:
         """The parameter `name` by a symbol of positive value."""
+        if re.search(r'\.number\.\d+$', name):  # as it is written in a formula
+            return _number(value)
         if name.endswith('.half_clearance'):
             return self._clearance(name, 2.0 * value) / 2
         if name.endswith('.minus_curvature'):
@@ -212,9 +214,11 @@ def tidy(expression: Expression) -> Expression:
     return min(forms, key=_clumsiness)
 
 
-def _plain(number: Expression) -> bool:
-    """Whether a number belongs to the form of an equation, as 1/2 does."""
-    return bool(number.q <= 8 and abs(number.p) <= 16)
+def _number(value: Expression) -> Expression:
+    """A number; as a fraction if it belongs to the form of an equation, as 1/2 does."""
+    fraction = sympy.Rational(value)
+    largest = 16 if fraction.q > 1 else 9999
+    return fraction if fraction.q <= 8 and abs(fraction.p) <= largest else sympy.Float(value)
 
 
 def _clumsiness(expression: Expression) -> int:
