@@ -12,11 +12,13 @@ import pytest
 from running import run, run_json
 from scipy.integrate import DOP853, solve_ivp
 
+import mechanism_sim as ms
 from mechanism_sim.bench import measure as measuring
 from mechanism_sim.bench import middleware as lines
 from mechanism_sim.bench import scaling as sizes
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
 from mechanism_sim.bench.hard import cases
+from mechanism_sim.bench.loose_joints import loose_joints
 from mechanism_sim.bench.measure import machine, measure
 from mechanism_sim.bench.measured import Measured
 from mechanism_sim.bench.peers import numba_dop853
@@ -264,8 +266,6 @@ def test_bench_as_json_and_files(tmp_path):
 @pytest.mark.deep
 def test_costs_by_size(monkeypatch):
     """One point or two of every family in this process; those with nodes are measured alike."""
-    monkeypatch.setattr(sizes, 'REVOLUTIONS', 1)
-    monkeypatch.setattr(sizes, 'JOINTS', sizes.JOINTS[:1])
     monkeypatch.setattr(sizes, 'RATES', (1e3,))
     monkeypatch.setattr(sizes, 'SENSORS', ())
     monkeypatch.setattr(sizes, 'LENGTHS', (1, 8))
@@ -278,15 +278,31 @@ def test_costs_by_size(monkeypatch):
     assert [c.size for c in links] == [4, 6] * 8
     assert sum(c.family.endswith('getting ready') for c in links) == 8
     others = costs[len(links) :]
-    assert [c.size for c in others] == [1, 1e3, 1, 8, 1]
+    assert [c.size for c in others] == [1e3, 1, 8, 1]
     assert len(said) == len(costs)
     assert all(c.cpu_per_unit > 0.0 for c in costs)
     assert {c.unit for c in others} == {'revolution'}
-    short, long = (c.peak_memory for c in others[2:4])
+    short, long = (c.peak_memory for c in others[1:3])
     assert 1e4 < short < long  # motion is kept
     text = report.render_scaling(costs, machine())
     assert all(c.family in text for c in costs)
     assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 4
+
+
+def test_costs_of_loose_joints():
+    runs = (('four_bar_clearance', 1, 0.2), ('slider_crank_engine', 2, 0.02))
+    said: list[str] = []
+    costs = loose_joints(1, said.append, runs)
+    assert [(c.machine, c.loose, c.friction) for c in costs] == [
+        (*run[:2], friction) for run in runs for friction in (False, True)
+    ]
+    assert len(said) == 8  # once to compile, once to measure
+    assert all(c.cpu > 0.0 and c.cpu_per_event == c.cpu / max(c.events, 1.0) for c in costs)
+    solution = ms.simulate(ms.load_scene('four_bar_clearance'), duration=0.4 * math.pi / 36.6519)
+    assert costs[0].steps == pytest.approx(solution.stats.steps / 0.2)
+    assert costs[0].impacts == pytest.approx(len(solution.impacts) / 0.2)
+    text = report.render_loose_joints(costs)
+    assert text.count('mu 0.1') == 2
 
 
 @pytest.mark.deep

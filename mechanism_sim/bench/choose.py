@@ -9,7 +9,8 @@ from mechanism_sim.bench.hard import Case, cases
 from mechanism_sim.bench.problem import Problem, problems
 from mechanism_sim.errors import InputError, nearest
 
-SCALING, MIDDLEWARE, GRID = 'scaling', 'middleware', 'grid'
+SCALING, LOOSE_JOINTS, MIDDLEWARE = 'scaling', 'loose_joints', 'middleware'
+GRID = 'grid'
 
 
 def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], set[str]]:
@@ -21,7 +22,7 @@ def choose(names: Sequence[str]) -> tuple[list[Problem], list[Case], set[str]]:
         For an unknown name, with the nearest, or for hard cases beside anything else.
     """
     hard, known = {case.name: case for case in cases()}, problems()
-    tables = (SCALING, MIDDLEWARE)
+    tables = (SCALING, LOOSE_JOINTS, MIDDLEWARE)
     words = ('hard', GRID, *tables, *known, *hard)
     for name in names:
         if name not in words:

@@ -22,8 +22,6 @@ from mechanism_sim.bench.chains import SPEED, chain
 from mechanism_sim.errors import RunError
 from mechanism_sim.scene import Machine, load_scene, simulate
 
-REVOLUTIONS = 20
-JOINTS = ('coupler_rocker', 'crank_coupler', 'rocker_ground', 'ground_crank')
 RATES = (1e3, 1e4, 1e5)
 SENSORS = (0, 1, 2, 4, 8)
 DYADS = (1, 2, 3, 4, 6, 9)
@@ -58,7 +56,7 @@ class Cost:
 def scaling(show: Callable[[str], None] = lambda _: None) -> list[Cost]:
     """All families, one after the other."""
     found = []
-    for family in (_links, _loose_joints, _sample_rates, _sensors, _lengths, _streams):
+    for family in (_links, _sample_rates, _sensors, _lengths, _streams):
         for cost in family():
             show(f'{cost.family} {cost.size:g}: {cost.cpu_per_unit:.3g} s per {cost.unit}')
             found.append(cost)
@@ -75,9 +73,8 @@ def _cpu(work: Callable[[], Any]) -> float:
     return min(times)
 
 
-def _loose(count: int) -> Machine:
-    overrides = {f'joints.{joint}.clearance': CLEARANCE for joint in JOINTS[:count]}
-    machine = load_scene('four_bar_clearance', overrides)
+def _loose() -> Machine:
+    machine = load_scene('four_bar_clearance')
     machine.prepare()
     return machine
 
@@ -117,20 +114,9 @@ def _links() -> Iterator[Cost]:
     hy.llvm_state.set_diskcache_enabled(from_disk)
 
 
-def _loose_joints() -> Iterator[Cost]:
-    """CPU time of a revolution with one to four loose joints."""
-    for count in range(1, len(JOINTS) + 1):
-        machine = _loose(count)
-        solution = min(
-            (simulate(machine, revolutions=REVOLUTIONS) for _ in range(REPEATS)),
-            key=lambda s: s.stats.cpu_time,
-        )
-        yield Cost('loose joints', count, solution.stats.cpu_time / REVOLUTIONS, 'revolution')
-
-
 def _sample_rates() -> Iterator[Cost]:
     """CPU time of sampling everything over a revolution, beyond that of solving."""
-    solution = simulate(_loose(1), revolutions=1)
+    solution = simulate(_loose(), revolutions=1)
     for rate in RATES:
         t = np.arange(0.0, solution.duration, 1.0 / rate)
         cpu = _cpu(lambda t=t: solution.sample(t))  # type: ignore[misc]
@@ -140,7 +126,7 @@ def _sample_rates() -> Iterator[Cost]:
 
 def _lengths() -> Iterator[Cost]:
     """CPU time of a revolution and peak memory of a run that keeps all of its motion."""
-    machine = _loose(1)
+    machine = _loose()
     for revolutions in LENGTHS:
         cpu = simulate(machine, revolutions=revolutions).stats.cpu_time
         tracemalloc.start()

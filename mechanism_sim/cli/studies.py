@@ -77,7 +77,8 @@ def add(command: Command) -> None:
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
-        help='problems; scaling; middleware; grid; hard, or hard cases; nothing lists all',
+        help='problems; scaling; loose_joints; middleware; grid; hard, or hard cases; '
+        'nothing lists all',
     )  # fmt: skip
     sub.add_argument('--output', metavar='DIR', help='folder for picture, JSON and table')
     sub.add_argument(
@@ -204,6 +205,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.bench import choose  # noqa: PLC0415
+    from mechanism_sim.bench.loose_joints import loose_joints  # noqa: PLC0415
     from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
     from mechanism_sim.bench.middleware import middleware  # noqa: PLC0415
     from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
@@ -235,6 +237,11 @@ def _bench(options: argparse.Namespace) -> int:
     if choose.SCALING in tables:
         with progress.busy('bench', options.json) as say:
             content.add_scaling(scaling(say), here)
+        if not options.json:
+            print(content.text[-1], flush=True)
+    if choose.LOOSE_JOINTS in tables:
+        with progress.busy('bench', options.json) as say:
+            content.add_loose_joints(loose_joints(options.repeats, say), here)
         if not options.json:
             print(content.text[-1], flush=True)
     if choose.MIDDLEWARE in tables:

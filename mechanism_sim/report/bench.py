@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim import output, strict_json
+from mechanism_sim.bench.loose_joints import LooseCost
 from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
@@ -123,6 +124,7 @@ class Pages:
         self.found: list[Measurement] = []
         self.text: list[str] = []
         self._costs: list[Cost] = []
+        self._loose: list[dict[str, object]] = []
         self._figures: list[Figure] = []
         self._folder = Path(folder) if folder else None
         if self._folder:
@@ -147,6 +149,13 @@ class Pages:
             self._write('scaling', {'machine': dict(machine), 'scaling': scaling_json(costs)})
             _plot_costs(costs, machine, self._folder / 'scaling.svg')
 
+    def add_loose_joints(self, costs: Sequence[LooseCost], machine: Mapping[str, Any]) -> None:
+        """Add costs of loose joints, and write loose_joints.json and loose_joints.txt."""
+        self._loose = [asdict(c) | {'cpu_per_event': c.cpu_per_event} for c in costs]
+        self.text.append(f'{render_loose_joints(costs)}\n\n{footer(machine)}')
+        if self._folder:
+            self._write('loose_joints', {'machine': dict(machine), 'loose_joints': self._loose})
+
     def add_middleware(self, figures: Sequence[Figure], machine: Mapping[str, Any]) -> None:
         """Add figures of the middleware, and write middleware.json and middleware.txt."""
         self._figures += figures
@@ -164,7 +173,8 @@ class Pages:
     def to_json(self, machine: Mapping[str, Any]) -> dict[str, object]:
         """All of it."""
         found = to_json(self.found, machine, middleware.to_json(self._figures))
-        return found | ({'scaling': scaling_json(self._costs)} if self._costs else {})
+        found |= {'scaling': scaling_json(self._costs)} if self._costs else {}
+        return found | ({'loose_joints': self._loose} if self._loose else {})
 
 
 def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -176,9 +186,8 @@ def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
             f'  {m["name"]}' + (f' (left out: {m["missing"]})' if m['missing'] else '')
             for m in p['methods']
         ]
-    lines.append(
-        'scaling: cost against links, loose joints, sample rate, sensors and length of the run'
-    )
+    lines.append('scaling: cost against links, sample rate, sensors and length of the run')
+    lines.append('loose_joints: whole runs of machines by how many of their joints are loose')
     lines.append('middleware: messages, round trips and runs of nodes on every middleware found')
     lines.append("hard: the hard cases, see 'mechanism-sim bench hard'")
     return '\n'.join(lines)
@@ -196,6 +205,21 @@ def render_scaling(costs: Sequence[Cost], machine: Mapping[str, Any]) -> str:
                     f'  {c.size:>12g}  {_time(c.cpu_per_unit) + " per " + c.unit:>20}  {memory}'
                 )
     return '\n'.join([*lines, '', footer(machine)])
+
+
+def render_loose_joints(costs: Sequence[LooseCost]) -> str:
+    """Costs of loose joints for people; times one is that of the same machine with the fewest."""
+    lines = [f'{"":34}{"CPU per":>11}  {"times":>6}{"CPU per":>11}  {"impacts":>8}{"steps":>8}',
+             f'{"machine":<22}{"loose":>5}{"":7}{"revolution":>11}  {"one":>6}{"event":>11}  '
+             f'{"in a revolution":>16}']  # fmt: skip
+    for c in costs:
+        one = next(x for x in costs if x.machine == c.machine and not x.friction)
+        lines.append(
+            f'{c.machine:<22}{c.loose:>5} {"mu 0.1" if c.friction else "":<6}{_time(c.cpu):>11}  '
+            f'{c.cpu / one.cpu:>6.1f}{_time(c.cpu_per_event):>11}  '
+            f'{c.impacts:>8.1f}{c.steps:>8.1f}'
+        )
+    return '\n'.join(lines)
 
 
 def scaling_json(costs: Sequence[Cost]) -> list[dict[str, object]]:
