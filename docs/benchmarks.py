@@ -61,7 +61,7 @@ LOOSE = """\
 
 Each loose joint adds impacts that shake the others. Whole calls of `simulate`, set-up and audit
 with them, of machines that are compiled, by how many of their joints are loose (e = 0.5; with
-friction 0.1 in the second row of each): ten revolutions of the thesis mechanism, two of the engine,
+friction 0.1 in the second row of each): ten revolutions of the thesis mechanism, two of an engine,
 a fifth of one of `ten_links`. "Times one" is against the same machine with the fewest loose joints
 and no friction; an event is an impact or several at one instant, or a contact that lets go, sticks
 or slides.
