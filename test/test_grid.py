@@ -12,6 +12,7 @@ from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
 from mechanism_sim.bench.grid.jams import confirmed, jams, solutions
 from mechanism_sim.bench.grid.run import write_scenes
 from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid import contacts as contacts_module
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.contacts import Contacts
 
@@ -95,7 +96,7 @@ def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
         raise ArithmeticError
 
     with monkeypatch.context() as patched:
-        patched.setattr(Contacts, '_press', fails)
+        patched.setattr(contacts_module, 'press', lambda *_: (np.zeros(0), False))
         patched.setattr(Contacts, '_shock', fails)
         with pytest.raises(RunError, match=r'friction jams coupler_rocker at t = .* crank at'):
             ms.simulate(machine, revolutions=2.0)
