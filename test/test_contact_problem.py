@@ -62,9 +62,13 @@ def test_an_impact_changes_momentum_by_its_impulses_and_loses_what_it_says(m, fr
             masses.closed[1] = True
         before, energy, log = masses.v.copy(), masses.energy, np.zeros((m, 12))
         rate = masses.problem.rate
-        done = instant.strike_all(masses.problem, LIMITS, 0, 2.5, rates, masses.v, log, 0)
+        touching, resting = np.zeros((2, m), dtype=bool)
+        done = instant.strike_all(
+            masses.problem, LIMITS, 0, 2.5, rates, masses.v, log, 0, touching, resting
+        )
         assert done.found
-        assert done.touching.all()
+        assert touching.all()
+        assert done.rests == (resting.any() or masses.closed.any())
         rows = log[: done.entered]
         gaps = rows[:, instant.GAP].astype(int)
         impulse = rows[:, instant.NORMAL] @ masses.J[gaps]
@@ -138,9 +142,12 @@ def test_the_last_bounce_takes_all_of_the_approach_and_says_how_long_others_woul
         speed = math.sqrt(2.0 * 9.81 * height * 0.5) / 0.5
         masses.v *= -speed / masses.problem.rate[0]
         log = np.zeros((1, 12))
-        done = instant.strike_all(masses.problem, limits, 0, 0.0, np.zeros(2), masses.v, log, 0)
+        on, rests = np.zeros((2, 1), dtype=bool)
+        done = instant.strike_all(
+            masses.problem, limits, 0, 0.0, np.zeros(2), masses.v, log, 0, on, rests
+        )
         assert log[0, instant.ENDS] == last
-        assert bool(done.resting[0]) == last
+        assert [done.rests, *rests] == [last, last]
         after = masses.problem.rate[0]
         if last:
             assert after == pytest.approx(0.0, abs=1e-15)

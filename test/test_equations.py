@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from mechanism_sim.contact.problem import ContactProblem
+from mechanism_sim.contact.problem import problem_of
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.linkages.four_bar import FourBar
@@ -329,7 +329,7 @@ def test_gap_and_mode_free_terms_of_the_engine_at_a_contact(skew):
         index, pars = system.law_index[0], system.parameters.copy()
         pars[index] = [q[0], v[0], 45.0]
         out = system.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
-        terms = ContactProblem._make([*system.contact_terms(out), *[None] * 4])
+        terms = problem_of(out, system.contact_layout, np.zeros((2, 1)), *[None] * 2)
         newton = Newton(m, q, v, given={'crank': 90.0})
         Q = newton.point('coupler', (0.309, 0.0)) - newton.point('rocker', (0.312, 0.0))
         rate = newton.velocity('coupler', (0.309, 0.0)) - newton.velocity('rocker', (0.312, 0.0))
@@ -365,7 +365,7 @@ def test_drive_impulse_at_an_impact_is_the_change_of_angular_momentum(skew):
         pars = system.parameters.copy()
         pars[system.law_index[0]] = [q[0], v[0], 0.0]
         out = system.contact_function(np.array([*q[1:], *v[1:], *pars, 0.0]))
-        terms = ContactProblem._make([*system.contact_terms(out), *[None] * 4])
+        terms = problem_of(out, system.contact_layout, np.zeros((2, 1)), *[None] * 2)
         p = 0.03
         dv3 = terms.response[0][0] * p
         newton = Newton(m, q, v, given={'crank': 0.0})

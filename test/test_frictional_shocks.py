@@ -10,6 +10,7 @@ import scipy.linalg
 import mechanism_sim as ms
 from mechanism_sim.bench.grid.run import grid
 from mechanism_sim.contact.impact import jam, jam_margin, shock, stop_slide
+from mechanism_sim.contact.problem import problem_of
 from mechanism_sim.hybrid.events import gains
 from mechanism_sim.numerics.symbolic import cramer
 from mechanism_sim.scene.build import build
@@ -208,7 +209,9 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
         parameters[system.stick_index] = modes[rubs] == 1
         parameters[system.slip_index] = slips[rubs]
         inputs = np.array([*state, *parameters, 0.3])
-        _, _, free, acceleration, _, C, *_ = system.contact_terms(system.contact_function(inputs))
+        seen = system.contact_function(inputs)
+        terms = problem_of(seen, system.contact_layout, np.zeros((2, m)), *[None] * 2)
+        C, free = terms.compliance, terms.free_acceleration
         normal, stuck = np.flatnonzero(modes > 0), m + np.flatnonzero(modes == 1)
         rows = np.concatenate([normal, stuck])
         follow = np.zeros((2 * m, len(rows)))  # all forces by those that are unknown
@@ -217,6 +220,6 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
         follow[m + normal, np.arange(len(normal))] -= (mu * slips)[normal]
         kept = (C @ follow)[rows]
         forces = follow @ np.linalg.solve(kept, -free[rows])
-        assert acceleration == pytest.approx(free + C @ forces, rel=1e-7, abs=1e-6)
+        assert terms.acceleration == pytest.approx(free + C @ forces, rel=1e-7, abs=1e-6)
         wanted = np.linalg.det(kept) / np.linalg.det(smooth)
         assert margin(inputs)[0] == pytest.approx(wanted, rel=1e-7)

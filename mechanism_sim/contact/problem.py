@@ -18,6 +18,7 @@ from mechanism_sim.numerics.complementarity import (
     BACKWARD,
     FORWARD,
     OPEN,
+    STICK,
     Array,
     Indices,
     largest,
@@ -27,6 +28,9 @@ from mechanism_sim.numerics.complementarity import (
 from mechanism_sim.numerics.kernels import kernel
 
 Mask = NDArray[np.bool_]
+
+_INDEPENDENT = 1e-8
+"""Square of the sine of an angle: a row that is nearer to those before it depends on them."""
 
 ROUGH = 1e4
 """Coulomb's coefficient of rough contacts while they stay closed; in impacts it is infinite."""
@@ -61,18 +65,72 @@ class Limits(NamedTuple):
     resolved: float  #: [m] rise that can be told from rounding
 
 
+class Layout(NamedTuple):
+    """How many there are of what a `ContactProblem` is made of."""
+
+    gaps: int
+    rows: int
+    free: int
+    drives: int
+    compliant: int  #: gaps that have a relief
+
+    @property
+    def size(self) -> int:
+        """Of all terms, which are kept behind each other, see `problem_of`."""
+        m, r, f, p, compliant = self
+        return 2 * m + 3 * r + r * (f + r + p) + compliant
+
+
 class Strike(NamedTuple):
     """What an impact did."""
 
-    touching: Mask  #: (m,) which contacts took part
-    resting: Mask  #: (m,) which of them are at rest after it
+    rests: bool  #: whether some are at rest after it, or were closed before
     horizon: float  #: [s] longest next step
     entered: int  #: rows of the log so far
     found: bool  #: whether there are impulses that satisfy all contacts
 
 
+class Rest(NamedTuple):
+    """What became of contacts without normal speed."""
+
+    solved: bool  #: whether forces keep them that stay; if not, nothing else is told or done
+    changed: bool  #: whether any mode did
+    begins: bool  #: whether any begins to slide, and its slip can be brought to zero before
+    parts: bool  #: whether any of them opens
+    off: bool  #: whether what is closed now is off zero, in value or rate, by more than rounding
+    draws: bool  #: whether open gaps are drawn shut
+    horizon: float  #: [s] longest next step
+
+
+FLIES, FOLLOWS, STICKS, SLIDES_FORWARD, SLIDES_BACKWARD, RECOVERS = range(1, 7)
+"""Modes of a contact: open; closed, if without friction; closed with friction; see `Mode`."""
+
 T, GAP, ANGLE, APPROACH, REBOUND, NORMAL, TANGENTIAL, LOSS, DRIVE, WORK, ENDS, LEFT = range(12)
 """Columns of a log of impacts: time [s], index of the gap, and what `hybrid.events.Impact` has."""
+
+
+@kernel
+def problem_of(
+    terms: Array, layout: Layout, laws: Array, closed: Mask, hypothesis: Indices
+) -> ContactProblem:
+    """Views of terms in one row, with the coefficients (2, m) of restitution and friction."""
+    m, r, f, p, compliant = layout
+    at = m + 3 * r
+    return ContactProblem(
+        terms[:m],
+        terms[m : m + r],
+        terms[m + r : m + 2 * r],
+        terms[m + 2 * r : at],
+        terms[at : at + r * f].reshape((r, f)),
+        terms[at + r * f : at + r * (f + r)].reshape((r, r)),
+        terms[at + r * (f + r) : at + r * (f + r + p)].reshape((r, p)),
+        terms[at + r * (f + r + p) : at + r * (f + r + p) + m],
+        terms[at + r * (f + r + p) + m : at + r * (f + r + p) + m + compliant],
+        closed,
+        laws[0],
+        laws[1],
+        hypothesis,
+    )
 
 
 @kernel
@@ -199,6 +257,8 @@ def strike_all(
     v: Array,
     log: Array,
     count: int,
+    touching: Mask,
+    resting: Mask,
 ) -> Strike:
     """Impact in a gap and in all others that touch.
 
@@ -211,9 +271,11 @@ def strike_all(
     drives : (p,) rates of the drives [rad/s]
     v : (f,) rates of the free coordinates, changed in place
     log : (n, 12) with room for m rows from `count` on
+    touching : (m,) set: which contacts take part
+    resting : (m,) set: which of them are at rest after it
     """
-    m = len(c.value)
-    touching, resting = np.zeros(m, dtype=np.bool_), np.zeros(m, dtype=np.bool_)
+    m, rests = len(c.value), False
+    resting[:] = False
     for i in range(m):
         touching[i] = (
             i == gap
@@ -238,7 +300,7 @@ def strike_all(
     if found and again:
         x, after, found = impulses(A, rate, e, mu, hypothesis)
     if not found:
-        return Strike(touching, resting, math.inf, count, False)
+        return Strike(False, math.inf, count, False)
     horizon = math.inf
     old, new = np.empty(2), np.empty(2)
     for k in range(n):
@@ -254,9 +316,10 @@ def strike_all(
         low = is_last(c, limits, i, after[k], 1.0)
         stays = limits.still if c.closed[i] else limits.bare
         resting[i] = low or after[k] <= max(-1e-9 * rate[k], stays)
+        rests = rests or resting[i] or c.closed[i]
         if not resting[i]:
             horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
-    return Strike(touching, resting, horizon, count, True)
+    return Strike(rests, horizon, count, True)
 
 
 @kernel
@@ -271,7 +334,7 @@ def slip_of(c: ContactProblem, gap: int, still: float) -> int:
 @kernel
 def press(
     c: ContactProblem, limits: Limits, resting: Mask, given: Indices
-) -> tuple[Indices, bool]:
+) -> tuple[Indices, Array, bool]:
     """What contacts without normal speed do: the forces that keep them closed are found.
 
     Parameters
@@ -281,11 +344,11 @@ def press(
 
     Returns
     -------
-    (m,) grips, `complementarity.OPEN` of those that open; and whether any forces keep the others:
-    friction may jam them
+    (m,) grips, `complementarity.OPEN` of those that open; (r,) forces [N]; and whether any forces
+    keep the others: friction may jam them
     """
     m = len(c.value)
-    grips = np.zeros(m, dtype=np.int64)
+    grips, forces = np.zeros(m, dtype=np.int64), np.zeros(len(c.rate))
     rows, A, _ = part_of(c, resting)
     n = len(rows)
     b, mu, least = np.zeros(2 * n), np.zeros(n), np.zeros(2 * n)
@@ -304,7 +367,7 @@ def press(
             slip[k] = given[i] if given[i] != 0 else slip_of(c, i, still)
         x, found, solved = solve_contacts(A, b, mu, slip, least)
         if not solved:
-            return grips, False
+            return grips, forces, False
         agree = True
         for k in range(n):
             i = rows[k]
@@ -314,7 +377,13 @@ def press(
                 agree = False
         if agree or not frictional:
             break
-    return grips, True
+    for k in range(n):
+        i = rows[k]
+        if grips[i] != OPEN:
+            forces[i] = x[k]
+            if frictional:
+                forces[m + i] = x[n + k]
+    return grips, forces, True
 
 
 @kernel
@@ -350,6 +419,112 @@ def book_rest(c: ContactProblem, limits: Limits, kept: Mask, drives: Array, row:
             push = c.drive_response[rows[i], k] * x[i, 0]
             row[DRIVE] += push
             row[WORK] += push * drives[k]
+
+
+@kernel
+def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask:
+    """Contacts (m,) that begin to slide and whose slips can all be brought to zero at once.
+
+    Parameters
+    ----------
+    kept : (r,) rows that are kept at rest from now on; those of these contacts are added, in place
+    """
+    m, n = len(c.value), 0
+    begins = np.zeros(m, dtype=np.bool_)
+    if len(c.rate) == m:
+        return begins
+    rows, L = np.empty(2 * m, dtype=np.int64), np.empty((2 * m, 2 * m))
+    for at in range(3 * m):  # first what is kept; rows that depend on those before are left out
+        r = at if at < 2 * m else at - m
+        if at < 2 * m:
+            wanted = kept[r]
+        else:
+            slides = grips[r - m] == FORWARD or grips[r - m] == BACKWARD
+            wanted = slides and slip_of(c, r - m, limits.still) == 0
+        if not wanted:
+            continue
+        left = 1.0
+        for k in range(n):
+            x = c.compliance[r, rows[k]] / math.sqrt(
+                c.compliance[r, r] * c.compliance[rows[k], rows[k]]
+            )
+            for j in range(k):
+                x -= L[n, j] * L[k, j]
+            L[n, k] = x / L[k, k]
+            left -= L[n, k] ** 2
+        if left > _INDEPENDENT:
+            L[n, n], rows[n] = math.sqrt(left), r
+            n += 1
+            if at >= 2 * m:
+                begins[r - m] = kept[r] = True
+    return begins
+
+
+@kernel
+def come_to_rest(
+    c: ContactProblem,
+    limits: Limits,
+    resting: Mask,
+    touching: Mask,
+    given: Indices,
+    drives: Array,
+    last: Array,
+    modes: Indices,
+    begins: Mask,
+    drawn: Mask,
+) -> Rest:
+    """Of the contacts without normal speed, those that are pressed together stay closed.
+
+    Parameters
+    ----------
+    resting : (m,) which they are
+    touching : (m,) whose modes are to be set: those at rest, and those that part
+    given : (m,) signs of the slips of those that are about to slide, else 0
+    drives : (p,) rates of the drives [rad/s]
+    last : (1, 12) the impact of this instant in whose loss coming to rest is booked, or (0, 12)
+    modes : (m,) changed in place, with ``c.closed``
+    begins : (m,) set: which begin to slide, see `begin`
+    drawn : (m,) set: see `drawn_in`
+    """
+    m = len(c.value)
+    grips, forces, solved = press(c, limits, resting, given)
+    if not solved:
+        return Rest(False, False, False, False, False, False, math.inf)
+    changed = parts = False
+    kept = np.zeros(len(c.rate), dtype=np.bool_)
+    for i in range(m):
+        stays = grips[i] != OPEN
+        parts = parts or (resting[i] and not stays)
+        if not (touching[i] or stays):
+            continue
+        mode = FLIES
+        if stays:
+            kept[i] = True
+            mode = FOLLOWS
+            if c.friction[i] > 0.0:
+                kept[m + i] = grips[i] == STICK
+                mode = (
+                    STICKS if grips[i] == STICK
+                    else SLIDES_FORWARD if grips[i] == FORWARD
+                    else SLIDES_BACKWARD
+                )  # fmt: skip
+        changed = changed or modes[i] != mode
+        modes[i], c.closed[i] = mode, stays
+    if len(last):
+        book_rest(c, limits, kept, drives, last[0])
+    begins[:] = begin(c, limits, grips, kept)
+    off = False
+    for r in range(len(kept)):
+        if kept[r]:
+            off = off or abs(c.rate[r]) > limits.bare
+            off = off or (r < m and abs(c.value[r]) > limits.touching)
+    for r in range(len(kept)):
+        gained = 0.0
+        for k in range(len(kept)):
+            gained += c.compliance[r, k] * forces[k]
+        c.acceleration[r] = c.free_acceleration[r] + gained
+    drawn[:], horizon = drawn_in(c, limits, resting)
+    return Rest(True, changed, bool(begins.any()), parts, off, bool(drawn.any()), horizon)
 
 
 @kernel
@@ -396,3 +571,47 @@ def drawn_in(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Mask, floa
         else:
             horizon = min(horizon, horizon_of(rate, acceleration))
     return drawn, horizon
+
+
+@kernel
+def strike_now(
+    terms: Array,
+    layout: Layout,
+    laws: Array,
+    closed: Mask,
+    hypothesis: Indices,
+    limits: Limits,
+    gap: int,
+    time: float,
+    drives: Array,
+    v: Array,
+    log: Array,
+    count: int,
+    touching: Mask,
+    resting: Mask,
+) -> Strike:
+    """`strike_all` of the problem that `problem_of` makes: a few arrays are handed over faster."""
+    c = problem_of(terms, layout, laws, closed, hypothesis)
+    return strike_all(c, limits, gap, time, drives, v, log, count, touching, resting)
+
+
+@kernel
+def rest_now(
+    terms: Array,
+    layout: Layout,
+    laws: Array,
+    closed: Mask,
+    hypothesis: Indices,
+    limits: Limits,
+    resting: Mask,
+    touching: Mask,
+    given: Indices,
+    drives: Array,
+    last: Array,
+    modes: Indices,
+    begins: Mask,
+    drawn: Mask,
+) -> Rest:
+    """`come_to_rest` of the problem that `problem_of` makes."""
+    c = problem_of(terms, layout, laws, closed, hypothesis)
+    return come_to_rest(c, limits, resting, touching, given, drives, last, modes, begins, drawn)

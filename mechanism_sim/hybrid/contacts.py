@@ -9,22 +9,27 @@ from time import perf_counter
 
 import heyoka as hy
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import Blow, Hypothesis, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import (
+    FLIES,
+    RECOVERS,
+    SLIDES_BACKWARD,
+    SLIDES_FORWARD,
+    STICKS,
     ContactProblem,
     Limits,
     Mask,
-    book_rest,
-    drawn_in,
     enter,
     horizon_of,
-    press,
+    problem_of,
     push,
     release,
+    rest_now,
     slip_of,
-    strike_all,
+    strike_now,
 )
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base, horner
@@ -38,22 +43,14 @@ from mechanism_sim.hybrid.system import (
     System,
 )
 from mechanism_sim.hybrid.tape import Status, floats
-from mechanism_sim.numerics.complementarity import OPEN, Grip
-from mechanism_sim.numerics.kernels import charge
+from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernels import charge, kernel
 from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 _SIGNS = {int(mode): sign for sign, mode in _SLIDING.items()}
-_GRIPS = {
-    Grip.STICK: Mode.STICKING,
-    Grip.FORWARD: Mode.SLIDING_FORWARD,
-    Grip.BACKWARD: Mode.SLIDING_BACKWARD,
-}
 INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has no series at zero
 _SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
-_INDEPENDENT = (
-    1e-8  # least singular value of contacts, each of compliance 1, that are no repetition
-)
 _BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same instant
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
@@ -86,7 +83,8 @@ class Contacts:
         self._ta = integrator
         self._f = len(system.free)
         self._state = floats(integrator.state)[: 2 * self._f]
-        self._pars = floats(integrator.pars)
+        self._parameters = integrator.pars
+        self._pars = floats(self._parameters)
         self._now = np.empty(2 * self._f + len(self._pars) + 1)
         now = floats(self._now)
         self._now_state, self._now_pars = now[: 2 * self._f], now[2 * self._f : -1]
@@ -95,16 +93,23 @@ class Contacts:
         gaps = system.gaps
         self._names = [gap.name for gap in gaps]
         self.impacts = ImpactLog(self._names)
-        self._terms_now = np.zeros(system.contact_size)
-        self._problem = ContactProblem._make(
-            [
-                *system.contact_terms(self._terms_now),
-                np.zeros(len(gaps), dtype=np.bool_),
-                np.array([gap.restitution for gap in gaps], dtype=np.float64),
-                np.array([gap.friction for gap in gaps], dtype=np.float64),
-                np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
-            ]
+        m = len(gaps)
+        self._arrays = (
+            np.zeros(system.contact_layout.size),
+            system.contact_layout,
+            np.array([[g.restitution for g in gaps], [g.friction for g in gaps]], dtype=float),
+            np.zeros(m, dtype=np.bool_),
+            np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
         )
+        self._problem = problem_of(*self._arrays)
+        self._modes = np.zeros(m, dtype=np.int64)
+        self._touched, self._resting, self._begins, self._drawn = np.zeros((4, m), dtype=np.bool_)
+        self._none = np.zeros(m, dtype=np.int64)
+        self._flags = np.full((4, m), -1)
+        self._flags[0] = system.flag_index
+        self._flags[1, system.dynamics.frictional] = system.stick_index
+        self._flags[2, system.dynamics.frictional] = system.slip_index
+        self._flags[3, : len(system.presses_index)] = system.presses_index
         self._rounding = 2.0 * float(np.spacing(system.mechanism.reach))
         self._touching = 4.0 * self._rounding
         self._tie = max(self._touching, min(rtol, 1e-9) * system.mechanism.size)
@@ -123,7 +128,7 @@ class Contacts:
         ]  # fmt: skip
         self.approach = (1.0,) * len(system.approach_index)
         self.switches: tuple[int, ...] = (0,) * len(system.switches)
-        self.set_modes((int(Mode.FREE_FLIGHT),) * len(system.gaps))
+        self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     @property
     def time(self) -> float:
@@ -146,23 +151,26 @@ class Contacts:
 
     def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
         """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
-        self.modes = modes
         if approach is not None:
             self.approach = approach
             self._set(self._system.approach_index, approach)
-        self.status = Status(modes, self.approach)
-        for i, mode in enumerate(modes):
-            self._problem.closed[i] = mode > 1  # 1: free flight
-        self.flying = int(Mode.FREE_FLIGHT) in modes
-        s = self._system
-        smooth = not (s.frictional or s.compliant)
-        self._flies_free = smooth and all(m == Mode.FREE_FLIGHT for m in modes)
-        for index, values in zip(
-            (s.flag_index, s.stick_index, s.slip_index, s.presses_index),
-            s.flags(modes),
-            strict=True,
-        ):
-            self._set(index, values)
+        self._modes[:] = modes
+        np.greater(self._modes, Mode.FREE_FLIGHT, out=self._problem.closed)
+        self._set_flags(False)
+        self._adopt()
+
+    def _adopt(self) -> None:
+        """Let what the array of modes says be known."""
+        self.modes = tuple(self._modes.tolist())
+        self.status = Status(self.modes, self.approach)
+        self.flying = int(Mode.FREE_FLIGHT) in self.modes
+        smooth = not (self._system.frictional or self._system.compliant)
+        self._flies_free = smooth and not self._problem.closed.any()
+
+    def _set_flags(self, begins: bool) -> None:
+        """Tell the equations the modes; of contacts that begin to slide, that they stick."""
+        held = self._begins if begins else self._problem.closed[:0]
+        write_flags(self._modes, held, self._flags, self._parameters)
 
     def _set(self, index: Sequence[int], values: Sequence[float]) -> None:
         for i, value in zip(index, values, strict=True):
@@ -322,24 +330,25 @@ class Contacts:
             self._change(gap, Mode.FREE_FLIGHT)
             self._separate([gap])
         else:
-            closed = [i for i in range(len(before)) if self.closed(i)]
+            at = self._problem.closed.copy()
+            closed = _chosen(at)
             if self.modes[gap] == Mode.STICKING:
                 self._change(gap, _SLIDING[-guard.friction])
                 slip = [_SIGNS.get(self.modes[i], 0) for i in closed]
                 if not self._jammed(closed, slip):
                     self._record_modes(before)
                     return
-                self.modes = before
-                self._rest(closed, closed, given={gap: -guard.friction})
+                self.set_modes(before)
+                self._rest(at, at, given={gap: -guard.friction})
             elif guard.friction < 0:
                 if not self._slip(self.terms(), gap):  # nothing to be stopped: it lifts off
                     self._change(gap, Mode.FREE_FLIGHT)
                     self._separate([gap])
                     self._record_modes(before)
                     return
-                self._rest(self._stop_slide(closed, gap), closed)
+                self._rest(self._mask(self._stop_slide(closed, gap)), at)
             else:
-                self._rest(closed, closed)
+                self._rest(at, at)
             return
         self._record_modes(before)
 
@@ -435,7 +444,7 @@ class Contacts:
 
     def terms(self) -> ContactProblem:
         """The gaps at the present state, until asked again."""
-        self._at_present(self._system.contact_function, out=self._terms_now)
+        self._at_present(self._system.contact_function, out=self._arrays[0])
         return self._problem
 
     def singular_joints(self, distance: float = 1e-6) -> list[str]:
@@ -461,8 +470,9 @@ class Contacts:
         """Impact in `gap` and in all others that touch; then those at rest are sorted out."""
         log = self.impacts
         log.reserve(len(self.modes))
-        done = strike_all(
-            self.terms(),
+        self._at_present(self._system.contact_function, out=self._arrays[0])
+        done = strike_now(
+            *self._arrays,
             self._limits,
             gap,
             self.time,
@@ -470,14 +480,15 @@ class Contacts:
             self._x[self._f :],
             log.rows,
             log.count,
+            self._touched,
+            self._resting,
         )
         if not done.found:
             raise ArithmeticError('no impulses satisfy all contacts of this instant')
         log.count = done.entered
         self.horizon = min(self.horizon, done.horizon)
-        touching, resting = _chosen(done.touching), _chosen(done.resting)
-        if resting or any(self.closed(i) for i in touching):
-            self._rest(resting, touching)
+        if done.rests:
+            self._rest(self._resting, self._touched)
 
     @property
     def _drive_rates(self) -> Array:
@@ -494,7 +505,7 @@ class Contacts:
         terms = self._at_present(self._system.contact_function).tolist()
         if m > 1 and any(x <= self._tie and k != i for k, x in enumerate(terms[:m])):
             return False
-        # as `System.contact_terms` tells them apart
+        # as `problem_of` tells them apart
         value, rate, acceleration = terms[i], min(terms[m + i], 0.0), terms[3 * m + i]
         response = 4 * m + i * f
         compliance = 4 * m + m * f + i * (m + 1)
@@ -518,7 +529,8 @@ class Contacts:
             )
         self._expect_return(after, acceleration)
         if after <= -1e-9 * rate:
-            self._rest([i], [i])
+            only = self._mask([i])
+            self._rest(only, only)
         return True
 
     def _expect_return(self, rebound: float, acceleration: float) -> None:
@@ -529,8 +541,8 @@ class Contacts:
 
     def _rest(
         self,
-        resting: list[int],
-        touching: list[int],
+        resting: Mask,
+        touching: Mask,
         jams: int = 6,
         given: Mapping[int, int] | None = None,
     ) -> None:
@@ -540,61 +552,65 @@ class Contacts:
         collision stops its sliding first. Contacts that are about to slide have their signs in
         `given`.
         """
-        before, terms, m = self.modes, self.terms(), len(self.modes)
-        slips = np.zeros(m, dtype=np.int64)
-        for i, sign in (given or {}).items():
-            slips[i] = sign
-        grips, solved = press(terms, self._limits, self._mask(resting), slips)
-        if not solved:
-            near = [i for i, x in enumerate(terms.value) if abs(x) <= self._touching]
-            near = sorted({*touching, *near})
-            try:
-                if not jams:
-                    raise ArithmeticError('friction jams again and again')
-                rest = self._shock(terms, near, resting)
-            except ArithmeticError as error:
-                raise RunError(
-                    f'friction jams {", ".join(self._names[i] for i in resting)} at t = '
-                    f'{self.time:.12g} s{self._where}: neither forces nor finite impulses within '
-                    'the cones of friction keep the contacts; use less friction'
-                ) from error
-            self._rest(rest, near, jams - 1)
+        before, log, slips = self.modes, self.impacts, self._none
+        if given:
+            slips = np.zeros_like(slips)
+            for i, sign in given.items():
+                slips[i] = sign
+        booked = log.count and log.last_time == self.time
+        booked = booked and (len(before) > 1 or self._system.frictional)
+        self._at_present(self._system.contact_function, out=self._arrays[0])
+        rest = rest_now(
+            *self._arrays,
+            self._limits,
+            resting,
+            touching,
+            slips,
+            self._drive_rates,
+            log.rows[log.count - booked : log.count],
+            self._modes,
+            self._begins,
+            self._drawn,
+        )
+        if not rest.solved:
+            self._unjam(resting, touching, jams)
             return
-        found = {
-            i: _GRIPS[grip] if terms.friction[i] else Mode.FOLLOWING
-            for i, grip in enumerate(grips.tolist())
-            if grip != OPEN
-        }
-        modes = tuple(
-            int(found.get(i, Mode.FREE_FLIGHT)) if i in touching else mode
-            for i, mode in enumerate(before)
-        )
-        begins = self._beginning(terms, found) if self._system.frictional else []
-        self.set_modes(
-            tuple(int(Mode.STICKING) if i in begins else mode for i, mode in enumerate(modes))
-        )
-        log = self.impacts
-        if (m > 1 or self._system.frictional) and log.count and log.last_time == self.time:
-            kept = self._mask([*found, *(m + i for i, x in found.items() if x == Mode.STICKING)])
-            book_rest(terms, self._limits, kept, self._drive_rates, log.rows[log.count - 1])
-        self.project()
-        if begins:  # to slide, from a slip of exactly zero
-            self.set_modes(modes)
-        parting = [i for i in resting if i not in found]
-        if parting:
-            self._separate(parting)
-        if m > 1:
-            mask, horizon = drawn_in(self.terms(), self._limits, self._mask(resting))
-            self.horizon = min(self.horizon, horizon)
-            drawn = _chosen(mask)
-            if drawn:
-                self._rest([*resting, *drawn], [*touching, *drawn], jams)
-        self._record_modes(before)
+        self.horizon = min(self.horizon, rest.horizon)
+        if rest.changed:
+            self._adopt()
+            self._record_modes(before)
+        if rest.changed or rest.begins:
+            self._set_flags(rest.begins)
+        if rest.off or rest.begins or self._system.relations:
+            self.project()
+        if rest.begins:  # to slide, from a slip of exactly zero
+            self._set_flags(False)
+        if rest.parts:
+            self._separate(_chosen(resting & ~self._problem.closed))
+        if rest.draws:
+            drawn = self._drawn.copy()
+            self._rest(resting | drawn, touching | drawn, jams)
 
-    def _mask(self, rows: Sequence[int]) -> Mask:
-        """Flags (r,) of some rows, of which those of the gaps come first."""
-        mask = np.zeros(len(self._problem.rate), dtype=np.bool_)
-        mask[rows] = True
+    def _unjam(self, resting: Mask, touching: Mask, jams: int) -> None:
+        """Let an impact without collision end a slide that no force can keep."""
+        terms, names = self._problem, [self._names[i] for i in _chosen(resting)]
+        near = touching | (np.abs(terms.value) <= self._touching)
+        try:
+            if not jams:
+                raise ArithmeticError('friction jams again and again')
+            rest = self._shock(terms, _chosen(near), _chosen(resting))
+        except ArithmeticError as error:
+            raise RunError(
+                f'friction jams {", ".join(names)} at t = '
+                f'{self.time:.12g} s{self._where}: neither forces nor finite impulses within '
+                'the cones of friction keep the contacts; use less friction'
+            ) from error
+        self._rest(self._mask(rest), near, jams - 1)
+
+    def _mask(self, gaps: Sequence[int]) -> Mask:
+        """Flags (m,) of some gaps."""
+        mask = np.zeros(len(self._modes), dtype=np.bool_)
+        mask[gaps] = True
         return mask
 
     def _slip(self, terms: ContactProblem, gap: int) -> int:
@@ -635,21 +651,6 @@ class Contacts:
             for k, i in enumerate(gaps)
             if after[k] <= max(self._still, rates[k] * (1.0 + 1e-6) if i in resting else 0.0)
         ]
-
-    def _beginning(self, terms: ContactProblem, found: Mapping[int, Mode]) -> list[int]:
-        """Contacts that begin to slide and whose slips can all be brought to zero at once."""
-        m = len(self.modes)
-        stuck = [m + i for i, mode in found.items() if mode == Mode.STICKING]
-        begins: list[int] = []
-        for i, mode in found.items():
-            if not _SIGNS.get(mode) or self._slip(terms, i):
-                continue
-            rows = [*found, *stuck, *(m + k for k in begins), m + i]
-            A = terms.compliance[np.ix_(rows, rows)]
-            size = np.sqrt(A.diagonal())
-            if np.linalg.svd(A / np.outer(size, size), compute_uv=False)[-1] > _INDEPENDENT:
-                begins.append(i)
-        return begins
 
     def _stop_slide(self, closed: list[int], gap: int) -> list[int]:
         """The impact without collision of closed contacts when the sliding of `gap` jams.
@@ -728,6 +729,27 @@ def _chosen(mask: Mask) -> list[int]:
     """Indices of what is set."""
     found: list[int] = mask.nonzero()[0].tolist()
     return found
+
+
+@kernel
+def write_flags(
+    modes: Indices, sticking: Mask, places: NDArray[np.int64], parameters: Array
+) -> None:
+    """The flags closed, sticks, slips and presses of modes, in their places (4, m) if not -1.
+
+    Those set in `sticking` (m,), or of none (0,), count as if they stuck.
+    """
+    for i in range(len(modes)):
+        mode = STICKS if len(sticking) and sticking[i] else modes[i]
+        slip = 1.0 if mode == SLIDES_FORWARD else -1.0 if mode == SLIDES_BACKWARD else 0.0
+        for k in range(4):
+            if places[k, i] >= 0:
+                parameters[places[k, i]] = (
+                    (1.0 if mode > FLIES else 0.0) if k == 0
+                    else (1.0 if mode == STICKS else 0.0) if k == 1
+                    else slip if k == 2
+                    else (1.0 if FLIES < mode < RECOVERS else 0.0)
+                )  # fmt: skip
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

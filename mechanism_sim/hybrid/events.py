@@ -9,17 +9,26 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mechanism_sim.contact.problem import (
+    FLIES,
+    FOLLOWS,
+    RECOVERS,
+    SLIDES_BACKWARD,
+    SLIDES_FORWARD,
+    STICKS,
+)
+
 
 class Mode(IntEnum):
     """Mode of contact of a joint with clearance; the numbers are those of ModeChange.msg."""
 
     UNKNOWN = 0
-    FREE_FLIGHT = 1
-    FOLLOWING = 2  # closed, without friction
-    STICKING = 3  # closed, held by friction: the pin rolls
-    SLIDING_FORWARD = 4  # closed, with friction; the tangential velocity is positive
-    SLIDING_BACKWARD = 5
-    RECOVERING = 6  # compliant: the links overlap still, but part faster than they press
+    FREE_FLIGHT = FLIES  # 1
+    FOLLOWING = FOLLOWS  # closed, without friction
+    STICKING = STICKS  # closed, held by friction: the pin rolls
+    SLIDING_FORWARD = SLIDES_FORWARD  # closed, with friction; the tangential velocity is positive
+    SLIDING_BACKWARD = SLIDES_BACKWARD
+    RECOVERING = RECOVERS  # compliant: the links overlap still, but part faster than they press
 
 
 class StopReason(Enum):

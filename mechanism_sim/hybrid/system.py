@@ -16,6 +16,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.contact.problem import Layout
 from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
@@ -196,16 +197,6 @@ class System:
         """Whether any gap has friction."""
         return bool(self.dynamics.frictional)
 
-    def flags(self, modes: Sequence[int]) -> tuple[list[float], ...]:
-        """The flags closed, sticks, slips and presses when the gaps are in these modes."""
-        sign = {Mode.SLIDING_FORWARD: 1.0, Mode.SLIDING_BACKWARD: -1.0}
-        return (
-            [float(m > Mode.FREE_FLIGHT) for m in modes],
-            [float(modes[i] == Mode.STICKING) for i in self.dynamics.frictional],
-            [sign.get(Mode(modes[i]), 0.0) for i in self.dynamics.frictional],
-            [float(Mode.FREE_FLIGHT < m < Mode.RECOVERING) for m in modes if self.compliant],
-        )
-
     def integrator(
         self, rtol: float, scale: float = 1.0, compact: bool = False
     ) -> hy.taylor_adaptive_dbl:
@@ -364,7 +355,7 @@ class System:
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
-        """Terms of the gaps, to be read by `contact_terms`; of the same vector as `watch`."""
+        """Terms of the gaps, as `contact.problem.problem_of` reads them; of `watch`'s vector."""
         d, rows = self.dynamics, self.dynamics.rows
         terms = [
             *(jet.value for jet in d.normal),
@@ -384,21 +375,11 @@ class System:
         return [hy.atan2(dense(y.value), dense(x.value)) for x, y in self._normals]
 
     @cached_property
-    def contact_size(self) -> int:
-        """Length of the output of `contact_function`."""
-        return sum(math.prod(shape) for shape in self._contact_shapes)
-
-    @cached_property
-    def _contact_shapes(self) -> list[tuple[int, ...]]:
-        m, f, p = len(self.gaps), len(self.free), len(self.prescribed)
-        r = len(self.dynamics.rows)
-        relief = m if self.compliant else 0
-        return [(m,), (r,), (r,), (r,), (r, f), (r, r), (r, p), (m,), (relief,)]
-
-    def contact_terms(self, out: Array) -> list[Array]:
-        """Views of an output of `contact_function`, as `contact.problem` names them."""
-        parts = np.split(out, np.cumsum([math.prod(shape) for shape in self._contact_shapes[:-1]]))
-        return [x.reshape(shape) for x, shape in zip(parts, self._contact_shapes, strict=True)]
+    def contact_layout(self) -> Layout:
+        """Of the output of `contact_function`."""
+        m, rows = len(self.gaps), len(self.dynamics.rows)
+        compliant = m if self.compliant else 0
+        return Layout(m, rows, len(self.free), len(self.prescribed), compliant)
 
     @cached_property
     def projection(self) -> hy.cfunc_dbl:
