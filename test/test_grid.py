@@ -11,6 +11,7 @@ from mechanism_sim.bench.grid import jams as jams_module
 from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
 from mechanism_sim.bench.grid.jams import confirmed, jams, solutions
 from mechanism_sim.bench.grid.run import write_scenes
+from mechanism_sim.contact.problem import Rest
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid import contacts as contacts_module
 from mechanism_sim.hybrid.audit import Audit
@@ -96,7 +97,8 @@ def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
         raise ArithmeticError
 
     with monkeypatch.context() as patched:
-        patched.setattr(contacts_module, 'press', lambda *_: (np.zeros(0), False))
+        unsolved = Rest(False, False, False, False, False, False, 0.0)
+        patched.setattr(contacts_module, 'rest_now', lambda *_: unsolved)
         patched.setattr(Contacts, '_shock', fails)
         with pytest.raises(RunError, match=r'friction jams coupler_rocker at t = .* crank at'):
             ms.simulate(machine, revolutions=2.0)

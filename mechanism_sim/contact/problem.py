@@ -288,6 +288,9 @@ def strike_all(
     e, mu, hypothesis = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
     for k in range(n):
         i = rows[k]
+        for r in (k, n + k):  # what is closed is at rest but for a step's error
+            if c.closed[i] and abs(rate[r]) <= limits.still:
+                rate[r] = 0.0
         e[k] = 0.0 if c.closed[i] or rate[k] >= 0.0 else c.restitution[i]
         mu[k], hypothesis[k] = c.friction[i], c.hypothesis[i]
     x, after, found = impulses(A, rate, e, mu, hypothesis)

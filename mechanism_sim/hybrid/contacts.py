@@ -573,7 +573,10 @@ class Contacts:
             self._drawn,
         )
         if not rest.solved:
-            self._unjam(resting, touching, jams)
+            if given:  # it gave way by rounding: nothing forces it to slide
+                self._rest(resting, touching, jams)
+            else:
+                self._unjam(resting, touching, jams)
             return
         self.horizon = min(self.horizon, rest.horizon)
         if rest.changed:
