@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.nodes.parts import Kind, kinds_of
 from mechanism_sim.numerics.extremes import ExtremeSearch
+from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.mechanism import Joint
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
@@ -167,13 +169,11 @@ class PartRanges:
     def add(self, motion: Motion) -> None:
         """Enter the segments that follow."""
         if self._columns and len(motion):
-            spans = motion.curve.spans(-math.inf, math.inf)
-            self._search.add(lambda t: self._values(motion, t), *spans)
+            self._search.add_motion(partial(self._values, motion), motion.curve)
 
-    def _values(self, motion: Motion, t: Array) -> Array:
-        """The columns at times (K, n), each row within a segment."""
+    def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """The columns, instants as in `Physics.observe`."""
         machine = self._machine
-        k, dt = motion.curve.within(t)
         seen, modes = machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
         rows = []
         for kind, joint in self._parts:

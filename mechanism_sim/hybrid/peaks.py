@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
 from mechanism_sim.hybrid.physics import Physics
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.extremes import ExtremeSearch
 
@@ -40,19 +38,12 @@ class LoadPeaks:
     def add(self, motion: Motion) -> None:
         """Enter the segments that follow."""
         if self._joints and len(motion):
-            self._search.add(
-                lambda t: self._values(motion, t), *motion.curve.spans(self._since, math.inf)
+            self._search.add_motion(
+                partial(self._physics.loads, motion), motion.curve, self._since
             )
-
             for found in self._physics.no_limits(motion):
                 if found.t >= self._since:
                     self._unbounded |= dict.fromkeys(found.joints, found.t)
-
-    def _values(self, motion: Motion, t: Array) -> Array:
-        """Forces of all joints and torques of all drives at times (K, n), rows within segments."""
-        seen = self._physics.observe(motion, *motion.curve.within(t))
-        forces = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
-        return np.concatenate([forces, seen.drive_torque])
 
     @property
     def forces(self) -> dict[str, Peak]:

@@ -51,6 +51,9 @@ class Physics(Protocol):
         `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
         """
 
+    def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Sizes of the forces in all joints, then torques of all drives: (j + d, N), likewise."""
+
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
 
@@ -85,10 +88,14 @@ class DynamicPhysics:
         seen = self._observe(motion, segments, dt)
         return seen._replace(position=motion.curve.at(segments, dt).T)
 
+    def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Sizes of the forces in all joints, then torques of all drives."""
+        return loads_of(self._observe(motion, segments, dt))
+
     def _observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
-        """The same, near singular positions with the limits of accelerations and forces."""
+        """The same without whole turns; near singular positions with the limits of forces."""
         seen = self.system.observe(*self._state(motion, segments, dt))
         crossings = self._crossings(motion, segments)
         if not crossings or not crossings.segments.size:
@@ -180,6 +187,12 @@ class DynamicPhysics:
                 drive = float(seen.position[self.system.driven_index[0], k])
                 found.append(NoLimit(float(motion.curve.start[segment] + since), drive, joints))
         return found
+
+
+def loads_of(seen: Observation) -> Array:
+    """What `Physics.loads` returns."""
+    forces = np.hypot(seen.reaction[:, 0], seen.reaction[:, 1])
+    return np.concatenate([forces, seen.drive_torque])
 
 
 def _limited(seen: Observation) -> tuple[Array, ...]:

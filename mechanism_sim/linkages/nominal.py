@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Impact, ModeChange
-from mechanism_sim.hybrid.physics import each_instant, outside, rows
+from mechanism_sim.hybrid.physics import each_instant, loads_of, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array
@@ -331,6 +331,10 @@ class NominalPhysics:
     ) -> Observation:
         """The machine at times `dt` (N,) after the start of `segments` (N,)."""
         return self._observe(motion, segments, dt)
+
+    def loads(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Sizes of the forces in all joints, then torques of all drives."""
+        return loads_of(self._observe(motion, segments, dt))
 
     def _observe(
         self,

@@ -16,10 +16,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.polynomials import chebyshev_coefficients, chebyshev_nodes
+from mechanism_sim.numerics.polynomials import (
+    Nodes,
+    PiecewisePolynomial,
+    chebyshev_coefficients,
+    chebyshev_nodes,
+)
 
 Array = NDArray[np.float64]
 Functions = Callable[[Array], Array]
+Glance = Callable[[slice], Array]
+Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 
 ROUNDING = 1e-13
 """Of the largest value of a group: what differs by less is the same."""
@@ -27,13 +34,15 @@ ROUNDING = 1e-13
 _COUNT = 12  # nodes: enough for a step of a Taylor method, a third of the radius of convergence
 _NODES = chebyshev_nodes(_COUNT)
 _FEW = chebyshev_nodes(5)  # to tell which intervals are worth a look
+_GLANCES = Nodes(tuple(_FEW.tolist()))
 _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
 _GRID = np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T.copy()
 _BETWEEN = 1.0 / np.cos(np.pi / 16.0) - 1.0
 """What a polynomial may rise between the places of the grid, of its range (Ehlich and Zeller)."""
+_GLANCED = 1e-10  # of what is seen at a glance: an extreme found later is not much less
 _RESOLVED = 1e-8  # of the range in an interval: then its extreme is off by the square of that
 _INSET = 64  # units in the last place: so far inside of an end, where another row may hold at it
-_BLOCK, _GLANCE = 256, 1024  # intervals at once, to look through and to choose from
+_BLOCK, _GLANCE = 64, 2048  # intervals at once, to look through and to choose from
 _MOST, _ROUNDS = 16, 2000  # intervals that are halved at once, and how many times at most
 _LESS, _STALLED = 0.3, 3
 """An error of which so much is left in both halves, so many times in turn, is rounding."""
@@ -166,32 +175,61 @@ class ExtremeSearch:
     def _known(self, x: Array) -> Array:
         return np.where(np.isnan(self._time[: len(x)]), np.nan, x + 0.0)
 
-    def add(self, functions: Functions, start: Array, end: Array) -> None:
+    def add_motion(
+        self, values: Values, curve: PiecewisePolynomial, since: float = -np.inf
+    ) -> None:
+        """Look through the segments of a motion from some time [s] on.
+
+        Parameters
+        ----------
+        values : (C, K n) in K segments at times (K, n) [s] after their starts, or at n nodes
+        """
+        start, end = curve.spans(since, np.inf)
+        k = curve.locate(0.5 * (start + end))
+        self.add(
+            lambda t: values(*curve.within(t)), start, end, lambda some: values(k[some], _GLANCES)
+        )
+
+    def add(
+        self, functions: Functions, start: Array, end: Array, glance: Glance | None = None
+    ) -> None:
         """Look through intervals (m,) [s], ends included, on each of which all is smooth.
 
         Parameters
         ----------
         functions : values (C, K n) at times (K, n), of which each row lies in one interval
+        glance : values (C, 5 K) at Chebyshev nodes of some intervals, or of more around them
         """
         done = 0
         while done < len(start):
-            first = bool(np.isnan(self._time).all())
-            block = slice(done, done + (_BLOCK if first else _GLANCE))
+            block = slice(done, done + _GLANCE)
             a, b = start[block], end[block]
             done += len(a)
-            if not first:
-                left = self._worth_a_look(functions, a, b)
-                a, b = a[left], b[left]
-            for i in range(0, len(a), _BLOCK):
-                self._look_through(functions, a[i : i + _BLOCK], b[i : i + _BLOCK])
+            few = a[:, None] + (b - a)[:, None] * _FEW
+            bound = self._glanced(glance(block) if glance else functions(few))
+            left = np.arange(len(a))
+            while True:
+                above = ~(bound[:, left] <= self._limit[:, None])
+                left = left[above.any(axis=0)]
+                if not len(left):
+                    break
+                now, left = left[:_BLOCK], left[_BLOCK:]
+                self._look_through(functions, a[now], b[now])
 
-    def _worth_a_look(self, functions: Functions, a: Array, b: Array) -> NDArray[np.bool_]:
-        """Which intervals may exceed what was found, by a few nodes in each."""
-        values = functions(a[:, None] + (b - a)[:, None] * _FEW)
-        c = chebyshev_coefficients(values.reshape(-1, len(a), len(_FEW)))
+    def _glanced(self, values: Array) -> Array:
+        """What heights (2 C, K) do not exceed in intervals, by values (C, 5 K) at nodes in each.
+
+        It is minus infinity where another of these intervals is seen to reach higher.
+        """
+        known = np.where(np.isfinite(values), values, np.nan)
+        high = np.fmax.reduce(known, axis=1, initial=-np.inf)
+        low = np.fmin.reduce(known, axis=1, initial=np.inf)
+        blur = _GLANCED * np.fmax(np.abs(high), np.abs(low))
+        seen = np.concatenate([high - blur, -low - blur])
+        c = chebyshev_coefficients(values.reshape(len(self._group), -1, len(_FEW)))
         above = 4.0 * np.abs(c[:, :, -2:]).max(axis=2) + 0.25 * np.abs(c[:, :, -3])
         bound = _bounds(c @ _GRID[: len(_FEW), ::3], above, self._highest)
-        return np.asarray((~(bound <= self._limit[:, None])).any(axis=0))
+        return np.where(bound < seen[:, None], -np.inf, bound)
 
     def _look_through(self, functions: Functions, a: Array, b: Array) -> None:
         count = len(self._group)
