@@ -5,10 +5,15 @@ import math
 import numpy as np
 import pytest
 
+import mechanism_sim as ms
 from mechanism_sim.contact import problem as instant
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import Hypothesis
 from mechanism_sim.contact.problem import ContactProblem, Limits
+from mechanism_sim.hybrid import contacts
+from mechanism_sim.hybrid.contacts import write_flags
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import BACKWARD, FORWARD, OPEN, STICK
 
 LIMITS = Limits(touching=1e-15, tie=1e-12, bare=1e-12, still=1e-11, allowed=1e-12, resolved=1e-14)
@@ -166,6 +171,22 @@ def block(slope, mu, slip=0.0):
     return masses.problem
 
 
+def rested(c, modes, given=None, booked=0, touching=None):
+    """What `come_to_rest` says and sets: it, the modes, who begins, who is drawn, the log."""
+    m = len(c.value)
+    modes, begins, drawn = np.array(modes), *np.zeros((2, m), dtype=bool)
+    given = np.zeros(m, dtype=np.int64) if given is None else np.array(given)
+    all_of, row = np.ones(m, dtype=bool), np.zeros((booked, 12))
+    drives = np.zeros(c.drive_response.shape[1])
+    touching = all_of if touching is None else touching
+    c.closed[:] = modes > instant.FLIES
+    rest = instant.come_to_rest(
+        c, LIMITS, touching, touching, given, drives, row, modes, begins, drawn
+    )
+    assert (c.closed == (modes > instant.FLIES)).all()
+    return rest, modes.tolist(), begins.tolist(), drawn.tolist(), row
+
+
 def test_a_block_on_a_slope_sticks_slides_and_lifts():
     on, none = np.array([True]), np.zeros(1, dtype=np.int64)
     for slope, grip in ((0.29, STICK), (0.292, BACKWARD), (-0.29, STICK), (-0.292, FORWARD)):
@@ -192,3 +213,162 @@ def test_what_closed_contacts_draw_in_is_told_from_what_comes_back():
 
 def test_hypotheses_have_codes():
     assert [h.code for h in Hypothesis] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ('slope', 'slip', 'mode', 'begins'),
+    [
+        (0.29, 0.0, instant.STICKS, False),
+        (0.30, 0.0, instant.SLIDES_BACKWARD, True),
+        (-0.30, 0.0, instant.SLIDES_FORWARD, True),
+        (0.29, 1.0, instant.SLIDES_FORWARD, False),
+        (0.29, -1.0, instant.SLIDES_BACKWARD, False),
+        (math.pi, 0.0, instant.FLIES, False),
+    ],
+)
+def test_a_block_is_told_what_it_does_and_how_it_accelerates(slope, slip, mode, begins):
+    before = instant.FLIES if mode != instant.FLIES else instant.STICKS
+    c = block(slope, 0.3, slip)
+    rest, modes, beginning, drawn, _ = rested(c, [before])
+    assert rest.solved
+    assert (modes, beginning, drawn) == ([mode], [begins], [False])
+    assert (rest.changed, rest.begins) == (True, begins)
+    assert (rest.parts, rest.draws) == (mode == instant.FLIES, False)
+    direction = {instant.SLIDES_FORWARD: 1, instant.SLIDES_BACKWARD: -1}.get(mode)
+    pull, press = -9.81 * math.sin(slope), 9.81 * math.cos(slope)
+    along = 0.0 if mode == instant.STICKS else pull - 0.3 * press * (direction or 0)
+    away = 0.0 if direction or mode == instant.STICKS else -press
+    assert c.acceleration == pytest.approx([away, along], abs=1e-12)
+    assert not rested(block(slope, 0.3, slip), [mode])[0].changed
+
+
+def test_what_comes_to_rest_off_zero_is_to_be_moved_there_and_its_loss_is_booked():
+    for shift, speed, off in ((0.0, 0.0, False), (-1e-13, 0.0, True), (0.0, -1e-9, True)):
+        c = block(0.0, 0.0)
+        c.value[0], c.rate[0] = shift, speed
+        rest, modes, _, _, log = rested(c, [instant.FLIES], booked=1)
+        assert (modes, rest.off) == ([instant.FOLLOWS], off)
+        assert log[0, instant.LOSS] == pytest.approx(0.5 * 2.0 * speed**2, rel=1e-9)
+    slow = 0.5 * LIMITS.still
+    rest, modes, _, _, log = rested(block(0.1, 0.3, slow), [instant.FLIES], booked=1)
+    assert (modes, rest.off) == ([instant.STICKS], True)
+    assert log[0, instant.LOSS] == pytest.approx(0.5 * 2.0 * slow**2)
+
+
+def test_contacts_that_press_each_other_draw_in_what_touches_them():
+    """A bar on three supports in a row, of which the middle one touches and is not asked."""
+    masses = Masses(np.random.default_rng(1), 3, 2)
+    masses.M, masses.J = np.ones(2), np.array([[1.0, -1.0], [1.0, 0.0], [1.0, 1.0]])
+    masses.v, masses.a = np.zeros(2), np.array([-9.81, 0.0])
+    ends = np.array([True, False, True])
+    modes = [instant.FLIES] * 3
+    rest, found, _, drawn, _ = rested(masses.problem, modes, touching=ends)
+    assert found == [instant.FOLLOWS, instant.FLIES, instant.FOLLOWS]
+    assert not rest.draws  # it is at rest with them
+    c = masses.problem
+    rest, found, _, drawn, _ = rested(c, modes, touching=np.array([True, False, False]))
+    assert found == [instant.FOLLOWS, instant.FLIES, instant.FLIES]
+    assert (rest.draws, drawn) == (True, [False, True, True])  # it falls around the first
+    assert c.acceleration == pytest.approx(masses.J @ (masses.a + masses.J[0] * 9.81 / 2.0))
+
+
+def test_what_is_closed_strikes_nobody_by_a_step_s_error():
+    masses = Masses(np.random.default_rng(4), 2, 4, friction=0.3)
+    masses.J = np.eye(4)[[0, 2, 1, 3]]
+    masses.v = np.array([-1.0, 0.2, -0.5 * LIMITS.still, 0.3 * LIMITS.still])
+    masses.closed[1] = True
+    before, log = masses.v.copy(), np.zeros((2, 12))
+    touching, resting = np.zeros((2, 2), dtype=bool)
+    done = instant.strike_all(
+        masses.problem, LIMITS, 0, 0.0, np.zeros(2), masses.v, log, 0, touching, resting
+    )
+    assert (done.entered, log[0, instant.GAP]) == (1, 0.0)
+    assert (masses.v[2:] == before[2:]).all()
+    assert resting.tolist() == [False, True]
+
+
+def test_slips_begin_together_as_far_as_they_are_independent():
+    """Rank by singular values is the second route."""
+    rng = np.random.default_rng(5)
+    counts = []
+    for n in range(60):
+        m = 3
+        masses = Masses(rng, m, 4, friction=0.3)
+        if n % 2:
+            masses.J[m + 1] = masses.J[m] + masses.J[0]
+        masses.v[:] = 0.0
+        grips, kept = np.full(m, FORWARD), np.zeros(2 * m, dtype=bool)
+        kept[0] = True
+        begins = instant.begin(masses.problem, LIMITS, grips, kept)
+        rows = masses.J[kept] / np.sqrt(masses.M)
+        assert kept.tolist() == [True, False, False, *begins]
+        assert np.linalg.matrix_rank(rows, tol=1e-6) == len(rows)
+        every = masses.J[[0, *range(m, 2 * m)]]
+        assert np.linalg.matrix_rank(every, tol=1e-6) == len(rows)
+        counts.append(len(rows))
+    assert set(counts) == {3, 4}
+
+
+def test_terms_in_a_row_are_read_as_they_were_written():
+    given = Masses(np.random.default_rng(2), 2, 5, friction=0.2).problem
+    row = np.concatenate([np.ravel(x) for x in given[:9]])
+    layout = instant.Layout(2, 4, 5, 2, 0)
+    assert layout.size == len(row)
+    laws = np.array([given.restitution, given.friction])
+    read = instant.problem_of(row, layout, laws, given.closed, given.hypothesis)
+    for x, y in zip(read, given, strict=True):
+        assert x.shape == y.shape
+        assert (x == y).all()
+
+
+def test_modes_become_flags():
+    modes = np.array([1, 2, 3, 4, 5, 6])
+    places = np.arange(24).reshape(4, 6)
+    flags = np.full(24, np.nan)
+    write_flags(modes, np.zeros(0, dtype=bool), places, flags)
+    closed, sticks, slips, presses = flags.reshape(4, 6).tolist()
+    assert closed == [0, 1, 1, 1, 1, 1]
+    assert sticks == [0, 0, 1, 0, 0, 0]
+    assert slips == [0, 0, 0, 1, -1, 0]
+    assert presses == [0, 1, 1, 1, 1, 0]
+    places[:, 3] = -1
+    flags[:] = np.nan
+    write_flags(modes, modes == Mode.SLIDING_BACKWARD, places, flags)
+    assert flags.reshape(4, 6)[:, 4].tolist() == [1, 1, 0, 1]
+    assert np.isnan(flags.reshape(4, 6)[:, 3]).all()
+
+
+def test_a_run_has_the_same_bits_when_kernels_are_compiled(monkeypatch):
+    clearance = {'radial': '0.2 mm', 'restitution': 0.5, 'friction': 0.2}
+    joints = ('crank_coupler', 'coupler_rocker')
+    scene = ms.load_scene(
+        'four_bar_clearance',
+        {'start': 'centred'} | {f'joints.{joint}.clearance': clearance for joint in joints},
+    )
+    monkeypatch.setattr(kernels, '_spent', -math.inf)  # none is compiled by itself
+    for k in kernels._KERNELS:
+        monkeypatch.setattr(k, 'run', k.function)
+    plain = ms.simulate(scene, revolutions=0.5)
+    assert len(plain.impacts) > 20
+    kernels.compile_kernels()
+    assert ms.simulate(scene, revolutions=0.5).digest() == plain.digest()
+
+
+def test_the_equations_are_told_the_modes_that_hold(monkeypatch):
+    """After every event, contacts that begin to slide among them."""
+    clearance = {'radial': '0.2 mm', 'restitution': 0.5, 'friction': 0.1}
+    joints = ('crank_coupler', 'coupler_rocker')
+    machine = ms.load_scene(
+        'four_bar_clearance', {f'joints.{joint}.clearance': clearance for joint in joints}
+    )
+    run, system = machine.start(), machine.system
+    now = contacts.rest_now
+    seen = []
+    monkeypatch.setattr(contacts, 'rest_now', lambda *x: seen.append(now(*x)) or seen[-1])
+    places = np.array([system.flag_index, system.stick_index, system.slip_index, [-1, -1]])
+    for _ in range(400):
+        run.advance(1.0, most=1)
+        wanted = np.array(run._pars)
+        write_flags(np.array(run._contacts.modes), np.zeros(0, dtype=bool), places, wanted)
+        assert (wanted == np.array(run._pars)).all()
+    assert sum(rest.begins for rest in seen) > 3

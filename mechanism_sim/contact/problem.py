@@ -527,7 +527,9 @@ def come_to_rest(
             gained += c.compliance[r, k] * forces[k]
         c.acceleration[r] = c.free_acceleration[r] + gained
     drawn[:], horizon = drawn_in(c, limits, resting)
-    return Rest(True, changed, bool(begins.any()), parts, off, bool(drawn.any()), horizon)
+    return Rest(
+        True, changed, bool(begins.any()), bool(parts), bool(off), bool(drawn.any()), horizon
+    )
 
 
 @kernel
