@@ -27,8 +27,9 @@ F = TypeVar('F', bound=Callable[..., Any])
 _KERNELS: list[Kernel] = []
 _spent = 0.0  # [s] by kernels as they are
 
-LOADING, COMPILING = 0.4, 12.0
-"""[s] What it takes to import numba and load the code of all kernels, or to make it."""
+LOADING, COMPILING = 0.4, 6.0
+"""[s] What it takes to import numba and load the code of all kernels; a part of what it takes to
+make it, for that is done once on a machine."""
 
 
 class Kernel:
