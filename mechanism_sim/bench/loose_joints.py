@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -56,14 +58,16 @@ class LooseCost:
         return self.cpu / max(self.events, 1.0)
 
 
-def _machine(scene: str, loose: int, friction: bool, **more: object) -> Machine:
+def _machine(
+    scene: str, loose: int, friction: bool, more: Mapping[str, object] = MappingProxyType({})
+) -> Machine:
     play = (FINE if scene == 'ten_links' else CLEARANCE) | (FRICTION if friction else {})
     joints: Sequence[str] = JOINTS
     if scene != 'four_bar_clearance':
         content = load_scene(scene).scene.model_dump(exclude_unset=True)
         joints = [name for name, joint in content['joints'].items() if 'revolute' in joint]
     overrides = {f'joints.{name}.clearance': play for name in joints[:loose]}
-    return load_scene(scene, overrides | more)
+    return load_scene(scene, {**overrides, **more})
 
 
 PERIODS = {
@@ -163,77 +167,108 @@ def stretches(
     found = []
     for scene, loose, _ in runs:
         for friction in (False, True):
-            found += _stretch(scene, loose, friction, repeats, show)
+            found += Stretch(scene, loose, friction).costs(repeats, show)
     return found, skipped
 
 
-def _stretch(
-    scene: str, loose: int, friction: bool, repeats: int, show: Callable[[str], None]
-) -> list[StretchCost]:
-    """One machine by all."""
-    name = f'{scene}, {loose} loose joints{", friction" * friction}'
-    show(f'{name}: {OURS}')
-    exact, check, ours = (
-        _machine(scene, loose, friction, start='centred', **{'solver.rtol': rtol})
-        for rtol in (REFERENCE, CHECK, RTOL)
-    )
-    tree, end = Tree(exact), _closes(exact)
-    reference = simulate(exact, duration=end)
-    truth = _places(tree, reference)
+@dataclass(frozen=True)
+class Stretch:
+    """A machine from its start until a contact stays closed."""
 
-    def error(places: Answer) -> float:
-        return float(np.hypot(*(places - truth).T).max())
+    scene: str
+    loose: int
+    friction: bool = False
 
-    doubt = error(_places(tree, simulate(check, duration=end)))
-    if doubt > DOUBT:
-        raise RunError(f'{scene}: the reference is uncertain by {doubt:.1e} m')
-    simulate(ours, duration=end)  # compiles
-    cpu = math.inf
-    for _ in range(repeats):
-        began = time.process_time()
-        solution = simulate(ours, duration=end)
-        cpu = min(cpu, time.process_time() - began)
-    here = scene, loose, friction, end, len(reference.impacts)
-    found = [StretchCost(*here, OURS, RTOL, error(_places(tree, solution)), cpu)]
-    for peer, prepare, settings in PEERS:
-        if peer.missing():
-            continue
-        tried: list[StretchCost] = []
-        limited, failure = False, ''
-        for setting in settings:
-            costs = [x.cpu for x in tried[-2:]]
-            limited = len(costs) == 2 and costs[1] ** 2 > LIMIT * costs[0]
-            if limited:
-                break
-            show(f'{name}: {peer.name}, {peer.setting} {setting:g}')
-            try:
-                run = prepare(tree, end, setting)
-                began = time.process_time()
-                tell = run()
-                cpu = time.process_time() - began
-            except RunError as failed:
-                failure = str(failed)
-                break
-            q = dict(zip(tree.mechanism.coordinates, tell().answer.tolist(), strict=True))
-            tried.append(StretchCost(*here, peer.name, setting, error(tree.places(q)), cpu))
-        none = StretchCost(*here, peer.name, math.nan, math.nan, math.nan)
-        best = min(tried, key=lambda x: x.error, default=none)
-        found.append(replace(best, limited=limited, failure=failure))
-    return found
+    def machine(self, rtol: float) -> Machine:
+        """To be run so accurately."""
+        more = {'start': 'centred', 'solver.rtol': rtol}
+        return _machine(self.scene, self.loose, self.friction, more)
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The machine as the peers take it."""
+        return Tree(self.machine(REFERENCE))
+
+    @cached_property
+    def end(self) -> float:
+        """When the first contact stays closed [s]."""
+        end = self.tree.machine.period / 256.0
+        while True:
+            modes = simulate(self.tree.machine, duration=end).modes
+            closed = [change.t for change in modes if change.mode > Mode.FREE_FLIGHT]
+            if closed:
+                return min(closed)
+            end *= 2.0
+
+    @cached_property
+    def reference(self) -> Solution:
+        """Our run, which another of less accuracy confirms.
+
+        Raises
+        ------
+        RunError
+            If it does not.
+        """
+        solution = simulate(self.tree.machine, duration=self.end)
+        other = simulate(self.machine(CHECK), duration=self.end)
+        doubt = _farthest(self.places(solution) - self.places(other))
+        if doubt > DOUBT:
+            raise RunError(f'{self.scene}: the reference is uncertain by {doubt:.1e} m')
+        return solution
+
+    def places(self, solution: Solution) -> Answer:
+        """Of all joints at the end of a run (2 joints, 2) [m]."""
+        q = solution.sample(self.end)
+        names = self.tree.mechanism.coordinates
+        return self.tree.places({c: float(q[f'position.{c}'][0]) for c in names})
+
+    def error(self, answer: Answer) -> float:
+        """Of coordinates at the end (n,): how far off any joint is at most [m]."""
+        q = dict(zip(self.tree.mechanism.coordinates, answer.tolist(), strict=True))
+        return _farthest(self.tree.places(q) - self.places(self.reference))
+
+    def costs(self, repeats: int, show: Callable[[str], None]) -> list[StretchCost]:
+        """Of this package, and of the peers that are installed."""
+        name = f'{self.scene}, {self.loose} loose joints{", friction" * self.friction}'
+        show(f'{name}: {OURS}')
+        here = (
+            self.scene, self.loose, self.friction, self.end, len(self.reference.impacts),
+        )  # fmt: skip
+        machine, cpu = self.machine(RTOL), math.inf
+        for repeat in range(-1, repeats):
+            began = time.process_time()
+            solution = simulate(machine, duration=self.end)
+            if repeat >= 0:  # the first compiles
+                cpu = min(cpu, time.process_time() - began)
+        error = _farthest(self.places(solution) - self.places(self.reference))
+        found = [StretchCost(*here, OURS, RTOL, error, cpu)]
+        for peer, prepare, settings in PEERS:
+            if peer.missing():
+                continue
+            tried: list[StretchCost] = []
+            limited, failure = False, ''
+            for setting in settings:
+                spent = [x.cpu for x in tried[-2:]]
+                limited = len(spent) == 2 and spent[1] ** 2 > LIMIT * spent[0]
+                if limited:
+                    break
+                show(f'{name}: {peer.name}, {peer.setting} {setting:g}')
+                try:
+                    run = prepare(self.tree, self.end, setting)
+                    began = time.process_time()
+                    tell = run()
+                    cpu = time.process_time() - began
+                except RunError as failed:
+                    failure = str(failed)
+                    break
+                error = self.error(tell().answer)
+                tried.append(StretchCost(*here, peer.name, setting, error, cpu))
+            none = StretchCost(*here, peer.name, math.nan, math.nan, math.nan)
+            best = min(tried, key=lambda x: x.error, default=none)
+            found.append(replace(best, limited=limited, failure=failure))
+        return found
 
 
-def _closes(machine: Machine) -> float:
-    """When the first contact stays closed [s]."""
-    end = machine.period / 256.0
-    while True:
-        solution = simulate(machine, duration=end)
-        closed = [change.t for change in solution.modes if change.mode > Mode.FREE_FLIGHT]
-        if closed:
-            return min(closed)
-        end *= 2.0
-
-
-def _places(tree: Tree, solution: Solution) -> Answer:
-    """Of all joints at the end of a run [m]."""
-    q = solution.sample(solution.motion.curve.end)
-    return tree.places({c: float(q[f'position.{c}'][0]) for c in tree.mechanism.coordinates})
+def _farthest(off: Answer) -> float:
+    """The longest of vectors (n, 2)."""
+    return float(np.hypot(*off.T).max())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -260,11 +261,11 @@ def render_stretches(costs: Sequence[StretchCost]) -> str:
             times = '' if c.method == OURS else f'{_ratio(c.cpu / ours.cpu):>7}'
             line += f'{_error(c):>11}{_time(c.cpu):>9}{times}' if c.cpu > 0.0 else f'{"":27}'
         lines.append(line.rstrip())
-    failures = dict.fromkeys(
-        f'{c.method} without {"friction" if c.friction else c.machine}: {c.failure}'
-        for c in costs
-        if c.failure
-    )
+    failures = [
+        f'{method}, {count} of {len(rows)}: {failure}'
+        for (method, failure), count in Counter((c.method, c.failure) for c in costs).items()
+        if failure
+    ]
     limited = ['+ a finer setting would take too long'] * any(c.limited for c in costs)
     return '\n'.join([*lines, '', *failures, *limited]).rstrip()
 

@@ -75,7 +75,8 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
 
     def chain(links: list[Link]) -> None:
         """Links that carry each other, as one kinematic tree."""
-        parents, at, turns, joints = [], [], [], []
+        joints: list[Any] = []
+        parents, at, turns = [], [], []
         last: dict[str, int] = {GROUND: -1}
         masses, inertias, cogs, brakes = [], [], [], []
         for link in links:
