@@ -147,6 +147,7 @@ PEERS = (
 """With the settings that are tried."""
 
 LIMIT = 20.0  #: [s] of CPU time that a peer may use at a setting
+GROWTH = 4.0  #: how much more the next setting is expected to take
 RTOL = 1e-9  #: of our run; the reference has less
 REFERENCE, CHECK = 1e-12, 1e-10
 DOUBT = 1e-12  #: [m] between the two, at most
@@ -248,8 +249,7 @@ class Stretch:
             tried: list[StretchCost] = []
             limited, failure = False, ''
             for setting in settings:
-                spent = [x.cpu for x in tried[-2:]]
-                limited = len(spent) == 2 and spent[1] ** 2 > LIMIT * spent[0]
+                limited = bool(tried) and GROWTH * tried[-1].cpu > LIMIT
                 if limited:
                     break
                 show(f'{name}: {peer.name}, {peer.setting} {setting:g}')

@@ -14,9 +14,10 @@ Exudyn approximates lambda(e); it is given the restitution for which its formula
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from math import ceil, cos, log, sin, sqrt
+from math import ceil, cos, inf, log, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from mechanism_sim.planar.mechanism import GROUND, Vector2
 SLOWEST_IMPACT = 70.0  #: [m/s sqrt(N/m)] slower ones, over lambda/sqrt(K), are taken as this fast
 SLOWEST_SLIP = 10.0  #: [m/s sqrt(N/m)] slower ones, over the root of the stiffness, grip less
 LONGEST_STEP = 1.65  #: times the root of mass over stiffness in an impact; RK33 is stable to 1.73
+LONGEST_RUN = 20.0  #: [s] of CPU time where loops are closed
 LONGEST_CONSTRAINED = 1.0  #: the same where loops are closed, by the trapezoidal rule
 
 
@@ -196,21 +198,22 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
             )
         )
 
-    def push(*_: Any) -> bool:
-        """Set the forces along guides for the next step."""
+    def before_step(*_: Any) -> bool:
+        """Set the forces along guides; whether to go on."""
         for link, (angles, force) in tree.pushes.items():
             at = np.array([coordinate(*numbers[name]) for name in angles])
             body, number = places[link]
             forces = [0.0] * (number + 1)
             (forces[number],) = force(at)
             system.SetObjectParameter(body, 'jointForceVector', forces)
-        return True
+        return time.process_time() < deadline
 
     def coordinate(node: Any, number: int) -> float:
         return float(system.GetNodeOutput(node, exu.OutputVariableType.Coordinates)[number])
 
-    if tree.pushes:
-        system.SetPreStepUserFunction(push)
+    deadline = inf
+    if tree.pushes or closing:  # where loops are closed, its iterations can take for ever
+        system.SetPreStepUserFunction(before_step)
     system.Assemble()
 
     longest = LONGEST_CONSTRAINED if closing else LONGEST_STEP
@@ -229,10 +232,14 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
     order = [link for links in roots.values() for link in links]
 
     def run() -> Callable[[], Outcome]:
+        nonlocal deadline
+        deadline = time.process_time() + LONGEST_RUN
         try:
             system.SolveDynamic(settings, solverType=solver)
         except exu.SolverError as error:
-            raise RunError(f'Exudyn: {error}') from error
+            raise RunError(f'{error} at {setting:g} N/m') from error
+        if time.process_time() >= deadline:
+            raise RunError(f'stopped after {LONGEST_RUN:g} s at {setting:g} N/m')
         left = iter(system.systemData.GetODE2Coordinates())
         values = {link.name: tuple(next(left) for _ in link.axes) for link in order}
         q = tree.coordinates(values)
