@@ -202,7 +202,7 @@ def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
             for m in p['methods']
         ]
     lines.append('scaling: cost against links, sample rate, sensors and length of the run')
-    lines.append('loose_joints: whole runs of machines by how many of their joints are loose')
+    lines.append('loose_joints: machines by how many of their joints are loose, beside peers')
     lines.append('middleware: messages, round trips and runs of nodes on every middleware found')
     lines.append("hard: the hard cases, see 'mechanism-sim bench hard'")
     return '\n'.join(lines)

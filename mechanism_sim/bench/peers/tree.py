@@ -12,6 +12,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.bench.problem import Answer
+from mechanism_sim.export.ideal import steady
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.numerics.formula import expression, names
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute, Vector2, rotate
@@ -120,6 +121,10 @@ class Tree:
             zip(machine.system.free, state.v, strict=True)
         )
         powered = {c: machine.plan.laws[c][0] for c in machine.plan.powered}
+        if any(any(law.coefficients[:2]) for law in powered.values()) or not all(
+            steady(machine, c) for c in machine.plan.prescribed
+        ):
+            raise NotImplementedError('drives keep their speed or are braked in proportion to it')
         found = {}
         for link in (*m.floating, *m.tree_joints):
             body, parent, at, turn = m.body(link), GROUND, (0.0, 0.0), 0.0
