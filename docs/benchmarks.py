@@ -66,17 +66,15 @@ a fifth of one of `ten_links`. "Times one" is against the same machine with the 
 and no friction; an event is an impact or several at one instant, or a contact that lets go, sticks
 or slides.
 
-The second table has Exudyn and MuJoCo beside it, on the same machines with all pins in the middle
-at first, until a contact stays closed: so long every impact is that of one pin alone. After that,
-results would depend on what the impact law makes of one pin that strikes while another rests. The
-error is that of the place of any joint at the end, against our run at rtol 1e-12, which one at
-1e-10 confirms to 1e-12 m; ours is at 1e-9, with set-up and audit. A peer is shown at that of its
-settings (contact stiffness, or steps per revolution) that errs least, with its CPU time without
-set-up; settings expected to take more than 20 s are not tried. The least error is often that of
-its dearest setting, and luck may flatter it; ours at rtol 1e-9 is far more exact than any of
-them. With friction the laws themselves differ: where sliding stops during an impact, Exudyn's
-contact does not become ours with stiffness, and its errors level off. The tendons of MuJoCo have
-no friction across them, so it has the machines without friction only.
+The second table has Exudyn and MuJoCo on the same machines, from pins at the centre until the
+first contact stays closed: so far every impact is that of one joint alone, so the impact law need
+not say what happens in others (nor have all loose joints struck by then). The error is the largest
+of the place of a joint at the end, against our own run at rtol 1e-12, which one at 1e-10 confirms;
+without friction one of the peers comes within 2e-7 m of it on every machine. Ours is at rtol 1e-9,
+its CPU time with set-up and audit; a peer has the setting of its least error, often the most
+expensive, and its CPU time without set-up. Settings expected to take more than 20 s are left out.
+With friction the table shows how the laws differ rather than an error: Exudyn's contact levels off
+where sliding stops within an impact, and MuJoCo's tendons have no friction across them.
 """
 
 NODES = """\

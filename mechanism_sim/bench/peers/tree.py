@@ -12,9 +12,9 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.bench.problem import Answer
-from mechanism_sim.export.ideal import steady
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.numerics.formula import expression, names
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute, Vector2, rotate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Play
@@ -121,8 +121,9 @@ class Tree:
             zip(machine.system.free, state.v, strict=True)
         )
         powered = {c: machine.plan.laws[c][0] for c in machine.plan.powered}
-        if any(any(law.coefficients[:2]) for law in powered.values()) or not all(
-            steady(machine, c) for c in machine.plan.prescribed
+        ramps = [law for c in machine.plan.prescribed for law in machine.plan.laws[c]]
+        if any(any(law.coefficients[:2]) for law in powered.values()) or any(
+            isinstance(law, DriveLaw) and law.degree > 1 for law in ramps
         ):
             raise NotImplementedError('drives keep their speed or are braked in proportion to it')
         found = {}
