@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,13 @@ from running import run, run_json
 from scipy.integrate import DOP853, solve_ivp
 
 import mechanism_sim as ms
+from mechanism_sim.bench import loose_joints as loosened
 from mechanism_sim.bench import measure as measuring
 from mechanism_sim.bench import middleware as lines
 from mechanism_sim.bench import scaling as sizes
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
 from mechanism_sim.bench.hard import cases
-from mechanism_sim.bench.loose_joints import loose_joints
+from mechanism_sim.bench.loose_joints import Stretch, loose_joints, stretches
 from mechanism_sim.bench.measure import machine, measure
 from mechanism_sim.bench.measured import Measured
 from mechanism_sim.bench.peers import numba_dop853
@@ -303,6 +305,97 @@ def test_costs_of_loose_joints():
     assert costs[0].impacts == pytest.approx(len(solution.impacts) / 0.2)
     text = report.render_loose_joints(costs)
     assert text.count('mu 0.1') == 2
+
+
+INSTALLED = [pair for pair in loosened.PEERS if not pair[0].missing()]
+
+
+def error_of_peer(name, stretch, setting):
+    """Error [m] of a peer at a setting, skipped where it is not installed."""
+    prepare = {peer.name: prepare for peer, prepare, _ in INSTALLED}.get(name)
+    if prepare is None:
+        pytest.skip(f'{name} is not installed')
+    return stretch.error(prepare(stretch.tree, stretch.end, setting)()().answer)
+
+
+@pytest.mark.parametrize(
+    ('name', 'setting', 'error'),
+    [('Exudyn', 1e8, 1.6e-4), ('Exudyn', 1e9, 4.1e-5), ('MuJoCo', 5e3, 1.4e-4),
+     ('MuJoCo', 20e3, 1.9e-5), ('MuJoCo', 80e3, 1.1e-5)],
+)  # fmt: skip
+def test_builders_of_any_machine_err_on_the_thesis_as_models_written_for_it(name, setting, error):
+    """Errors [rad] of a revolution by a model of this mechanism alone, of the same contacts."""
+    peer = next(peer for peer in peers() if peer.name == name)
+    if peer.missing():
+        pytest.skip(peer.missing())
+    bar = LooseFourBar.thesis()
+    assert bar.error(peer.prepare(bar, setting)()().answer) == pytest.approx(error, rel=0.15)
+
+
+TWO_LOOSE = Stretch('four_bar_clearance', 2)
+ENGINE = Stretch('slider_crank_engine', 3)
+RUBBING = Stretch('four_bar_clearance', 4, friction=True)
+CLOSED_LOOPS = Stretch('ten_links', 4)
+
+
+@pytest.mark.parametrize(
+    ('name', 'stretch', 'coarse', 'fine', 'gain', 'bound'),
+    [
+        ('Exudyn', TWO_LOOSE, 1e8, 1e13, 100.0, 2e-7),
+        ('MuJoCo', TWO_LOOSE, 20e3, 500e3, 5.0, 1e-6),
+        ('Exudyn', ENGINE, 1e8, 1e13, 100.0, 1e-6),
+        ('MuJoCo', ENGINE, 20e3, 500e3, 10.0, 3e-7),
+        ('Exudyn', RUBBING, 1e8, 1e12, 30.0, 5e-7),
+        pytest.param('Exudyn', CLOSED_LOOPS, 1e6, 1e8, 10.0, 3e-6, marks=pytest.mark.deep),
+        pytest.param('MuJoCo', CLOSED_LOOPS, 4e3, 500e3, 10.0, 1e-6, marks=pytest.mark.deep),
+    ],
+)
+def test_peers_on_several_loose_joints_come_closer_with_stiffer_contacts_or_shorter_steps(
+    name, stretch, coarse, fine, gain, bound
+):
+    far, near = (error_of_peer(name, stretch, setting) for setting in (coarse, fine))
+    assert far > gain * near
+    assert near < bound
+    assert len({impact.joint for impact in stretch.reference.impacts}) > 1
+
+
+def test_costs_beside_peers(monkeypatch):
+    if not INSTALLED:
+        pytest.skip('neither exudyn nor mujoco is installed')
+    few = {'Exudyn': (1e8, 1e9, 1e10), 'MuJoCo': (4e3, 20e3, 100e3)}
+    monkeypatch.setattr(
+        loosened, 'PEERS', [(peer, prepare, few[peer.name]) for peer, prepare, _ in INSTALLED]
+    )
+    monkeypatch.setattr(loosened, 'LIMIT', 1e-9)  # nothing is tried thrice
+    costs, skipped = stretches(1, runs=(('four_bar_clearance', 1, 1.0),))
+    assert not skipped
+    names = [OURS, *(peer.name for peer, *_ in INSTALLED)]
+    assert [(c.method, c.friction) for c in costs] == [
+        (n, f) for f in (False, True) for n in names
+    ]
+    assert all(c.error < 1e-12 for c in costs if c.method == OURS)
+    for c in costs:
+        if c.method == 'MuJoCo' and c.friction:
+            assert 'friction' in c.failure
+            assert math.isnan(c.error)
+        else:
+            assert c.cpu > 0.0
+            assert c.limited == (c.method != OURS)
+    text = report.render_stretches(costs)
+    assert text.count('four_bar_clearance') == 2
+    assert ('MuJoCo, 1 of 2: ' in text) == ('MuJoCo' in names)
+
+
+def test_no_run_beside_peers_that_are_not_installed(monkeypatch):
+    why = 'it is not installed'
+    gone = [(replace(peer, missing=lambda: why), *more) for peer, *more in loosened.PEERS]
+    monkeypatch.setattr(loosened, 'PEERS', gone)
+    monkeypatch.setattr(loosened, 'Stretch', None)
+    assert stretches(1) == ([], {peer.name: why for peer, *_ in gone})
+    pages = report.Pages(None)
+    pages.add_loose_joints((), machine(), *stretches(1))
+    assert 'MuJoCo left out: it is not installed' in pages.text[0]
+    assert pages.to_json(machine())['stretches'] == []
 
 
 @pytest.mark.deep

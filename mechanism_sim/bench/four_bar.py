@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.problem import Answer, Method, Run, nothing_missing
+from mechanism_sim.bench.peers.tree import Tree
+from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, nothing_missing
 from mechanism_sim.scene import load_scene
 
 
@@ -101,6 +102,23 @@ class LooseFourBar:
             revolutions=revolutions,
             final=(float(states['th3'][at]), float(states['th4'][at])),
         )
+
+    def solved_by(self, prepare: Callable[[Tree, float, float], Run], setting: float) -> Run:
+        """A run by what takes any machine; its answer are the final angles."""
+        start = 'seated' if self.seated else 'centred'
+        machine = load_scene('four_bar_clearance', scene_overrides(start, self.restitution))
+        run = prepare(Tree(machine), self.duration, setting)
+
+        def angles() -> Callable[[], Outcome]:
+            tell = run()
+
+            def outcome() -> Outcome:
+                found = tell()
+                return found._replace(answer=found.answer[1:])  # without that of the crank
+
+            return outcome
+
+        return angles
 
     def error(self, answer: Answer) -> float:
         """Largest error of the final angles of coupler and rocker (2,) [rad]."""

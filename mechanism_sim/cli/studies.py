@@ -205,7 +205,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.bench import choose  # noqa: PLC0415
-    from mechanism_sim.bench.loose_joints import loose_joints  # noqa: PLC0415
+    from mechanism_sim.bench.loose_joints import loose_joints, stretches  # noqa: PLC0415
     from mechanism_sim.bench.measure import machine, measure  # noqa: PLC0415
     from mechanism_sim.bench.middleware import middleware  # noqa: PLC0415
     from mechanism_sim.bench.scaling import scaling  # noqa: PLC0415
@@ -241,7 +241,8 @@ def _bench(options: argparse.Namespace) -> int:
             print(content.text[-1], flush=True)
     if choose.LOOSE_JOINTS in tables:
         with progress.busy('bench', options.json) as say:
-            content.add_loose_joints(loose_joints(options.repeats, say), here)
+            costs = loose_joints(options.repeats, say)
+            content.add_loose_joints(costs, here, *stretches(options.repeats, say))
         if not options.json:
             print(content.text[-1], flush=True)
     if choose.MIDDLEWARE in tables:

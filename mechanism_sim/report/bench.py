@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from mechanism_sim import output, strict_json
-from mechanism_sim.bench.loose_joints import LooseCost
+from mechanism_sim.bench.loose_joints import LooseCost, StretchCost
 from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
@@ -124,7 +125,7 @@ class Pages:
         self.found: list[Measurement] = []
         self.text: list[str] = []
         self._costs: list[Cost] = []
-        self._loose: list[dict[str, object]] = []
+        self._loose: dict[str, object] = {}
         self._figures: list[Figure] = []
         self._folder = Path(folder) if folder else None
         if self._folder:
@@ -149,12 +150,26 @@ class Pages:
             self._write('scaling', {'machine': dict(machine), 'scaling': scaling_json(costs)})
             _plot_costs(costs, machine, self._folder / 'scaling.svg')
 
-    def add_loose_joints(self, costs: Sequence[LooseCost], machine: Mapping[str, Any]) -> None:
+    def add_loose_joints(
+        self,
+        costs: Sequence[LooseCost],
+        machine: Mapping[str, Any],
+        stretches: Sequence[StretchCost] = (),
+        skipped: Mapping[str, str] | None = None,
+    ) -> None:
         """Add costs of loose joints, and write loose_joints.json and loose_joints.txt."""
-        self._loose = [asdict(c) | {'cpu_per_event': c.cpu_per_event} for c in costs]
-        self.text.append(f'{render_loose_joints(costs)}\n\n{footer(machine)}')
+        self._loose = {
+            'loose_joints': [asdict(c) | {'cpu_per_event': c.cpu_per_event} for c in costs],
+            'stretches': [
+                {k: _number(x) if isinstance(x, float) else x for k, x in asdict(c).items()}
+                for c in stretches
+            ],
+        }
+        left_out = [f'{name} left out: {reason}' for name, reason in (skipped or {}).items()]
+        parts = [render_loose_joints(costs), render_stretches(stretches), '\n'.join(left_out)]
+        self.text.append('\n\n'.join(part for part in (*parts, footer(machine)) if part))
         if self._folder:
-            self._write('loose_joints', {'machine': dict(machine), 'loose_joints': self._loose})
+            self._write('loose_joints', {'machine': dict(machine), **self._loose})
 
     def add_middleware(self, figures: Sequence[Figure], machine: Mapping[str, Any]) -> None:
         """Add figures of the middleware, and write middleware.json and middleware.txt."""
@@ -174,7 +189,7 @@ class Pages:
         """All of it."""
         found = to_json(self.found, machine, middleware.to_json(self._figures))
         found |= {'scaling': scaling_json(self._costs)} if self._costs else {}
-        return found | ({'loose_joints': self._loose} if self._loose else {})
+        return found | self._loose
 
 
 def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -187,7 +202,7 @@ def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
             for m in p['methods']
         ]
     lines.append('scaling: cost against links, sample rate, sensors and length of the run')
-    lines.append('loose_joints: whole runs of machines by how many of their joints are loose')
+    lines.append('loose_joints: machines by how many of their joints are loose, beside peers')
     lines.append('middleware: messages, round trips and runs of nodes on every middleware found')
     lines.append("hard: the hard cases, see 'mechanism-sim bench hard'")
     return '\n'.join(lines)
@@ -220,6 +235,45 @@ def render_loose_joints(costs: Sequence[LooseCost]) -> str:
             f'{c.impacts:>8.1f}{c.steps:>8.1f}'
         )
     return '\n'.join(lines)
+
+
+def render_stretches(costs: Sequence[StretchCost]) -> str:
+    """Errors and costs until a contact stays closed, for people; nothing if there are none."""
+    if not costs:
+        return ''
+    methods = list(dict.fromkeys(c.method for c in costs))
+    rows: dict[tuple[object, ...], dict[str, StretchCost]] = {}
+    for c in costs:
+        rows.setdefault((c.machine, c.loose, c.friction), {})[c.method] = c
+    lines = [
+        f'{"until a contact stays closed":<34}{"":17}'
+        + ''.join(f'{m:>{20 if m == OURS else 27}}' for m in methods),
+        f'{"machine":<22}{"loose":>5}{"":7}{"span":>9}{"impacts":>8}'
+        + ''.join(f'{"error [m]":>11}{"CPU":>9}' + f'{"times":>7}' * (m != OURS) for m in methods),
+    ]
+    for row in rows.values():
+        ours = row[OURS]
+        line = (
+            f'{ours.machine:<22}{ours.loose:>5} {"mu 0.1" if ours.friction else "":<6}'
+            f'{_time(ours.duration):>9}{ours.impacts:>8}'
+        )
+        for c in row.values():
+            times = '' if c.method == OURS else f'{_ratio(c.cpu / ours.cpu):>7}'
+            line += f'{_error(c):>11}{_time(c.cpu):>9}{times}' if c.cpu > 0.0 else f'{"":27}'
+        lines.append(line.rstrip())
+    failures = [
+        f'{method}, {count} of {len(rows)}: {failure}'
+        for (method, failure), count in Counter((c.method, c.failure) for c in costs).items()
+        if failure
+    ]
+    limited = ['+ a finer setting would take too long'] * any(c.limited for c in costs)
+    return '\n'.join([*lines, '', *failures, *limited]).rstrip()
+
+
+def _error(cost: StretchCost) -> str:
+    """Rounding alone comes to 1e-15 m."""
+    small = '<1e-15' if cost.error < 1e-15 else f'{cost.error:.0e}'
+    return small + '+' * cost.limited
 
 
 def scaling_json(costs: Sequence[Cost]) -> list[dict[str, object]]:

@@ -10,89 +10,125 @@ left; on average it adds k h^2/2 to e, which b has less.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import sqrt
+from math import ceil, sqrt
 
 import numpy as np
 
-from mechanism_sim.bench.four_bar import LooseFourBar, Peer
+from mechanism_sim.bench.four_bar import Peer
+from mechanism_sim.bench.peers.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
 from mechanism_sim.bench.problem import Outcome, Run, without
+from mechanism_sim.errors import RunError
+from mechanism_sim.planar.mechanism import GROUND
 
 RIGIDITY = 0.9999  #: the share of the acceleration asked for that a limit keeps, at most
-FLYWHEEL = 1e9  #: [kg m^2] on the crank's axle: its speed stays the same to 1e-11 rad/s
 
-MODEL = """
+
+def element(link: Link, children: str) -> str:
+    """A link and what it carries."""
+    axes = {SLIDE_X: ('slide', '1 0 0'), SLIDE_Y: ('slide', '0 1 0'), HINGE: ('hinge', '0 0 1')}
+    joints = ''
+    for axis in link.axes:
+        kind, way = axes[axis]
+        more = f'armature="{link.flywheel!r}" damping="{link.damping!r}"' * (axis == HINGE)
+        joints += f'<joint name="{link.name}.{axis}" type="{kind}" axis="{way}" {more}/>'
+    inertia = link.inertia
+    return f"""
+<body pos="{link.at[0]!r} {link.at[1]!r} 0" euler="0 0 {link.turn!r}">{joints}
+  <inertial pos="{link.cog[0]!r} {link.cog[1]!r} 0" mass="{link.mass!r}"
+            diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>{children}
+</body>"""
+
+
+def model(tree: Tree, h: float, pull: float) -> str:
+    """The machine in MuJoCo's language.
+
+    Parameters
+    ----------
+    h : time step [s]
+    pull : the share of an overlap that is taken away in a step, k h^2
+    """
+
+    def carried(parent: str) -> str:
+        sites = ''.join(
+            f'<site name="{pin.name}.{k}" pos="{at[0]!r} {at[1]!r} 0"/>'
+            for pin in tree.pins
+            for k, (link, at) in enumerate(zip(pin.links, pin.points, strict=True))
+            if link == parent
+        )
+        children = (link for link in tree.links.values() if link.parent == parent)
+        return sites + ''.join(element(link, carried(link.name)) for link in children)
+
+    def softness(e: float) -> str:
+        return f'"{-pull / h**2!r} {-(1.0 + e - pull / 2.0) / h!r}"'
+
+    impedance = f'"{RIGIDITY!r} {RIGIDITY!r} 1 0.5 1"'
+    tendons = ''.join(
+        f"""
+<spatial limited="true" range="0 {play.radial!r}" solreflimit={softness(play.restitution)}
+         solimplimit={impedance}>
+  <site site="{pin.name}.0"/><site site="{pin.name}.1"/>
+</spatial>"""
+        for pin, play in tree.loose.items()
+    )
+    closing = ''.join(
+        f"""
+<connect site1="{pin.name}.0" site2="{pin.name}.1" solref={softness(0.0)} solimp={impedance}/>"""
+        for pin in tree.pins
+        if not pin.play
+    )
+    x, y = tree.mechanism.gravity
+    solver, iterations = ('PGS', 1) if len(tree.pins) == 1 else ('Newton', 20)
+    return f"""
 <mujoco>
   <compiler angle="radian" autolimits="false"/>
-  <option timestep="{h!r}" gravity="0 {gravity!r} 0" integrator="Euler" solver="PGS"
-          iterations="1" tolerance="0" jacobian="dense">
+  <option timestep="{h!r}" gravity="{x!r} {y!r} 0" integrator="Euler" solver="{solver}"
+          iterations="{iterations}" tolerance="0" jacobian="dense">
     <flag contact="disable" eulerdamp="disable" island="disable"/>
   </option>
-  <worldbody>
-    <body>
-      <joint axis="0 0 1" armature="{flywheel!r}"/>
-      {crank_inertial}
-      <body pos="{bar.crank!r} 0 0">
-        <joint axis="0 0 1"/>
-        {coupler_inertial}
-        <site name="pin" pos="{bar.coupler!r} 0 0"/>
-      </body>
-    </body>
-    <body pos="{bar.ground!r} 0 0">
-      <joint axis="0 0 1"/>
-      {rocker_inertial}
-      <site name="bushing" pos="{bar.rocker!r} 0 0"/>
-    </body>
-  </worldbody>
-  <tendon>
-    <spatial limited="true" range="0 {bar.clearance!r}" solreflimit="{stiffness!r} {damping!r}"
-             solimplimit="{rigidity!r} {rigidity!r} 1 0.5 1">
-      <site site="pin"/>
-      <site site="bushing"/>
-    </spatial>
-  </tendon>
-</mujoco>
-"""
+  <worldbody>{carried(GROUND)}</worldbody>
+  <tendon>{tendons}</tendon>
+  <equality>{closing}</equality>
+</mujoco>"""
 
 
-def inertial(mass: float, inertia: float, cog: float) -> str:
-    """Mass [kg], inertia about the centre of gravity [kg m^2], its distance from the joint [m]."""
-    inertias = f'{inertia!r} {inertia!r} {inertia!r}'
-    return f'<inertial pos="{cog!r} 0 0" mass="{mass!r}" diaginertia="{inertias}"/>'
+def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
+    """A run in `setting` steps per revolution, or what is left of one.
 
+    The answer are the coordinates of the tree's mechanism.
 
-def model(bar: LooseFourBar, steps: int) -> str:
-    """The mechanism in MuJoCo's language, for a number of steps of the whole run."""
-    h = bar.duration / steps
-    pull = 1.0 / sqrt(steps)  # k h^2
-    return MODEL.format(
-        bar=bar,
-        h=h,
-        gravity=-bar.gravity,
-        flywheel=FLYWHEEL,
-        rigidity=RIGIDITY,
-        stiffness=-pull / h**2,
-        damping=-(1.0 + bar.restitution - pull / 2.0) / h,
-        crank_inertial=inertial(bar.crank_mass, bar.crank_inertia, bar.crank_cog),
-        coupler_inertial=inertial(bar.coupler_mass, bar.coupler_inertia, bar.coupler_cog),
-        rocker_inertial=inertial(bar.rocker_mass, bar.rocker_inertia, bar.rocker_cog),
-    )
-
-
-def prepare(bar: LooseFourBar, setting: float) -> Run:
-    """A run in `setting` steps per revolution."""
+    Raises
+    ------
+    RunError
+        For joints with friction.
+    """
+    if any(play.friction for play in tree.loose.values()):
+        raise RunError('a tendon has no friction across it')
     import mujoco  # noqa: PLC0415 - an optional package
 
-    steps = round(setting * bar.revolutions)
-    compiled = mujoco.MjModel.from_xml_string(model(bar, steps))
+    steps = ceil(setting * duration / tree.machine.period * (1.0 - 1e-9))
+    pull = 1.0 / sqrt(setting)
+    compiled = mujoco.MjModel.from_xml_string(model(tree, duration / steps, pull))
     data = mujoco.MjData(compiled)
+    places = {
+        name: [compiled.joint(f'{name}.{axis}').qposadr[0] for axis in link.axes]
+        for name, link in tree.links.items()
+    }
+    pushes = [
+        (places[name], [places[link][-1] for link in push.angles], push.force)
+        for name, push in tree.pushes.items()
+    ]
 
     def run() -> Callable[[], Outcome]:
         mujoco.mj_resetData(compiled, data)
-        data.qpos = bar.crank_angle, bar.coupler_angle - bar.crank_angle, bar.rocker_angle
-        data.qvel = bar.crank_speed, bar.coupler_rate - bar.crank_speed, bar.rocker_rate
-        mujoco.mj_step(compiled, data, nstep=steps)
-        crank, coupler, rocker = data.qpos
-        return lambda: Outcome(np.array([crank + coupler, rocker]), steps)
+        for name, link in tree.links.items():
+            data.qpos[places[name]], data.qvel[places[name]] = link.start, link.rates
+        at_once = 1 if pushes else steps
+        for _ in range(steps // at_once):
+            for place, turning, force in pushes:
+                data.qfrc_applied[place] = force(data.qpos[turning])
+            mujoco.mj_step(compiled, data, nstep=at_once)
+        q = tree.coordinates({name: tuple(data.qpos[at]) for name, at in places.items()})
+        return lambda: Outcome(np.array([q[c] for c in tree.mechanism.coordinates]), steps)
 
     return run
 
@@ -101,7 +137,7 @@ PEER = Peer(
     'MuJoCo',
     (5e3, 20e3, 80e3, 320e3, 1280e3),
     'steps per revolution',
-    prepare,
+    lambda bar, setting: bar.solved_by(prepare_machine, setting),
     'MJCF of hinges, the crank with a flywheel as armature, the pin a tendon of limited length '
     'whose solref makes the law of Newton out of one step; semi-implicit Euler and PGS in one '
     'call of mj_step. Tried and worse at equal cost: springs that resolve the impact (Euler and '
