@@ -106,8 +106,8 @@ class EventLoop:
         series = floats(self._ta.tc)
         self._coefficients = series[: 2 * f * width]
         watch = 2 * f + 1  # after the state and the constant
-        self._guard_series = series[watch * width :] if system.lone else _UNWATCHED
-        near = watch + system.lone  # then the distance from singular positions
+        near = watch + len(system.guards)  # then the distance from singular positions
+        self._guard_values = series[watch * width + 1 : near * width : width]
         self._nearness = series[near * width :] if system.relations else _UNWATCHED
         self._turning = [system.prescribed.index(c) for c in system.turning]
         self._directions = floats(self._ta.state)[near + bool(system.relations) :]
@@ -212,9 +212,9 @@ class EventLoop:
         slots, lengths = tape.slots, tape.lengths
         enter_tau, enter_length = tape.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
-        watched, watch = bool(self._system.guards), self._guard_series
+        watch, overlaps = self._guard_values, self._system.compliant
         near, stride = self._nearness, self._singular.stride
-        quick = (lone or not watched) and not timed and self._check is None
+        quick = (lone or not watch) and not timed and self._check is None
         stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
         quickest = self._quickest
         longest, reach = self._max_step, min(self._max_step, contacts.horizon)
@@ -234,7 +234,7 @@ class EventLoop:
                         end = tau + h
                         if pars[fired] or not end <= stop:
                             break
-                        if watch[1] < _BARELY:
+                        if lone and watch[0] < _BARELY:
                             break
                         if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
                             break
@@ -260,14 +260,14 @@ class EventLoop:
                 taken = (alpha, reach, stride)
                 guard = self._system.fired(pars) if pars[fired] else None
                 if lone:
-                    if watch[1] < _BARELY:
-                        if watch[1] < 0.0 and not contacts.flying:
+                    if watch[0] < _BARELY:
+                        if watch[0] < 0.0 and not contacts.flying:
                             # it let go within the error of the last step's end
                             self._back_to(tau)
                             h, guard = 0.0, 0
                         else:
                             h, guard = self._look_again(tau, h, guard)
-                elif watched:
+                elif overlaps or (watch and min(watch) < _BARELY):
                     h, guard = self._look_again(tau, h, guard)
                 crossing = origin = None
                 if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:

@@ -202,9 +202,9 @@ class System:
     ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
-        State: free coordinates, their rates, a constant that only sets the step, of a lone contact
-        a state whose derivative is its guard, with closures one whose derivative is the distance
-        from singular positions, then cosine and sine of the angles in `turning`,
+        State: free coordinates, their rates, a constant that only sets the step, states whose
+        derivatives are the guards, with closures one whose derivative is the distance from
+        singular positions, then cosine and sine of the angles in `turning`,
         which cost less as solutions of a linear equation than as functions. heyoka ties its order
         p to its tolerance, ``tol = exp(-2 (p - 1))``, and steps so that the last term is about
         `tol` of the largest state variable. Four orders more than it would take for `rtol` make
@@ -231,7 +231,7 @@ class System:
         motion = [(frames.q[c], frames.v[c]) for c in self.free]
         motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]
         # too small to matter: their Taylor series tell what they watch for nothing
-        watch = [(hy.make_vars('watch'), WATCH_SCALE * guards[0])] if self.lone else []
+        watch = [(hy.make_vars(f'watch{k}'), WATCH_SCALE * g) for k, g in enumerate(guards)]
         watch += [(hy.make_vars('singularity'), WATCH_SCALE * x) for x in near]
         directions: list[tuple[hy.expression, hy.expression]] = []
         for (cosine, sine), rate in zip(self._direction_symbols, rates, strict=True):
