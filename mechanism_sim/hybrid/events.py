@@ -100,10 +100,10 @@ class ImpactLog:
 
     def drain(self) -> list[Impact]:
         """The impacts since the last call."""
-        found = [
-            Impact._make((t, self._joints[int(gap)], *others, bool(ends), left, 0.0, 0.0))
-            for t, gap, *others, ends, left in self.rows[: self.count].tolist()
-        ]
+        t, gaps, *others, ends, left = self.rows[: self.count].T.tolist()
+        names, none = [self._joints[int(gap)] for gap in gaps], [0.0] * len(gaps)
+        columns = zip(t, names, *others, map(bool, ends), left, none, none, strict=True)
+        found = [*map(Impact._make, columns)]
         self.count = 0
         return found
 
