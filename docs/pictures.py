@@ -20,7 +20,7 @@ import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.schema import FourBarLinks
+from mechanism_sim.scene.schema import LinkPart
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink
@@ -61,9 +61,9 @@ def draw_mechanism(machine: Machine, released: Solution) -> Figure:
     links = machine.scene.links
     th2 = np.radians(62.0)
     th3, th4 = machine.linkage.positions(th2)
-    O2, O4 = np.zeros(2), np.array([links.ground.length, 0.0])
-    A = links.crank.length * unit(th2)
-    B = O4 + links.rocker.length * unit(th4)
+    O2, O4 = np.zeros(2), np.array([links['ground'].length, 0.0])
+    A = links['crank'].length * unit(th2)
+    B = O4 + links['rocker'].length * unit(th4)
     bars = {'crank': (O2, A, th2), 'coupler': (A, B, th3), 'rocker': (O4, B, th4)}
     axes.plot(*zip(O2, O4, strict=True), color=GREY, lw=0.9, ls=(0, (6, 4)), zorder=1)
     for name, (start, end, angle) in bars.items():
@@ -99,7 +99,7 @@ def draw_mechanism(machine: Machine, released: Solution) -> Figure:
         connectionstyle='arc3,rad=0.22', arrowstyle='-|>', mutation_scale=9, lw=0.9, color='0.1',
     )  # fmt: skip
     axes.add_patch(arrow)
-    speed = machine.scene.drive.speed * 30.0 / np.pi
+    speed = machine.scene.drive.speed.value * 30.0 / np.pi
     axes.text(*(0.058 * unit(np.radians(24.0))), f'{speed:.0f} rpm', va='center')
     _lens(axes, machine, released, B)
     axes.plot([0.143, 0.243], [-0.034, -0.034], color='0.1', lw=2.0, solid_capstyle='butt')
@@ -133,11 +133,12 @@ def _support(axes: Axes, at: Array) -> None:
         axes.plot([left, left - 0.006], [y - 0.024, y - 0.031], color='0.1', lw=0.6)
 
 
-def _link_names(axes: Axes, bars: dict[str, Bar], links: FourBarLinks) -> None:
+def _link_names(axes: Axes, bars: dict[str, Bar], links: dict[str, LinkPart]) -> None:
     """Names and lengths of the links, along them where there is room."""
     start, end, _ = bars['crank']
+    crank = f'crank {1e3 * links["crank"].length:g} mm'
     axes.annotate(
-        f'crank {1e3 * links.crank.length:g} mm', start + 0.55 * (end - start), (-0.035, 0.045),
+        crank, start + 0.55 * (end - start), (-0.035, 0.045),
         ha='right', va='center',
         arrowprops={'arrowstyle': '-', 'lw': 0.7, 'shrinkA': 1, 'shrinkB': 4},
     )  # fmt: skip
@@ -145,9 +146,9 @@ def _link_names(axes: Axes, bars: dict[str, Bar], links: FourBarLinks) -> None:
         start, end, angle = bars[name]
         x, y = start + along * (end - start) + aside * unit(angle + np.pi / 2)
         turn = np.degrees(angle) - (180.0 if angle > np.pi / 2 else 0.0)
-        text = f'{name} {1e3 * getattr(links, name).length:g} mm'
+        text = f'{name} {1e3 * links[name].length:g} mm'
         axes.text(x, y, text, rotation=turn, ha='center', va='center', zorder=9)
-    ground = f'ground {1e3 * links.ground.length:g} mm'
+    ground = f'ground {1e3 * links["ground"].length:g} mm'
     axes.text(0.245, 0.008, ground, ha='center', va='bottom')
 
 
@@ -203,11 +204,11 @@ def separation(machine: Machine, solution: Solution, t: Array) -> Array:
     x, links = solution.sample(t), machine.scene.links
     th2, th3, th4 = (x[f'position.{name}'] for name in ('crank', 'coupler', 'rocker'))
     Q = (
-        links.crank.length * unit(th2)
-        + links.coupler.length * unit(th3)
-        - links.rocker.length * unit(th4)
+        links['crank'].length * unit(th2)
+        + links['coupler'].length * unit(th3)
+        - links['rocker'].length * unit(th4)
     )
-    Q[0] -= links.ground.length
+    Q[0] -= links['ground'].length
     return Q
 
 

@@ -150,17 +150,20 @@ def to_si_of(value: object, units: tuple[str, ...]) -> Measure:
         return value
     if isinstance(value, list | tuple) and len(value) == 2 and value[1] in ('', *units):
         return Measure(float(value[0]), value[1])  # as JSON has it
+    said = []
     for unit in units:
         try:
             found = to_si(value, unit)
         except ValueError as error:
             if str(error) == _BEYOND:
                 raise
+            said.append(str(error).partition(':')[0])
             continue
         bare = unit != units[-1] and not (isinstance(value, str) and _NUMBER.sub(r'\2', value))
         return Measure(found, '' if bare else unit)
     examples = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
-    raise ValueError(f'is not a quantity of this place: write for example {examples}')
+    others = ''.join(f" or '{unit}'" for unit in units[1:]) if said[0] != said[-1] else ''
+    raise ValueError(f'{said[0]}{others}: write for example {examples}')
 
 
 @lru_cache(maxsize=4096)  # a sweep reads the same text again for every run

@@ -17,7 +17,7 @@ from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 
 STEP = 1e-30
 
@@ -267,7 +267,7 @@ def loads_of(scene):
     """The loads of a scene at an instant, from its text: link, point, force, torque."""
 
     def at(absolute, x, v, t):
-        if not isinstance(scene, LinkageScene):
+        if not isinstance(scene, Scene):
             return
         plan = absolute.plan
 

@@ -78,7 +78,7 @@ def with_pin_at(machine, Q, turning=(0.0, 0.0)):
 def event_loop(machine, laws=None, degree=None):
     """A run of a loose machine whose laws may have any degree, and its physics."""
     laws = laws or [machine.law]
-    clearance = machine.scene.joints.coupler_rocker.clearance
+    clearance = machine.clearances['coupler_rocker']
     gap = BearingClearance(
         'coupler_rocker', machine.mechanism, clearance.radial, clearance.restitution
     )

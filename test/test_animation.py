@@ -63,9 +63,9 @@ def joints(machine, solution, t):
     """Places of the joints by name, and of the pin in the loose bearing, from link to link."""
     links, x = machine.scene.links, solution.sample(t)
     th2, th3, th4 = (float(x[f'position.{name}'][0]) for name in ('crank', 'coupler', 'rocker'))
-    A = links.crank.length * unit(th2)
-    O4 = np.array([links.ground.length, 0.0])
-    pin, bushing = A + links.coupler.length * unit(th3), O4 + links.rocker.length * unit(th4)
+    A = links['crank'].length * unit(th2)
+    O4 = np.array([links['ground'].length, 0.0])
+    pin, bushing = A + links['coupler'].length * unit(th3), O4 + links['rocker'].length * unit(th4)
     return {'crank_coupler': A, 'coupler_rocker': pin}, pin - bushing
 
 
@@ -80,7 +80,7 @@ def test_frames_of_svg_show_pins_where_the_run_has_them(machine, solution, tmp_p
         seen = circles(file)
         wanted, out = joints(machine, solution, 0.15 + 0.0125 * k)
         base = seen['pin-ground_crank']
-        ground = machine.scene.links.ground.length
+        ground = machine.scene.links['ground'].length
         scale = (seen['pin-rocker_ground'] - base)[0] / ground
         assert abs((seen['pin-rocker_ground'] - base)[1]) < 1e-4
         for name, at in wanted.items():

@@ -39,7 +39,7 @@ def thesis(speed=SPEED, gravity=True):
     """Machine, cycle and clearance link per radial clearance of the ideal thesis mechanism."""
     overrides = {'drive.speed': speed} | ({} if gravity else {'gravity': [0.0, 0.0]})
     machine = ms.load_scene('four_bar_nominal', overrides)
-    speed = machine.scene.drive.speed
+    speed = machine.scene.drive.speed.value
     cycle = ForceCycle.nominal(machine.linkage, machine.inverse_dynamics, 'coupler_rocker', speed)
     inertias = [
         machine.links[name].inertia + machine.links[name].mass * machine.links[name].cog ** 2

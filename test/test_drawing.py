@@ -157,7 +157,7 @@ def test_a_pin_that_indexes_is_in_a_slot_while_something_moves(scene):
 def test_from_python_in_one_line():
     machine = ms.load_scene('four_bar_nominal')
     figure = ms.draw(machine, math.radians(50.0), positions=3, points=['coupler.cog'])
-    crank = machine.scene.links.crank.length
+    crank = machine.scene.links['crank'].length
     pins = [x.center for x in figure.axes[0].patches if x.get_gid() == 'pin-crank_coupler']
     turn = np.radians(50.0)
     np.testing.assert_allclose(pins, [[crank * np.cos(turn), crank * np.sin(turn)]], atol=1e-12)

@@ -50,7 +50,7 @@ def gaps(machine, motion, t):
     """The true gap c - |Q| [m] at times t, from the positions alone."""
     q = motion.curve(np.atleast_1d(t)).T
     Q = 0.064 * np.exp(1j * q[0]) + 0.309 * np.exp(1j * q[1]) - 0.387 - 0.312 * np.exp(1j * q[2])
-    return machine.scene.joints.coupler_rocker.clearance.radial - np.abs(Q)
+    return machine.clearances['coupler_rocker'].radial - np.abs(Q)
 
 
 # --- who asks, and how, does not matter -------------------------------------------------------
@@ -390,9 +390,10 @@ def test_a_thousand_bounces_do_not_tunnel():
 def base_with_rates(machine, turning):
     """The machine with rates added to those it starts with."""
     given = machine.scene.initial.velocity
-    velocity = given.model_copy(
-        update={'coupler': given.coupler + turning[0], 'rocker': given.rocker + turning[1]}
-    )
+    velocity = {
+        name: given[name]._replace(value=given[name].value + more)
+        for name, more in zip(('coupler', 'rocker'), turning, strict=True)
+    }
     initial = machine.scene.initial.model_copy(update={'velocity': velocity})
     return type(machine)(machine.name, machine.scene.model_copy(update={'initial': initial}))
 
@@ -749,7 +750,7 @@ def starts(draw):
 @given(starts())
 @settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 def test_books_gaps_and_impacts_are_in_order_whatever_the_start(machine):
-    clearance = machine.scene.joints.coupler_rocker.clearance
+    clearance = machine.clearances['coupler_rocker']
     run = machine.start()
     run.advance(machine.period, final=True, most=1200)
     motion, impacts, modes = run.drain()

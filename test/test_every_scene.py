@@ -9,9 +9,8 @@ import mechanism_sim as ms
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.scene import Level, Machine
-from mechanism_sim.scene.linkage import AffineForce, LinkageScene
-from mechanism_sim.scene.linkage_drives import is_straight
-from mechanism_sim.scene.schema import AffineTorque
+from mechanism_sim.scene.drives import is_straight
+from mechanism_sim.scene.schema import AffineForce, AffineTorque, Scene
 from mechanism_sim.units import Measure
 
 SCENES = [n for n in ms.scene_names() if not ms.load_scene(n).clearances]
@@ -131,7 +130,7 @@ def freed(scene):
         speed = {'profile': None, 'speed': slow} if drive.profile else {}
         return drive.model_copy(update=free | speed)
 
-    if not isinstance(scene, LinkageScene):
+    if not isinstance(scene, Scene):
         return scene.model_copy(update={'drive': let_go(scene.drive, False)})
     drives = {c: let_go(d, is_straight(d)) for c, d in scene.drives.items()}
     main = scene.drive and let_go(scene.drive, is_straight(scene.drive))

@@ -129,12 +129,12 @@ def test_a_turn_holds_all_of_its_impulses(found):
     turn = trial.at_first[0]
     t = np.array([turn, turn + 1]) * 2.0 * np.pi / trial.condition.speed
     gained = np.diff(solution.sample(t)['velocity.rocker'])[0]
-    inertia = links.rocker.inertia + links.rocker.mass * links.rocker.cog**2
+    inertia = links['rocker'].inertia + links['rocker'].mass * links['rocker'].cog ** 2
     middle = (turn + (np.arange(len(cycle.angle)) + 0.5) / len(cycle.angle)) * t[0] / turn
     th4 = solution.sample(middle)['position.rocker']
     fx, fy = cycle.force
-    turning = links.rocker.length * (np.cos(th4) * fy - np.sin(th4) * fx)
-    weight = -9.8145 * links.rocker.mass * links.rocker.cog * np.cos(th4)
+    turning = links['rocker'].length * (np.cos(th4) * fy - np.sin(th4) * fx)
+    weight = -9.8145 * links['rocker'].mass * links['rocker'].cog * np.cos(th4)
     impulse = width * np.sum(turning + weight)
     assert impulse == pytest.approx(inertia * gained, abs=2e-3 * width * np.abs(turning).sum())
 

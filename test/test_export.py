@@ -99,7 +99,7 @@ def angle_of(frame):
 
 def elsewhere(machine):
     """Coordinates of the ideal mechanism in which all loops are closed, not those of the start."""
-    ideal, four_bar = machine.plan.ideal, machine.plan.four_bar
+    ideal, four_bar = machine.plan.ideal, machine.closed_form
     if four_bar:
         crank = machine.start_of_crank[0] + 0.3
         return np.array([crank, *four_bar.positions(np.array(crank))])

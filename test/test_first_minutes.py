@@ -16,10 +16,10 @@ from mechanism_sim.cli.entry import make_parser
 from mechanism_sim.cli.overview import GROUPS, START
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.commented import commented
-from mechanism_sim.scene.files import check_scene, find_scene, read_scene, read_yaml
+from mechanism_sim.scene.contact_keys import Clearance
+from mechanism_sim.scene.files import as_given, check_scene, find_scene, read_scene, read_yaml
 from mechanism_sim.scene.new import SCHEMA, TEMPLATES, new_scene
 from mechanism_sim.scene.quantities import Part, meanings
-from mechanism_sim.scene.schema import Clearance
 
 
 def test_alone_it_says_what_to_do_next_with_commands_that_exist(tmp_path, monkeypatch):
@@ -87,7 +87,7 @@ def uncommented(text: str) -> str:
 def test_a_new_scene_is_the_one_it_was_begun_from(name):
     data = read_yaml(find_scene(name), 'scene')
     old = check_scene(name, data)
-    text = commented(data, old)
+    text = commented(data, as_given(name, data))
     assert max(map(len, text.splitlines())) < 140
     assert yaml.safe_load(text) == data
     everything = yaml.safe_load(uncommented(text))

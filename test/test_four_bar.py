@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 from four_bars import LINKS, SPEED, reference
 from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 import mechanism_sim as ms
+from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import crank_turns, excess
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene, find_scene
 
 THESIS = FourBar(0.387, 0.064, 0.309, 0.312)
 TURN = np.linspace(0.0, 2.0 * np.pi, 97)
@@ -250,3 +254,64 @@ def test_a_crank_that_runs_backwards_retraces_the_same_angles():
         np.testing.assert_allclose(
             a[f'velocity.{name}'], -b[f'velocity.{name}'], rtol=1e-11, atol=1e-12
         )
+
+
+def written_out(turns, guess, loose=True):
+    """The thesis's four-bar with its links anyhow in their frames, and rough guesses."""
+    data = yaml.safe_load(find_scene('four_bar_clearance').read_text('utf-8'))
+    links = data['links']
+    del data['branch']
+
+    def along(link, key, turned):
+        length = float(links[link].pop(key).split()[0]) * 1e-3
+        return [length * np.cos(turned), length * np.sin(turned)]
+
+    for name, turned in zip(('crank', 'coupler', 'rocker', 'ground'), turns, strict=True):
+        links[name]['points'] = {'far': along(name, 'length', turned)}
+        if name != 'ground':
+            links[name]['cog'] = along(name, 'cog', turned)
+    if not loose:
+        del data['joints']['coupler_rocker']['clearance']
+    data['joints'] = {
+        'ground_crank': {'revolute': ['ground', 'crank']},
+        'crank_coupler': {'revolute': ['crank.far', 'coupler']},
+        'coupler_rocker': {
+            'revolute': ['coupler.far', 'rocker.far'], **data['joints']['coupler_rocker'],
+        },
+        'rocker_ground': {'revolute': ['rocker', 'ground.far']},
+    }  # fmt: skip
+    frame = turns[-1]
+    data['drive']['start_angle'] = frame - turns[0]
+    data['gravity'] = [9.8145 * np.sin(frame), -9.8145 * np.cos(frame)]
+    data |= {'mechanism': 'linkage', 'guess': guess}
+    return build('written_out', check_scene('written_out', data))
+
+
+def test_a_four_bar_that_is_written_out_is_the_template_bit_by_bit():
+    short = ms.load_scene('four_bar_clearance')
+    found = written_out((0.0, 0.0, 0.0, 0.0), {'coupler': 0.8, 'rocker': 2.5})
+    assert ms.simulate(found).digest() == ms.simulate(short).digest()
+    crossed = written_out((0.0, 0.0, 0.0, 0.0), {'coupler': -0.8, 'rocker': -2.5})
+    assert (found.linkage.branch, crossed.linkage.branch) == ('open', 'crossed')
+
+
+@pytest.mark.parametrize('loose', [True, False])
+def test_a_four_bar_is_known_by_its_loop_however_its_links_are_drawn(loose):
+    a, b, c, frame = turns = 0.4, -1.1, 2.0, 0.7
+    guess = {'coupler': 1.0 + frame - b, 'rocker': 2.1 + frame - c}
+    changes = {} if loose else {'joints.coupler_rocker.clearance': None}
+    short = ms.load_scene('four_bar_clearance', changes)
+    drawn = written_out(turns, guess, loose)
+    lengths = drawn.closed_form.linkage.lengths
+    assert lengths == pytest.approx(short.linkage.lengths, rel=1e-15)
+    with pytest.raises(InputError, match='joints on their x axes'):
+        _ = drawn.linkage
+    one, other = (ms.simulate(m, duration=0.08) for m in (short, drawn))
+    t = np.linspace(0.0, 0.05 if loose else 0.08, 41)
+    turned = np.array([frame - a, frame - b, frame - c])
+    off = other.motion.curve(t) - turned - one.motion.curve(t)
+    assert np.abs(wrapped(off)).max() < (1e-9 if loose else 1e-13)
+    reactions = [
+        np.hypot(*(s.sample(t)[f'reaction.rocker_ground.{x}'] for x in 'xy')) for s in (one, other)
+    ]
+    assert reactions[1] == pytest.approx(reactions[0], rel=1e-6 if loose else 1e-11)

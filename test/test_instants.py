@@ -19,7 +19,7 @@ from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.pages.live import Live
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sweep.bags import RunBag
 
 LOOSE = {'clearance': {'radial': 1e-4, 'restitution': 0.0}}
@@ -57,7 +57,7 @@ def press(joint, loads, drive=None, start=0.3):
         },
         'loads': loads,
     }
-    return build('press', LinkageScene.model_validate(scene))
+    return build('press', Scene.model_validate(scene))
 
 
 MACHINES = {

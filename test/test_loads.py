@@ -8,7 +8,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 
 
 def machine(**changes):
@@ -33,7 +33,7 @@ def machine(**changes):
         'guess': {'rocker': '160 deg', 'block': '160 deg'},
         **changes,
     }
-    return build('test', LinkageScene.model_validate(scene))
+    return build('test', Scene.model_validate(scene))
 
 
 @pytest.mark.parametrize('loose', [False, True])
@@ -71,7 +71,7 @@ def wheel(drive, **loads):
         'loads': {'f': {'at': 'wheel', **loads}},
         'drive': {'coordinate': 'wheel', 'speed': '60 rad/s', **drive},
     }
-    return build('test', LinkageScene.model_validate(scene))
+    return build('test', Scene.model_validate(scene))
 
 
 def test_angles_in_formulas_count_all_turns():
@@ -100,7 +100,7 @@ def test_steep_formulas_are_not_stepped_over(width):
         'drive': {'coordinate': 'block', 'speed': '1 m/s', 'force': {}},
         'loads': {'drag': {'at': 'block', 'force': [f'-4*tanh(vx/{width})', 0]}},
     }
-    made = build('block', LinkageScene.model_validate(scene))
+    made = build('block', Scene.model_validate(scene))
     solution = ms.simulate(made, duration=1.0)
     t = np.linspace(0.0, 1.0, 101)
     # the logarithm of sinh: its argument begins at 10,000

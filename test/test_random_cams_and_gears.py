@@ -17,11 +17,11 @@ from mechanism_sim.cams.followers import Oscillating, OscillatingFlat
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 
 
 def made(scene):
-    return build('by chance', LinkageScene.model_validate(scene))
+    return build('by chance', Scene.model_validate(scene))
 
 
 def books(solution):

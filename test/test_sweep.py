@@ -73,7 +73,7 @@ def test_a_grid_is_the_product_of_its_values_and_the_last_varies_fastest(tmp_pat
         {RADIAL: 2.54e-5, 'drive.start_angle': 0.0, 'start': 'centred'},
         {RADIAL: 2.54e-5, 'drive.start_angle': np.pi / 2, 'start': 'seated'},
     ]
-    assert all(r.scene.drive.speed == pytest.approx(350 * np.pi / 30) for r in plan.runs)
+    assert all(r.scene.drive.speed.value == pytest.approx(350 * np.pi / 30) for r in plan.runs)
     assert len({r.key for r in plan.runs}) == RUNS
 
 

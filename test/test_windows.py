@@ -107,7 +107,7 @@ def test_every_row_has_the_labels_of_its_run(reference, tmp_path):
     rows = rows_of(reference)
     assert [row['run'] for row in rows] == [run for run in range(RUNS) for _ in range(EACH)]
     assert [row['window'] for row in rows] == [*range(EACH)] * RUNS
-    period = plan.runs[0].scene.drive.speed
+    period = plan.runs[0].scene.drive.speed.value
     for row in rows:
         made = plan.runs[row['run']]
         assert {c: row[c] for c in plan.columns} == dict(made.values)

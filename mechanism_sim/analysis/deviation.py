@@ -18,8 +18,7 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.linkage import LinkageInitial
-from mechanism_sim.scene.schema import FourBarAngles, FourBarJoints, FourBarScene, Initial
+from mechanism_sim.scene.schema import InitialPart
 from mechanism_sim.scene.sensor_keys import Converter, Noise
 from mechanism_sim.sensing.orders import Turns
 from mechanism_sim.sensing.spectra import power
@@ -106,18 +105,12 @@ def ideal_machine(machine: Machine) -> Machine:
             'would do without clearance'
         )
     scene, driven = machine.scene, machine.plan.prescribed
-    update: dict[str, Any] = {}
-    if isinstance(scene, FourBarScene):
-        crank = FourBarAngles(crank=scene.initial.position.crank)
-        update |= {'joints': FourBarJoints(), 'initial': Initial(position=crank)}
-    else:
-        given = scene.initial.position
-        kept = {name: value for name, value in given.items() if name in driven}
-        update |= {
-            'joints': {name: _ideal_joint(joint) for name, joint in scene.joints.items()},
-            'initial': LinkageInitial(position=kept),
-            'guess': {**given, **scene.guess},
-        }
+    given = scene.initial.position
+    update: dict[str, Any] = {
+        'joints': {name: _ideal_joint(joint) for name, joint in scene.joints.items()},
+        'initial': InitialPart(position={n: x for n, x in given.items() if n in driven}),
+        'guess': {**given, **scene.guess},
+    }
     clean = {'noise': Noise(), 'adc': Converter(), 'trigger': None}
     update['sensors'] = {
         name: sensor.model_copy(update=clean) for name, sensor in scene.sensors.items()

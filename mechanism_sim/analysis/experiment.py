@@ -23,7 +23,6 @@ from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impa
 from mechanism_sim.analysis.swing import MESHES, Swing, sensors_across, steps, swing
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, simulate
-from mechanism_sim.scene.schema import FourBarScene
 
 Array = NDArray[np.float64]
 
@@ -148,8 +147,7 @@ def trial(bag: Path, skip: int | None = None) -> Trial:
 
 
 def _condition(bag: Path, machine: Machine) -> Condition:
-    scene = machine.scene
-    if not isinstance(scene, FourBarScene) or JOINT not in machine.clearances:
+    if not machine.closed_form or JOINT not in machine.clearances:
         raise InputError(
             f'{bag}: the experiment is that of a four_bar whose joint {JOINT} has clearance'
         )

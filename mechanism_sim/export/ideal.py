@@ -92,16 +92,6 @@ class Ideal:
         return replace(body, mass=mass, inertia=body.inertia or mass * radius**2)
 
     @cached_property
-    def _start(self) -> tuple[Array, Array]:
-        """Coordinates of the machine's ideal mechanism at the start, and their rates (n,)."""
-        four_bar = self.machine.closed_form
-        if four_bar is None:
-            return self.machine.assembly.q, self.machine.assembly.v
-        angle, speed = (np.array([x]) for x in self.machine.start_of_crank)
-        q, v, _ = four_bar.motion(angle, speed, np.zeros(1))
-        return q[:, 0], v[:, 0]
-
-    @cached_property
     def poses(self) -> dict[str, Array]:
         """Places [m] and angles [rad] of the links at the start, and of the ground (3,)."""
         return {link: pose for link, (pose, _) in self._states.items()}
@@ -113,7 +103,7 @@ class Ideal:
 
     @cached_property
     def _states(self) -> dict[str, tuple[Array, Array]]:
-        tree, (q, v) = self.machine.plan.ideal, self._start
+        tree, (q, v, *_) = self.machine.plan.ideal, self.machine.assembly
         found = {GROUND: (np.zeros(3), np.zeros(3))}
         known, rates = (dict(zip(tree.coordinates, x.tolist(), strict=True)) for x in (q, v))
         for body in tree.bodies:

@@ -24,6 +24,10 @@ TOLERANCE = 1e-12
 GRASHOF_NAMES = ('double-crank', 'crank-rocker', 'double-rocker', 'rocker-crank')
 
 
+_AT = 1e-3  # [rad] nearer to a change point than this its branches are not told apart
+_AHEAD = 0.05  # [rad] from there they are
+
+
 class Range(NamedTuple):
     """Angles [rad] from the least to the greatest."""
 
@@ -145,6 +149,13 @@ def change_points(linkage: FourBar) -> tuple[float, ...]:
     spans = ((0.0, abs(ground - crank)), (np.pi, ground + crank))
     lines = (coupler + rocker, abs(coupler - rocker))
     return tuple(th2 for th2, d in spans if any(abs(d - line) <= margin for line in lines))
+
+
+def beside_change_point(linkage: FourBar, th2: float, speed: float) -> float:
+    """A crank angle [rad], or, at a change point, one where its branches can be told apart."""
+    lines = change_points(linkage)
+    near = any(abs(np.angle(np.exp(1j * (th2 - line)))) < _AT for line in lines)
+    return th2 + float(np.copysign(_AHEAD, speed)) if near else th2
 
 
 def dead_points(linkage: FourBar) -> tuple[float, float]:

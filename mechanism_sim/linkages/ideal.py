@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from mechanism_sim.errors import RunError
-from mechanism_sim.linkages.four_bar import Array, FourBar
+from mechanism_sim.linkages.four_bar import Array
+from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.passage import Passage
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar import branch
@@ -95,21 +97,25 @@ class IdealMotion(Protocol):
 class FourBarMotion:
     """A four-bar, in closed form."""
 
-    coordinates = ('crank', 'coupler', 'rocker')
-    driven = [0]  # noqa: RUF012 - a list, because it is an index
-    sliding: list[int] = []  # noqa: RUF012
+    sliding: list[int] = []  # noqa: RUF012 - a list, because it is an index
     edges = None
 
-    def __init__(self, linkage: FourBar) -> None:
-        self.linkage = linkage
+    def __init__(self, loop: FourBarLoop, coordinates: Sequence[str]) -> None:
+        self.loop = loop
+        self.coordinates = tuple(coordinates)
+        self._links = [self.coordinates.index(link) for link in loop.links]
+        self.driven = self._links[:1]
 
     def follow(
         self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
     ) -> tuple[Array, Array | None]:
         """Coordinates (3, N) a little later, by whole turns next to those before."""
-        q = np.array([driven[0], *self.linkage.positions(driven[0])])
-        joined = np.unwrap(np.column_stack([last[1:], q[1:]]), axis=1)
-        return np.vstack([driven, joined[:, 1:]]), None
+        _, coupler, rocker = self._links
+        q = np.empty((3, len(times)))
+        q[coupler], q[rocker] = self.loop.positions(driven[0])
+        joined = np.unwrap(np.column_stack([last, q]), axis=1)[:, 1:]
+        joined[self.driven] = driven
+        return joined, None
 
     def motion(
         self,
@@ -120,18 +126,26 @@ class FourBarMotion:
         rows: Array | None = None,
     ) -> tuple[Array, Array, Array, Passage | None]:
         """Coordinates, rates and accelerations; change points are not for closed forms."""
-        q, rates, accelerations = self.linkage.motion(near[0], v[0], a[0])
-        q[1:] += TWO_PI * np.round((near[1:] - q[1:]) / TWO_PI)
-        return q, rates, accelerations, None
+        found = np.empty((3, *near.shape))
+        found[:, self._links] = self.loop.motion(near[self._links[0]], v[0], a[0])
+        q, rates, accelerations = found
+        turns = np.round((near - q) / TWO_PI)
+        turns[self.driven] = 0.0
+        return q + TWO_PI * turns, rates, accelerations, None
+
+    def _angles(self, q: Array) -> Array:
+        """Of crank, coupler and rocker (3, N), from the line of the ground joints [rad]."""
+        return np.asarray(q[self._links] + np.array(self.loop.turned)[:, None])
 
     def rounding(self, q: Array) -> float:
         """What rounding leaves open, by the angle between coupler and rocker."""
-        return _rounding(np.abs(np.sin(q[1] - q[2])))
+        _, th3, th4 = self._angles(q)
+        return _rounding(np.abs(np.sin(th3 - th4)))
 
     def left_open(self, q: Array) -> float:
         """How far the coupler's end is from the rocker's [m]."""
-        th2, th3, th4 = q
-        l = self.linkage  # noqa: E741 - the lengths
+        th2, th3, th4 = self._angles(q)
+        l = self.loop.linkage  # noqa: E741 - the lengths
         x = l.crank * np.cos(th2) + l.coupler * np.cos(th3) - l.rocker * np.cos(th4) - l.ground
         y = l.crank * np.sin(th2) + l.coupler * np.sin(th3) - l.rocker * np.sin(th4)
         return float(np.hypot(x, y).max(initial=0.0))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise, permutations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.four_bar import Array, Branch, FourBar
 from mechanism_sim.linkages.slider_crank import SliderCrank
 from mechanism_sim.planar.mechanism import (
     GROUND,
@@ -19,6 +21,39 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
+
+
+@dataclass(frozen=True)
+class FourBarLoop:
+    """A four-bar within a mechanism, whose links may lie in their frames as they like.
+
+    Attributes
+    ----------
+    linkage : lengths and branch
+    links : names of crank, coupler and rocker
+    turned : their angles in the linkage less those of their frames [rad]
+    """
+
+    linkage: FourBar
+    links: tuple[str, str, str]
+    turned: tuple[float, float, float]
+
+    def on(self, branch: Branch) -> FourBarLoop:
+        """The same on a branch."""
+        return replace(self, linkage=replace(self.linkage, branch=branch))
+
+    def positions(self, crank: ArrayLike) -> tuple[Array, Array]:
+        """Angles of the frames of coupler and rocker, by that of the crank [rad]."""
+        th3, th4 = self.linkage.positions(np.asarray(crank) + self.turned[0])
+        return th3 - self.turned[1], th4 - self.turned[2]
+
+    def motion(self, crank: Array, rate: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+        """Angles of the frames, rates and accelerations of crank, coupler, rocker, each (3, N)."""
+        q, v, a = self.linkage.motion(crank + self.turned[0], rate, acceleration)
+        q -= np.reshape(self.turned, (3,) + (1,) * (q.ndim - 1))
+        q[0] = crank
+        return q, v, a
+
 
 Loop = tuple[tuple[str, str, str], tuple[Joint, Joint, Joint, Joint]]
 
@@ -42,6 +77,29 @@ def four_bars(
             if min(ground, crank, coupler, rocker) > 0.0:
                 found[links] = FourBar(ground, crank, coupler, rocker)
     return found
+
+
+def whole_four_bar(mechanism: Mechanism, crank: str) -> FourBarLoop | None:
+    """The loop of a mechanism that is a four-bar and nothing else; None if it is not.
+
+    Parameters
+    ----------
+    mechanism : without clearance
+    crank : the link that is to be its crank
+    """
+    if len(mechanism.bodies) != 3 or len(mechanism.joints) != 4:
+        return None
+    for links, joints in _loops(mechanism, [crank]):
+        if links[0] != crank or not all(isinstance(j, Revolute) for j in joints):
+            continue
+        ends = zip((GROUND, *links), (joints[3], *joints[:3]), joints, strict=True)
+        frame, first, second, last = ((_end(a, x), _end(b, x)) for x, a, b in ends)
+        # the book's way round: from the ground's first joint to its last, and up the rocker
+        sides = [complex(*b) - complex(*a) for a, b in (frame[::-1], first, second, last[::-1])]
+        if all(sides):
+            lengths, angles = np.abs(sides).tolist(), np.angle(sides)
+            return FourBarLoop(FourBar(*lengths), links, tuple(angles[1:] - angles[0]))
+    return None
 
 
 def slider_cranks(

@@ -128,8 +128,7 @@ def _drive(machine: Machine) -> Iterator[Control]:
 
 def _path_of_restitution(machine: Machine, name: str) -> str:
     """Where the scene has that of a joint; nowhere if it takes a default."""
-    joints = machine.scene.joints
-    joint = joints[name] if isinstance(joints, dict) else getattr(joints, name)
+    joint = machine.scene.joints[name]
     for part in ('clearance', 'lift_off', 'groove', 'backlash'):
         if getattr(getattr(joint, part, None), 'restitution', None) is not None:
             return f'joints.{name}.{part}.restitution'

@@ -23,9 +23,9 @@ from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.pair import Pair
 from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
-from mechanism_sim.scene.linkage import LinkageScene
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.wheels import Wheel, read_wheel
 
 #: teeth of a rack that is drawn by itself
@@ -118,7 +118,7 @@ class _Mesh:
 
     def __init__(self, machine: Machine, joint: GearMesh) -> None:
         scene = machine.scene
-        assert isinstance(scene, LinkageScene)  # noqa: S101 - others have no gears
+        assert isinstance(scene, Scene)  # noqa: S101 - others have no gears
         places = Places(machine.name, scene)
         self.machine, self.joint = machine, joint
         self.wheels = [read_wheel(places, gear) for gear in scene.joints[joint.name].points]

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.four_bar import Branch
 from mechanism_sim.linkages.grashof import change_points
+from mechanism_sim.linkages.loops import FourBarLoop, whole_four_bar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute, Vector2
 from mechanism_sim.scene.singular_start import begin, neighbours
 
 if TYPE_CHECKING:
@@ -27,8 +28,6 @@ Array = NDArray[np.float64]
 
 _TRIES = 256
 _RANK = 1e-9
-_AT = 1e-3  # [rad] nearer to a change point than this its branches are not told apart
-_AHEAD = 0.05  # [rad] from there they are
 _OPENING = 1e-9
 """Of the largest rate times the size: what rounding may open a loop with."""
 _MEETING = 1e-5
@@ -57,11 +56,11 @@ def assemble(machine: Machine) -> Assembly:
         If the loops cannot be closed: which is open by how much, near which configuration; or if
         a cam starts beyond its law.
     """
+    if machine.closed_form and _follows(machine):
+        return _assembled(machine, machine.closed_form)
     plan, ideal = machine.plan, machine.plan.ideal
     held = machine.held
     known = dict(plan.guess)
-    if plan.four_bar:
-        known |= _four_bar_guess(plan.four_bar, *held['crank'])
     known |= {c: x for c, (x, _) in plan.begins.items()}
     known |= plan.given[0] | {c: x for c, (x, _) in held.items()}
     guess = np.array([known.get(c, 0.0) for c in ideal.coordinates])
@@ -101,6 +100,23 @@ def assemble(machine: Machine) -> Assembly:
     return Assembly(q, v, freedom, overdriven, hard - int(ranks[2]), slope)
 
 
+def _apart(loop: FourBarLoop, angle: float) -> str:
+    """Why a four-bar cannot be assembled with its crank at an angle [rad]."""
+    sides = dict(zip((GROUND, *loop.links), loop.linkage.lengths, strict=True))
+    longest = max(sides, key=lambda link: sides[link])
+    others = sum(sides.values()) - sides[longest]
+    if sides[longest] >= others:
+        return (
+            f': {longest} ({sides[longest]:g} m) is not shorter than the three other links '
+            f'together ({others:g} m)'
+        )
+    crank, coupler, rocker = loop.links
+    return (
+        f' with {crank} at {math.degrees(angle):.6g} deg: the far joints of {crank} and ground '
+        f'are out of reach of {coupler} and {rocker}'
+    )
+
+
 def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     """Ranks (3,) of the closures: by sought coordinates, by all, and without some joints."""
     _, J = kinematics.closure(q[:, None])
@@ -110,12 +126,45 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
 
 
-def _four_bar_guess(linkage: FourBar, angle: float, speed: float) -> dict[str, float]:
-    """Coupler and rocker on the branch of the scene; at a change point on that which follows."""
-    if any(abs(math.remainder(angle - x, TWO_PI)) < _AT for x in change_points(linkage)):
-        angle += math.copysign(_AHEAD, speed)
-    th3, th4 = linkage.positions(np.array(angle))
-    return {'coupler': float(th3), 'rocker': float(th4)}
+def closed_four_bar(machine: Machine) -> FourBarLoop | None:
+    """The four-bar that a machine is, on the branch nearest to its guess; None if it is none.
+
+    Closed forms know two branches of a four-bar; through a change point neither goes on.
+    """
+    plan = machine.plan
+    loop = whole_four_bar(plan.ideal, machine.main) if len(plan.laws) == 1 else None
+    if loop is None or change_points(loop.linkage):
+        return None
+    near = plan.guess | plan.given[0]
+    angle = machine.held.get(machine.main, (near.get(machine.main, 0.0),))[0]
+    guess = np.array([near.get(link, 0.0) for link in loop.links[1:]])
+
+    def off(branch: Branch) -> float:
+        found = loop.on(branch).positions(angle)
+        return float(np.abs(np.exp(1j * np.array(found)) - np.exp(1j * guess)).sum())
+
+    return loop.on('crossed' if off('crossed') < off('open') else 'open')
+
+
+def _follows(machine: Machine) -> bool:
+    """Whether the ideal mechanism's start follows from its main drive alone."""
+    plan, main = machine.plan, machine.main
+    if main not in machine.held or main in plan.given[1]:
+        return False
+    loose = machine.clearances and main not in plan.assumed[0]
+    return bool(loose) or not machine.placed_outright
+
+
+def _assembled(machine: Machine, loop: FourBarLoop) -> Assembly:
+    """A four-bar at the start."""
+    angle, speed = machine.held[machine.main]
+    # In extended precision: after a few dozen impacts the last digit of the start counts.
+    crank = np.array([[angle], [speed], [0.0]], dtype=np.longdouble)
+    q, v, _ = (x[:, 0].astype(float) for x in loop.motion(*crank))
+    if np.isnan(q).any():
+        raise InputError(f'{machine.name}: the mechanism cannot be assembled{_apart(loop, angle)}')
+    order = [loop.links.index(c) for c in machine.plan.ideal.coordinates]
+    return Assembly(q[order], v[order], len(machine.plan.powered), 0, 0)
 
 
 def _placed(machine: Machine, guess: Array) -> tuple[Kinematics, Array]:

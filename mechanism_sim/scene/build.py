@@ -6,11 +6,11 @@ import math
 from itertools import combinations
 
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.gate import check_scenes_way
-from mechanism_sim.scene.machine import Level, Machine, Scene
+from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.oscillators import check_oscillators
-from mechanism_sim.scene.plan import check_motor, check_times
-from mechanism_sim.scene.schema import FourBarScene, Play
+from mechanism_sim.scene.schema import Scene
 
 
 def build(name: str, scene: Scene) -> Machine:
@@ -22,10 +22,7 @@ def build(name: str, scene: Scene) -> Machine:
         If the geometry is impossible, or forces are wanted without masses.
     """
     machine = Machine(name, scene)
-    if isinstance(scene, FourBarScene):
-        _check_four_bar(machine, scene)
-    else:
-        _check_linkage(machine)
+    _check_freedom(machine)
     _check_joints(machine)
     check_oscillators(machine)
     for sensor, placed in scene.sensors.items():
@@ -55,25 +52,7 @@ def build(name: str, scene: Scene) -> Machine:
     return machine
 
 
-def _check_four_bar(machine: Machine, scene: FourBarScene) -> None:
-    name = machine.name
-    _check_drive(name, scene)
-    linkage = machine.linkage
-    lengths = {n: getattr(linkage, n) for n in ('ground', 'crank', 'coupler', 'rocker')}
-    longest = max(lengths, key=lambda n: lengths[n])
-    others = sum(lengths.values()) - lengths[longest]
-    if lengths[longest] >= others:
-        raise InputError(
-            f'{name}: the four-bar cannot be assembled: {longest} ({lengths[longest]:g} m) is '
-            f'not shorter than the three other links together ({others:g} m)'
-        )
-    check_scenes_way(machine)
-    if machine.level not in (Level.NONSMOOTH, Level.COMPLIANT):
-        _check_initial(name, scene)
-    _check_masses(machine, list(machine.links))
-
-
-def _check_linkage(machine: Machine) -> None:
+def _check_freedom(machine: Machine) -> None:
     """Whether it can be assembled, and moves as its drives say."""
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
@@ -135,30 +114,6 @@ def _check_inertia(machine: Machine) -> None:
             )
 
 
-def _check_drive(name: str, scene: FourBarScene) -> None:
-    """One way of driving, and a speed where one is needed."""
-    drive = scene.drive
-    ways = [way for way in ('profile', 'torque', 'motor') if getattr(drive, way) is not None]
-    if len(ways) > 1:
-        raise InputError(
-            f'{name}: drive.{ways[0]} and drive.{ways[1]} exclude each other: keep one'
-        )
-    if drive.profile:
-        if drive.speed is not None:
-            raise InputError(
-                f'{name}: drive.speed and drive.profile exclude each other: a profile gives every '
-                'speed, the first at its first point'
-            )
-        check_times(f'{name}: drive.profile.points', drive.profile.points)
-    elif drive.speed is None:
-        raise InputError(
-            f"{name}: 'drive.speed' is missing: the speed of the crank, or with a torque or a "
-            "motor its speed at the start, for example '350 rpm'"
-        )
-    if drive.motor:
-        check_motor(f'{name}: drive', drive.motor)
-
-
 def _check_joints(machine: Machine) -> None:
     shortest = _shortest(machine) if machine.plan.rigid else 0.0
     for joint, clearance in machine.plan.rigid.items():
@@ -192,10 +147,9 @@ def _check_joints(machine: Machine) -> None:
 
 def _key_of_play(machine: Machine, joint: str) -> str:
     """The key under which a scene says how loose a joint is."""
-    joints = machine.scene.joints
-    given = joints[joint] if isinstance(joints, dict) else getattr(joints, joint)
+    given = machine.scene.joints[joint]
     keys = ('lift_off', 'groove', 'backlash')
-    return next((k for k in keys if getattr(given, k, None)), 'clearance')
+    return next((k for k in keys if getattr(given, k)), 'clearance')
 
 
 def _check_contact(where: str, clearance: Play, machine: Machine) -> None:
@@ -218,17 +172,6 @@ def _check_contact(where: str, clearance: Play, machine: Machine) -> None:
         raise InputError(f'{where}: either all loose joints have a film or none has')
 
 
-def _check_initial(name: str, scene: FourBarScene) -> None:
-    """Without clearance only the crank can be placed; the others follow."""
-    for kind, part in (('position', scene.initial.position), ('velocity', scene.initial.velocity)):
-        for coordinate in ('coupler', 'rocker'):
-            if getattr(part, coordinate) is not None:
-                raise InputError(
-                    f'{name}: initial.{kind}.{coordinate} cannot be chosen: without clearance it '
-                    'follows from the crank (drive.start_angle, drive.speed)'
-                )
-
-
 def _shortest(machine: Machine) -> float:
     """Smallest distance of two joints of one link [m]."""
     places: dict[str, list[tuple[float, float]]] = {}
@@ -240,18 +183,9 @@ def _shortest(machine: Machine) -> float:
 
 
 def _check_masses(machine: Machine, without: list[str]) -> None:
-    """Mass properties are given for every moving link, or, without dynamics, for none."""
-    parts = ('mass', 'inertia', 'cog') if machine.plan.four_bar else ('mass',)
-    links = machine.links if machine.plan.four_bar else {n: machine.links[n] for n in without}
-    given = [
-        (f'links.{key}.{part}', getattr(link, part))
-        for key, link in links.items()
-        for part in parts
-    ]
-    missing = [key for key, value in given if value is None]
-    partly = len(missing) < len(given) or not machine.plan.four_bar
-    if missing and (partly or machine.dynamic):
+    """No link that needs a mass is without."""
+    if without:
         raise InputError(
-            f"{machine.name}: '{missing[0]}' is missing: forces, torques and clearances need the "
-            'mass, inertia and cog of every moving link'
+            f"{machine.name}: 'links.{without[0]}.mass' is missing: forces, torques and "
+            'clearances need the mass, inertia and cog of every moving link'
         )

@@ -32,17 +32,15 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Vector2, rotate
 from mechanism_sim.scene.cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.cam_keys import SegmentPart
-from mechanism_sim.scene.linkage import LinkageJoint
+from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.schema import Play
+from mechanism_sim.scene.schema import JointPart
 
 Place = tuple[str, Vector2]
 _UNITS = ('rad', 'm')
 
 
-def read_cam(
-    places: Places, name: str, joint: LinkageJoint, cam: Place, follower: Place
-) -> CamPair:
+def read_cam(places: Places, name: str, joint: JointPart, cam: Place, follower: Place) -> CamPair:
     """The joint of a cam and its follower.
 
     Raises
@@ -60,7 +58,7 @@ def read_cam(
         raise InputError(f'{reader.where}: {error}') from error
 
 
-def cam_play(joint: LinkageJoint) -> Play | None:
+def cam_play(joint: JointPart) -> Play | None:
     """The play of a cam that its follower may leave, or of a groove with clearance."""
     off, groove = joint.lift_off, joint.groove
     if off:
@@ -83,7 +81,7 @@ def cam_play(joint: LinkageJoint) -> Play | None:
 class _Reader:
     """One joint with a cam; what it raises without the scene's name gets it from `read_cam`."""
 
-    def __init__(self, places: Places, name: str, joint: LinkageJoint) -> None:
+    def __init__(self, places: Places, name: str, joint: JointPart) -> None:
         self.places, self.name, self.joint = places, name, joint
         self.where = f'{places.name}: joints.{name}'
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from mechanism_sim.scene.contact_keys import Contact
 from mechanism_sim.scene.quantities import (
     Angle,
     Coefficient,
@@ -16,7 +17,6 @@ from mechanism_sim.scene.quantities import (
     Radius,
     si_of,
 )
-from mechanism_sim.scene.schema import Contact
 from mechanism_sim.units import Measure
 
 Way = Annotated[Measure, si_of('rad', 'm')]

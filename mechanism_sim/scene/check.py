@@ -188,7 +188,7 @@ def _drive(machine: Machine, coordinate: str) -> str:
 
 def _notes(machine: Machine) -> list[str]:
     scene, mechanism = machine.scene, machine.plan.ideal
-    start = dict(zip(mechanism.coordinates, _start(machine), strict=True))
+    start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
     notes = motion_notes(mechanism, start, machine.plan.laws)
     for pair in mechanism.joints:
         if isinstance(pair, CamPair):
@@ -215,15 +215,6 @@ def _mesh(machine: Machine, mesh: GearMesh, start: Mapping[str, float]) -> str:
         f'{mesh.name}: pressure angle {math.degrees(mesh.pressure_angle):.6g} deg, contact ratio '
         f'{mesh.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the start{soft}'
     )
-
-
-def _start(machine: Machine) -> list[float]:
-    """Coordinates of the mechanism without clearance at the start."""
-    four_bar = machine.closed_form
-    if four_bar is None:
-        return [float(x) for x in machine.assembly.q]
-    crank = machine.start_of_crank[0]
-    return [crank, *(float(x) for x in four_bar.positions(np.array(crank)))]
 
 
 def render(report: Report) -> str:

@@ -10,7 +10,7 @@ from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
-from mechanism_sim.scene.schema import Play
+from mechanism_sim.scene.contact_keys import Play
 
 
 def gaps_and_films(

@@ -12,10 +12,9 @@ import yaml
 
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
-from mechanism_sim.scene.files import Scene
-from mechanism_sim.scene.linkage import LinkageJoint, LinkageLink
-from mechanism_sim.scene.linkage_joints import keys_of
+from mechanism_sim.scene.joints import keys_of
 from mechanism_sim.scene.quantities import Part, meanings
+from mechanism_sim.scene.schema import AnyScene, JointPart, LinkPart
 from mechanism_sim.units import Measure, to_si
 
 WIDTH, COLUMN = 99, 40
@@ -37,7 +36,7 @@ class Line(NamedTuple):
     note: str = ''
 
 
-def commented(data: Mapping[str, Any], scene: Scene) -> str:
+def commented(data: Mapping[str, Any], scene: AnyScene) -> str:
     """A scene with comments, as text of a YAML file.
 
     Every key is explained where it comes first; keys that are not given stand behind a ``#`` with
@@ -96,7 +95,7 @@ class _Writer:
     def named(self, name: str, data: Any, value: Part, note: str = '') -> Iterator[Line]:
         """A part with its name; in one line where nothing has to be said of it."""
         data = data or {}
-        frame = name == GROUND and isinstance(value, LinkageLink)  # most keys are for what moves
+        frame = name == GROUND and isinstance(value, LinkPart)  # most keys are for what moves
         inner = (
             [line for key, item in data.items() for line in _entry(key, item, '')]
             if frame
@@ -162,7 +161,7 @@ class _Writer:
 
 def _keys(kind: type[Part], value: Part) -> Iterable[str]:
     """The keys that have a meaning here: what a part adds to its bases first, but titles."""
-    if isinstance(value, LinkageJoint):
+    if isinstance(value, JointPart):
         return keys_of(value)
     own = [key for key in kind.__annotations__ if key in kind.model_fields]
     order = [key for key in ('title', 'description') if key in kind.model_fields]

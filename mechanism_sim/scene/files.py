@@ -13,11 +13,10 @@ from pydantic import BaseModel, ValidationError
 from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
-from mechanism_sim.scene.linkage import LinkageScene
-from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.scene.four_bar import FourBarScene, expanded
+from mechanism_sim.scene.schema import AnyScene, Scene
 
-Scene = FourBarScene | LinkageScene
-MECHANISMS: dict[str, type[Scene]] = {'four_bar': FourBarScene, 'linkage': LinkageScene}
+MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
 
 Model = TypeVar('Model', bound=BaseModel)
 
@@ -110,6 +109,21 @@ def check_scene(
         One sentence: file, key, value, what is allowed, the nearest valid key.
     """
     content = overridden(file, data, overrides)
+    scene = as_given(file, content)
+    if isinstance(scene, FourBarScene):
+        return checked(file, Scene, expanded(scene, content))
+    assert isinstance(scene, Scene)  # noqa: S101 - there are no others
+    return scene
+
+
+def as_given(file: str, content: Mapping[str, Any]) -> AnyScene:
+    """The same without overrides, in the form in which it is written.
+
+    Raises
+    ------
+    InputError
+        One sentence: file, key, value, what is allowed, the nearest valid key.
+    """
     kind = content.get('mechanism')
     if kind is None:
         raise InputError(f"{file}: 'mechanism' is missing; known are: {', '.join(MECHANISMS)}")

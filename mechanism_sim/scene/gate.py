@@ -14,13 +14,13 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import crank_limits
+from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.mechanism import GROUND, HigherPair
 from mechanism_sim.scene.assembly import closed_near
 from mechanism_sim.scene.motion_notes import between
 
@@ -109,8 +109,8 @@ def check_way(machine: Machine, duration: float) -> None:
             again = not any(isinstance(j, HigherPair) for j in plan.joints)
             reach = TURN if again else _MOST * TURN
         ends = max(way[0], start - reach), min(way[1], start + reach)
-        if plan.four_bar is not None:
-            _check_four_bar(machine, plan.four_bar, ends)
+        if machine.closed_form:
+            _check_four_bar(machine, machine.closed_form, ends)
             continue
         for end in ends:
             if end != start and (start, end) not in tried:
@@ -139,21 +139,23 @@ def _value(law: Law, t: float) -> float:
     return value + law.turns * TURN
 
 
-def _check_four_bar(machine: Machine, linkage: FourBar, way: Way) -> None:
+def _check_four_bar(machine: Machine, loop: FourBarLoop, way: Way) -> None:
     """Whether crank and ground leave a triangle with coupler and rocker all the way."""
+    linkage, crank = loop.linkage, loop.links[0]
     low, high = crank_limits(linkage)
+    way = way[0] + loop.turned[0], way[1] + loop.turned[0]
     for middle, half in ((0.0, low), (math.pi, math.pi - high)):
         # the first forbidden part at or after the least angle of the way
         first = middle + TURN * math.ceil((way[0] - half - middle) / TURN)
         if half > 0.0 and first - half <= way[1]:
             limits = between(math.degrees(low), math.degrees(high))
-            lengths = ('ground', 'crank', 'coupler', 'rocker')
-            said = ', '.join(f'{n} {getattr(linkage, n):g} m' for n in lengths)
+            named = zip((GROUND, *loop.links), linkage.lengths, strict=True)
+            said = ', '.join(f'{n} {x:g} m' for n, x in named)
             raise InputError(
-                f'{machine.name}: the crank cannot make a full turn at constant speed ({said}): '
-                'ground and crank in line must leave a triangle with coupler and rocker; shorten '
-                f'the crank, or keep it between {limits} deg by a '
-                "'profile' and 'duration'"
+                f'{machine.name}: the {crank} cannot make a full turn at constant speed ({said}): '
+                f'ground and {crank} in line must leave a triangle with {loop.links[1]} and '
+                f'{loop.links[2]}; shorten the {crank}, or keep it between {limits} deg from the '
+                "line of the ground joints by a 'profile' and 'duration'"
             )
 
 

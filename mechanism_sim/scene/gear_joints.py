@@ -12,13 +12,13 @@ from mechanism_sim.gears.compliance import Elasticity, middle, touching
 from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism
-from mechanism_sim.scene.linkage import LinkageJoint
+from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.schema import Play
+from mechanism_sim.scene.schema import JointPart
 from mechanism_sim.scene.wheels import Placed, Wheel, place, read_wheel
 
 
-def read_mesh(places: Places, name: str, joint: LinkageJoint) -> GearMesh:
+def read_mesh(places: Places, name: str, joint: JointPart) -> GearMesh:
     """Two gears in mesh; their phase is set by `in_mesh`.
 
     Raises
@@ -67,7 +67,7 @@ def _teeth(one: Wheel, two: Wheel) -> Teeth:
     return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
 
 
-def _play(joint: LinkageJoint, placed: Placed, base_pitch: float) -> float:
+def _play(joint: JointPart, placed: Placed, base_pitch: float) -> float:
     """Free way of the teeth to either side, along the line of action [m]."""
     backlash = joint.backlash
     if backlash is None:
@@ -99,7 +99,7 @@ def _play(joint: LinkageJoint, placed: Placed, base_pitch: float) -> float:
     return 0.5 * width * math.cos(placed.pressure_angle)
 
 
-def _elasticity(joint: LinkageJoint, one: Wheel, placed: Placed) -> Elasticity | None:
+def _elasticity(joint: JointPart, one: Wheel, placed: Placed) -> Elasticity | None:
     given = joint.elasticity
     if given is None:
         return None
@@ -111,7 +111,7 @@ def _elasticity(joint: LinkageJoint, one: Wheel, placed: Placed) -> Elasticity |
 
 
 def _errors(
-    where: str, joint: LinkageJoint, placed: Placed, base_pitch: float
+    where: str, joint: JointPart, placed: Placed, base_pitch: float
 ) -> tuple[Harmonic, ...]:
     error = joint.error
     if error is None:
@@ -132,7 +132,7 @@ def _errors(
     return tuple(found)
 
 
-def read_transmission(places: Places, name: str, joint: LinkageJoint) -> Transmission:
+def read_transmission(places: Places, name: str, joint: JointPart) -> Transmission:
     """Two links with a ratio.
 
     Raises

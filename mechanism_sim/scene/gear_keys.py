@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from mechanism_sim.scene.contact_keys import Contact
 from mechanism_sim.scene.quantities import (
     Angle,
     Coefficient,
@@ -17,7 +18,6 @@ from mechanism_sim.scene.quantities import (
     Quantity,
     si,
 )
-from mechanism_sim.scene.schema import Contact
 
 
 def _fraction(value: Any) -> str:

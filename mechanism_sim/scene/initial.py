@@ -19,7 +19,6 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import closed_near, nearest_rates, opening
-from mechanism_sim.scene.four_bar_start import four_bar
 from mechanism_sim.scene.seats import seats
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def initial_state(machine: Machine) -> State:
     InputError
         If it cannot be assembled, or given coordinates put a pin outside of its bushing.
     """
-    q, v = four_bar(machine) if machine.plan.four_bar else _linkage(machine)
+    q, v = _placed(machine)
     system = machine.system
     seated = machine.scene.start == 'seated' and not machine.placed_outright
     values = np.array([[q[c]] for c in system.coordinates])
@@ -65,8 +64,8 @@ def _starts_closed(machine: Machine, gap: Gap) -> bool:
     return machine.clearances[gap.joint].radial == 0.0 or isinstance(gap, BearingClearance)
 
 
-def _linkage(machine: Machine) -> tuple[Values, Values]:
-    """Values and rates of the coordinates of any linkage."""
+def _placed(machine: Machine) -> tuple[Values, Values]:
+    """Values and rates of the coordinates."""
     plan, start = machine.plan, machine.assembly
     if not machine.clearances:
         names = plan.ideal.coordinates
@@ -113,10 +112,12 @@ def _places(machine: Machine, near: Array, held: Sequence[str], given: Values) -
     if machine.scene.start == 'seated' and machine.system.gaps:
         columns = [x[:, None] for x in (start.q, start.v)]
         a = np.zeros_like(columns[0])
-        if not machine.torque_driven:
+        if not (machine.torque_driven or machine.starts_singular):
             _, _, a, _ = machine.ideal.motion(columns[0], *_driven_rates(machine))
         for name, Q in seats(machine, columns[0], columns[1], a).items():
             targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
+    if not given and not targets.any():
+        return guess  # the loops of the ideal mechanism are closed
     try:
         return closed_near(machine.name, every, guess, targets)
     except InputError as error:

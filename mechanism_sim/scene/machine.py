@@ -12,8 +12,6 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Protocol
 
-import numpy as np
-
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
@@ -23,8 +21,8 @@ from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.grashof import change_points
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
+from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
@@ -35,20 +33,18 @@ from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Revolute
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.switches import Table
-from mechanism_sim.scene.assembly import Assembly, assemble
+from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.clearances import gaps_and_films
+from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.initial import initial_state
 from mechanism_sim.scene.instruments import channel, inertial_unit
-from mechanism_sim.scene.linkage import LinkageScene
-from mechanism_sim.scene.linkage_plan import linkage_plan
 from mechanism_sim.scene.oscillators import forces_on, read_frame
-from mechanism_sim.scene.plan import Plan, four_bar_plan
-from mechanism_sim.scene.schema import Commands, FourBarScene, Play
+from mechanism_sim.scene.plan import Plan, plan_of
+from mechanism_sim.scene.schema import Commands, Scene
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
+from mechanism_sim.units import Measure
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
-
-Scene = FourBarScene | LinkageScene
 
 _COMPACT_FROM = 8
 """Free coordinates, contacts and closures from which on compact code pays: it compiles faster."""
@@ -121,9 +117,7 @@ class Machine:
         InputError
             If they do not fit together.
         """
-        if isinstance(self.scene, FourBarScene):
-            return four_bar_plan(self.scene)
-        return linkage_plan(self.name, self.scene)
+        return plan_of(self.name, self.scene)
 
     @cached_property
     def level(self) -> Level:
@@ -140,9 +134,7 @@ class Machine:
     @property
     def torque_driven(self) -> bool:
         """Whether any coordinate is free or moved by a torque: the motion is not known before."""
-        if self.plan.powered:
-            return True
-        return self.plan.four_bar is None and self.assembly.freedom > 0
+        return bool(self.plan.powered) or self.assembly.freedom > 0
 
     @property
     def dynamic(self) -> bool:
@@ -152,10 +144,7 @@ class Machine:
     @property
     def links(self) -> dict[str, Any]:
         """The moving links as the scene has them."""
-        links = self.scene.links
-        if isinstance(links, dict):
-            return {name: link for name, link in links.items() if name != GROUND}
-        return {'crank': links.crank, 'coupler': links.coupler, 'rocker': links.rocker}
+        return {name: link for name, link in self.scene.links.items() if name != GROUND}
 
     @property
     def clearances(self) -> dict[str, Play]:
@@ -170,16 +159,20 @@ class Machine:
 
     @property
     def linkage(self) -> FourBar:
-        """Lengths and branch of a four-bar.
+        """Lengths and branch of a four-bar whose links' angles are those from joint to joint.
 
         Raises
         ------
         InputError
             If it is another mechanism.
         """
-        if self.plan.four_bar is None:
-            raise InputError(f"{self.name}: this is for scenes with 'mechanism: four_bar' only")
-        return self.plan.four_bar
+        loop = self.closed_form
+        if loop is None or any(loop.turned):
+            raise InputError(
+                f'{self.name}: this is for four-bars only, whose links have their joints on their '
+                'x axes'
+            )
+        return loop.linkage
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -215,22 +208,23 @@ class Machine:
             If it has no drive.
         """
         scene, update = self.scene, {'start_angle': angle}
-        if isinstance(scene, FourBarScene):
-            position = scene.initial.position.model_copy(update={'crank': None})
-            initial = scene.initial.model_copy(update={'position': position})
-            drive = scene.drive.model_copy(update=update)
-            changed: Scene = scene.model_copy(update={'drive': drive, 'initial': initial})
-        elif scene.drive:
-            changed = scene.model_copy(update={'drive': scene.drive.model_copy(update=update)})
-        else:
+        if not scene.drive:
             raise InputError(f"{self.name}: there is no 'drive' to start at an angle")
-        return replace(self, scene=changed)
+        position = {c: x for c, x in scene.initial.position.items() if c != self.main}
+        changed: dict[str, Any] = {
+            'drive': scene.drive.model_copy(update=update),
+            'initial': scene.initial.model_copy(update={'position': position}),
+        }
+        if self.closed_form:
+            near = zip(self.closed_form.links[1:], self.closed_form.positions(angle), strict=True)
+            found = {c: Measure(float(x), 'rad') for c, x in near if math.isfinite(x)}
+            changed['guess'] = {**scene.guess, **found}
+        return replace(self, scene=scene.model_copy(update=changed))
 
-    @property
-    def closed_form(self) -> FourBar | None:
-        """The four-bar, if its motion has a closed form."""
-        linkage = self.plan.four_bar
-        return None if linkage is None or change_points(linkage) else linkage
+    @cached_property
+    def closed_form(self) -> FourBarLoop | None:
+        """The four-bar that it is without clearance, if its motion has a closed form."""
+        return closed_four_bar(self)
 
     @property
     def starts_singular(self) -> bool:
@@ -244,7 +238,7 @@ class Machine:
         Closed forms know two branches of a four-bar; through a change point neither goes on.
         """
         if self.closed_form:
-            return FourBarMotion(self.closed_form)
+            return FourBarMotion(self.closed_form, self.plan.ideal.coordinates)
         return LinkageMotion(self.kinematics(self.plan.prescribed))
 
     def kinematics(self, held: Sequence[str]) -> Kinematics:
@@ -446,10 +440,7 @@ class Machine:
         prescribed = [law for law in laws if isinstance(law, DriveLaw)]
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
-        q, slope = np.zeros(3), None
-        if isinstance(self.ideal, LinkageMotion):
-            q, slope = self.assembly.q, self.assembly.slope
-        size = self.plan.ideal.size
+        q, slope, size = self.assembly.q, self.assembly.slope, self.plan.ideal.size
         return NominalRun(self.ideal, prescribed, q, size, self._edges(), slope=slope)
 
     def _edges(self) -> Edges | None:

@@ -12,9 +12,9 @@ from mechanism_sim import output
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.commented import commented
-from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
-from mechanism_sim.scene.linkage import LinkageScene
-from mechanism_sim.scene.schema import FourBarScene
+from mechanism_sim.scene.files import as_given, check_scene, find_scene, overridden, read_yaml
+from mechanism_sim.scene.four_bar import FourBarScene
+from mechanism_sim.scene.schema import Scene
 
 TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
 """The scenes that show the two forms of scenes, by the names of the forms."""
@@ -25,7 +25,7 @@ SCHEMA = 'mechanism_sim.schema.json'
 
 def json_schema() -> dict[str, Any]:
     """What scenes may say, as editors read it."""
-    either = Annotated[FourBarScene | LinkageScene, Field(discriminator='mechanism')]
+    either = Annotated[FourBarScene | Scene, Field(discriminator='mechanism')]
     schema: dict[str, Any] = TypeAdapter[Any](either).json_schema()
     return {'$schema': 'https://json-schema.org/draft/2020-12/schema', **schema}
 
@@ -51,9 +51,8 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
         raise InputError(f"'{file}' exists already; choose another name")
     path = find_scene(source)
     data = overridden(path.name, read_yaml(path, 'scene'), overrides)
-    scene = check_scene(path.name, data)
-    build(path.stem, scene)
-    text = commented(data, scene)
+    build(path.stem, check_scene(path.name, data))
+    text = commented(data, as_given(path.name, data))
     if (file.parent / SCHEMA).is_file():
         text = f'# yaml-language-server: $schema={SCHEMA}\n{text}'
     output.write_text(file, text)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.units import Measure
 
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
@@ -29,7 +29,7 @@ class Places:
         If a name cannot be used, or there is no moving link.
     """
 
-    def __init__(self, name: str, scene: LinkageScene) -> None:
+    def __init__(self, name: str, scene: Scene) -> None:
         self.name = name
         self.scene = scene
         for link in scene.links:
@@ -130,7 +130,7 @@ class Places:
                 f'in {wanted}'
             )
         if not math.isfinite(measure.value):
-            raise InputError(f'{self.name}: {where} must be finite')
+            raise InputError(f'{self.name}: {where} = {measure.value} must be finite')
         return measure.value
 
 

@@ -1,31 +1,30 @@
-"""What a scene's mechanism is, in whichever way it was written: the same structures for all."""
+"""What a scene's mechanism is: links, joints, drives and forces that fit together."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import Any
 
-from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
+from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 from mechanism_sim.planar.mechanism import (
-    GROUND,
     Body,
     HigherPair,
     Joint,
     Mechanism,
-    Revolute,
     Vector2,
     closing_joints,
 )
-from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.schema import Commands, FourBarScene, Motor, Play
+from mechanism_sim.scene.cam_joints import cam_play
+from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.drives import is_straight, read_drives, read_laws
+from mechanism_sim.scene.forces import Elements, read_forces
+from mechanism_sim.scene.gear_joints import backlashes, check_bearings, in_mesh
+from mechanism_sim.scene.joints import read_bodies, read_joints
+from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.wheels import read_wheel
 
-Elements = Callable[[Mechanism], list[ForceElement]]
-
-POWERED = 'they are of speeds; a torque takes commands of effort without this key'
+_PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,6 @@ class Plan:
     points : named points of the links, in their frames [m]
     elements : springs, dampers and loads
     weighed : whether every link has the mass properties that forces need
-    four_bar : the lengths, if it is one: it has a closed form
     """
 
     bodies: tuple[Body, ...]
@@ -62,7 +60,6 @@ class Plan:
     points: dict[str, dict[str, Vector2]] = field(default_factory=dict)
     elements: Elements = lambda _: []
     weighed: bool = True
-    four_bar: FourBar | None = None
 
     def mechanism(self, cut: Sequence[str]) -> Mechanism:
         """The tree that is left when some joints are cut."""
@@ -113,118 +110,59 @@ class Plan:
         return [c for c in self.laws if c not in self.prescribed]
 
 
-def four_bar_plan(scene: FourBarScene) -> Plan:
-    """The plan of the four-bar template."""
-    links = scene.links
-    moving = {'crank': links.crank, 'coupler': links.coupler, 'rocker': links.rocker}
-    flywheel = {'crank': scene.drive.flywheel}
-    bodies = tuple(
-        Body(
-            name,
-            link.mass or 0.0,
-            (link.inertia or 0.0) + flywheel.get(name, 0.0),
-            (link.cog or 0.0, 0.0),
-        )
-        for name, link in moving.items()
+def plan_of(name: str, scene: Scene) -> Plan:
+    """The plan of a scene that names its links and joints.
+
+    Raises
+    ------
+    InputError
+        One sentence: where, what, what is allowed, the nearest.
+    """
+    places = Places(name, scene)
+    for gear in scene.gears:  # those that mesh with none, too
+        read_wheel(places, gear)
+    joints, drives = read_joints(places), read_drives(places)
+    straight = [c for c, drive in drives.items() if is_straight(drive)]
+    closing = closing_joints(places.links, joints, (), straight)
+    check_bearings(places, joints, closing)
+    massless = tuple(Body(link, 0.0, 0.0, (0.0, 0.0)) for link in places.links)
+    tree = Mechanism(massless, joints, closing)
+    laws: dict[str, tuple[Law, ...]] = {}
+    begins: dict[str, tuple[float, float]] = {}
+    for c, drive in drives.items():
+        laws[c], begins[c] = read_laws(places, c, drive, tree)
+    guess = places.values('guess', scene.guess, tree, _PLACES)
+    given = places.values('initial.position', scene.initial.position, tree, _PLACES)
+    begun = {c: x for c, (x, _) in begins.items()}
+    joints = in_mesh(places, joints, tree, {**guess, **given, **begun})
+    free = tree.coordinates[0]
+    silent = frozenset(
+        c
+        for c, drive in drives.items()
+        if drive.start_angle is None and drive.start_position is None and c not in given | guess
     )
-    origin = (0.0, 0.0)
-    ends = {name: (link.length, 0.0) for name, link in moving.items()}
-    ground = (links.ground.length, 0.0)
-    joints = (
-        Revolute('ground_crank', GROUND, 'crank', origin, origin),
-        Revolute('crank_coupler', 'crank', 'coupler', ends['crank'], origin),
-        Revolute('coupler_rocker', 'coupler', 'rocker', ends['coupler'], ends['rocker']),
-        Revolute('rocker_ground', 'rocker', GROUND, origin, ground),
-    )
-    given = scene.joints
-    clearances: dict[str, Play] = {
-        j.name: c for j in joints if (c := getattr(given, j.name).clearance)
+    weighing = {mass.at.partition('.')[0] for mass in scene.masses.values()}
+    plays: dict[str, Play] = {
+        joint: play
+        for joint, j in scene.joints.items()
+        if (play := j.clearance or cam_play(j)) is not None
     }
-    angle = scene.initial.position.crank
-    start = scene.drive.start_angle if angle is None else angle
-    laws, begin = _four_bar_laws(scene, start)
-    values = {'coupler': scene.initial.position.coupler, 'rocker': scene.initial.position.rocker}
-    rates = {'coupler': scene.initial.velocity.coupler, 'rocker': scene.initial.velocity.rocker}
+    plays |= backlashes(places, joints)
     return Plan(
-        bodies,
+        read_bodies(places, tree, drives),
         joints,
-        ('coupler_rocker',),
+        closing,
         scene.gravity,
-        clearances,
-        {'crank': laws},
-        {'crank': begin},
-        ({k: x for k, x in values.items() if x is not None},
-         {k: x for k, x in rates.items() if x is not None}),
-        points={
-            name: {'start': origin, 'end': end} for name, end in {**ends, GROUND: ground}.items()
-        },
-        weighed=all(link.mass for link in moving.values()),
-        four_bar=FourBar(
-            links.ground.length, links.crank.length, links.coupler.length, links.rocker.length,
-            scene.branch,
+        plays,
+        laws or {free: (TorqueLaw(free),)},
+        begins,
+        (
+            given,
+            places.values('initial.velocity', scene.initial.velocity, tree, _PACES),
         ),
-    )  # fmt: skip
-
-
-def _four_bar_laws(
-    scene: FourBarScene, start: float
-) -> tuple[tuple[Law, ...], tuple[float, float]]:
-    """The laws of the crank, and its angle and speed at the start."""
-    drive = scene.drive
-    begin = start, drive.speed or 0.0
-    check_commands('drive', drive.commands, POWERED if drive.torque or drive.motor else '')
-    if drive.torque:
-        t = drive.torque
-        return (TorqueLaw('crank', (t.constant, t.per_angle, t.per_speed)),), begin
-    if drive.motor:
-        return (motor_law('crank', drive.motor.stall_torque, drive.motor.no_load_speed),), begin
-    if drive.profile:
-        points, smooth = drive.profile.points, drive.profile.ramp == 'smooth'
-        laws = tuple(speed_profile('crank', start, points, smooth))
-        return laws, (start, laws[0].coefficients[1])
-    return (DriveLaw('crank', (start, drive.speed or 0.0)),), begin
-
-
-def check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:
-    """Refuse a profile whose times do not rise.
-
-    Raises
-    ------
-    InputError
-    """
-    for (before, _), (after, _) in pairwise(points):
-        if after <= before:
-            raise InputError(f'{where}: times must rise, but {after:g} s follows {before:g} s')
-
-
-def check_commands(where: str, commands: Commands | None, reason: str) -> None:
-    """Refuse commands of speed for a drive that can take none, for a `reason` (empty: it can).
-
-    Raises
-    ------
-    InputError
-    """
-    if commands and reason:
-        raise InputError(f'{where}.commands: {reason}')
-
-
-def check_motor(where: str, motor: Motor) -> None:
-    """Refuse a motor that does not come to rest at a speed.
-
-    Raises
-    ------
-    InputError
-    """
-    if motor.no_load_speed == 0.0:
-        raise InputError(f'{where}.motor.no_load_speed must not be zero')
-    if motor.stall_torque * motor.no_load_speed < 0.0:
-        raise InputError(
-            f'{where}.motor: stall_torque {motor.stall_torque:g} N m and no_load_speed '
-            f'{motor.no_load_speed:g} rad/s have opposite signs: it would run away; give both the '
-            'sign in which it turns'
-        )
-
-
-def motor_law(coordinate: str, stall_torque: float, no_load_speed: float) -> TorqueLaw:
-    """The straight line of a direct-current motor."""
-    return TorqueLaw(coordinate, (stall_torque, 0.0, -stall_torque / no_load_speed))
+        (silent, frozenset(c for c, drive in drives.items() if drive.speed is None)),
+        guess,
+        places.points,
+        read_forces(places, tree),
+        all(scene.links[x].mass is not None or x in weighing for x in places.links),
+    )

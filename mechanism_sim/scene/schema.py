@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from mechanism_sim.numerics import formula
+from mechanism_sim.scene.cam_keys import CamKeys
+from mechanism_sim.scene.contact_keys import Clearance
+from mechanism_sim.scene.gear_keys import GearKeys, GearPart
 from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
     AddedInertia,
     Angle,
     AngularAcceleration,
-    Coefficient,
     Displacement,
     Duration,
-    Friction,
     Gravity,
-    Inertia,
     Length,
     Mass,
     Part,
     Position,
-    Radius,
+    Quantity,
     Rate,
     Speed,
     Time,
@@ -31,111 +32,40 @@ from mechanism_sim.scene.quantities import (
     TorquePerAngle,
     TorquePerSpeed,
     si,
+    si_of,
 )
 from mechanism_sim.scene.sensor_keys import Sensor
+from mechanism_sim.units import Measure, to_si
+
+Place = Annotated[Measure, si_of('rad', 'm')]
+Pace = Annotated[Measure, si_of('rad/s', 'm/s')]
+Stiffness = Annotated[Measure, si_of('N/m', 'N m/rad')]
+Damping = Annotated[Measure, si_of('N s/m', 'N m s/rad')]
+PerSpeed = Annotated[float, si('N s/m')]
+PerPosition = Annotated[float, si('N/m')]
 
 
-class Link(Part):
-    """A link between two joints; mass properties only where forces are wanted."""
+def _or_formula(unit: str) -> Quantity:
+    """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``."""
 
-    length: Length
-    """Distance of the link's two joints."""
-    mass: Mass | None = None
-    """For all moving links or for none; forces and clearances need it."""
-    inertia: Inertia | None = None
-    """About the centre of gravity."""
-    cog: Position | None = None
-    """Centre of gravity from the proximal joint, along the link."""
+    def read(value: Any) -> float | str:
+        try:
+            return to_si(value, unit)
+        except ValueError as error:
+            if not isinstance(value, str):
+                raise
+            try:
+                formula.names(value)
+            except ValueError as other:
+                raise (other if '(' in value else error) from error
+            return value
 
-
-class Ground(Part):
-    """The frame: the distance of its two joints."""
-
-    length: Length
-    """Distance of the two joints of the frame."""
+    return Quantity(read, (unit,), 'a formula')
 
 
-class FourBarLinks(Part):
-    """The links of a four-bar."""
-
-    ground: Ground
-    """The frame."""
-    crank: Link
-    """The driven link, from ground_crank to crank_coupler."""
-    coupler: Link
-    """From crank_coupler to coupler_rocker."""
-    rocker: Link
-    """From rocker_ground to coupler_rocker."""
-
-
-class Contact(Part):
-    """A compliant contact: a law of force instead of a rigid one."""
-
-    law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
-    """Hertz without loss, three laws with loss by impact, or an oil film."""
-    stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
-    """In N/m^exponent; required but for a film."""
-    exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
-    """Of the depth."""
-    viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None
-    """Of the oil; required for a film."""
-    width: Length | None = None
-    """Of the bearing along its axis; required for a film."""
-    radius: Length | None = None
-    """Of the journal; required for a film."""
-
-
-class Play(Part):
-    """How loose a joint is, and what its contacts are like."""
-
-    radial: Displacement
-    """How far it can move from the middle; 0 for a contact that only lifts off."""
-    restitution: Coefficient
-    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """What the coefficient relates: speeds, impulses or works; without friction the same."""
-    friction: Friction = 0.0
-    """Coulomb's coefficient, in impacts and in following."""
-    pin_radius: Radius = 0.0
-    """The arm of friction; only with friction."""
-    contact: Contact | None = None
-    """A law of force instead of a rigid contact; for all loose joints or for none."""
-
-
-class Clearance(Play):
-    """A pin on the first-named link, loose in a bushing on the second-named one."""
-
-    radial: Length
-    """Radius of the circle in which the pin's centre can move."""
-
-
-class Joint(Part):
-    """What distinguishes a joint from an ideal one."""
-
-    clearance: Clearance | None = None
-    """Pin on the first-named link, bushing on the second-named; without it the joint is ideal."""
-
-
-class FourBarJoints(Part):
-    """The joints of a four-bar."""
-
-    ground_crank: Joint = Joint()
-    """The crank's bearing in the frame."""
-    crank_coupler: Joint = Joint()
-    """The crank pin."""
-    coupler_rocker: Joint = Joint()
-    """The pin between coupler and rocker."""
-    rocker_ground: Joint = Joint()
-    """The rocker's bearing in the frame."""
-
-
-class Profile(Part):
-    """Speeds at given times, joined by ramps; the last one stays."""
-
-    points: list[tuple[Time, Speed]] = Field(min_length=1)
-    """List of [time, speed]; before the first and after the last the speed stays."""
-    ramp: Literal['linear', 'smooth'] = 'linear'
-    """Between two points; smooth has no jumps of acceleration."""
+ForceOrFormula = Annotated[float | str, _or_formula('N')]
+TorqueOrFormula = Annotated[float | str, _or_formula('N m')]
+Vector = tuple[Position, Position]
 
 
 class AffineTorque(Part):
@@ -167,56 +97,6 @@ class Commands(Part):
     """The largest speed that is taken, either way."""
 
 
-class Drive(Part):
-    """What moves the crank: a speed, a profile of speeds, a torque, or a motor."""
-
-    coordinate: Literal['crank'] = 'crank'
-    """The driven link."""
-    speed: Speed | None = None
-    """Constant; with a torque or a motor that at the start. Counterclockwise is positive."""
-    profile: Profile | None = None
-    """Speeds over time, instead of a constant one."""
-    torque: AffineTorque | None = None
-    """An affine law of angle and speed, instead of a speed; {} is a free crank."""
-    motor: Motor | None = None
-    """A direct-current motor, instead of a torque."""
-    commands: Commands | None = None
-    """Take commands of speed while the machine runs."""
-    flywheel: AddedInertia = 0.0
-    """Inertia that turns with the crank."""
-    start_angle: Angle = 0.0
-    """Of the crank at t = 0."""
-
-
-class FourBarAngles(Part):
-    """Angles set outright."""
-
-    crank: Angle | None = None
-    """Instead of drive.start_angle."""
-    coupler: Angle | None = None
-    """Instead of what `start` says."""
-    rocker: Angle | None = None
-    """Instead of what `start` says."""
-
-
-class FourBarSpeeds(Part):
-    """Angular velocities set outright; the crank starts with that of its drive."""
-
-    coupler: Speed | None = None
-    """Instead of what `start` says."""
-    rocker: Speed | None = None
-    """Instead of what `start` says."""
-
-
-class Initial(Part):
-    """Coordinates that do not start where `start` would put them."""
-
-    position: FourBarAngles = FourBarAngles()
-    """Angles, counterclockwise from the x axis."""
-    velocity: FourBarSpeeds = FourBarSpeeds()
-    """Angular velocities; the crank starts with that of its drive."""
-
-
 class Outputs(Part):
     """What is published, and how often in simulated time."""
 
@@ -245,6 +125,194 @@ class Solver(Part):
     """Displacement that may be left out when chatter is ended, if larger."""
 
 
+class LinkPart(Part):
+    """A link: its points, and what it weighs."""
+
+    length: Length | None = None
+    """Makes the point `end` at [length, 0]."""
+    points: dict[str, Vector] = {}
+    """Further points by name, as [x, y] in the link's frame."""
+    mass: Mass | None = None
+    """For all moving links or for none; forces and clearances need it."""
+    inertia: AddedInertia | None = None
+    """About the centre of gravity; 0 for a point mass."""
+    cog: Position | Vector = 0.0
+    """Centre of gravity: along the link, or as [x, y] in its frame."""
+
+
+class PointMass(Part):
+    """A mass at a point of a link, ``LINK.POINT``."""
+
+    at: str
+    """LINK.POINT that carries it."""
+    mass: Mass
+    """How heavy it is."""
+
+
+Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+KINDS = 'revolute', 'prismatic', 'slot', 'geneva', 'rack', 'cam', 'mesh', 'transmission'
+
+
+class JointPart(CamKeys, GearKeys):
+    """A joint between points of two links: of one kind."""
+
+    revolute: Reference | None = None
+    """A pin: two points that coincide."""
+    prismatic: Reference | None = None
+    """A guide: the second point slides along `axis` through the first."""
+    slot: Reference | None = None
+    """A pin at the first point, in a slot of the second link."""
+    geneva: Reference | None = None
+    """A pin at the first point, and a Geneva wheel pivoted at the second."""
+    rack: Reference | None = None
+    """A pin at the first point, and a slotted rack; one slot is at the second."""
+    cam: Reference | None = None
+    """A cam's link, and the point of its follower."""
+    mesh: Reference | None = None
+    """Two gears, by their names; a rack is named second."""
+    transmission: Reference | None = None
+    """Two links whose angles keep a ratio: belt, chain, bevel gears."""
+    slots: Annotated[int, Field(ge=3, le=24)] | None = None
+    """Of a Geneva wheel; required for it."""
+    pitch: Length | None = None
+    """Of the slots of a rack; required for it."""
+    axis: Angle = 0.0
+    """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
+    angle: Angle = 0.0
+    """Of the second link in the first."""
+    phase: Angle = 0.0
+    """Angle of the cam, or of the second link of a transmission, when the first is at 0."""
+    clearance: Clearance | None = None
+    """Pin on the first-named link, loose in the second; without it the joint is ideal."""
+
+    @model_validator(mode='after')
+    def _one_kind(self) -> JointPart:
+        kinds = [k for k in KINDS if getattr(self, k) is not None]
+        if len(kinds) != 1:
+            raise ValueError(
+                f'must be of one kind, {", ".join(KINDS)}, with two points such as '
+                '[crank.end, rod.start]'
+            )
+        c = self.clearance
+        if c and kinds[0] in ('mesh', 'transmission'):
+            raise ValueError("cannot have a clearance: the play of teeth is their 'backlash'")
+        if c and kinds == ['prismatic']:
+            raise ValueError('cannot have a clearance: guides have none here')
+        if c and kinds != ['revolute'] and (c.friction or c.pin_radius or c.contact):
+            raise ValueError(
+                f'has a clearance of a {kinds[0]}, which has radial and restitution only'
+            )
+        return self
+
+    @property
+    def kind(self) -> str:
+        """One of `KINDS`."""
+        return next(k for k in KINDS if getattr(self, k) is not None)
+
+    @property
+    def points(self) -> list[str]:
+        """The two points."""
+        points: list[str] = getattr(self, self.kind)
+        return points
+
+
+class ProfilePart(Part):
+    """Speeds at given times, joined by ramps; the last one stays."""
+
+    points: list[tuple[Time, Pace]] = Field(min_length=1)
+    """List of [time, speed]; before the first and after the last the speed stays."""
+    ramp: Literal['linear', 'smooth'] = 'linear'
+    """Between two points; smooth has no jumps of acceleration."""
+
+
+class AffineForce(Part):
+    """``constant + per_position * displacement + per_speed * speed``."""
+
+    constant: Annotated[float, si('N')] = 0.0
+    """Wherever and however fast it is."""
+    per_position: PerPosition = 0.0
+    """Times the displacement of the link."""
+    per_speed: PerSpeed = 0.0
+    """Times its speed; negative brakes."""
+
+
+class DrivePart(Part):
+    """What moves a coordinate: a speed, a profile of speeds, a torque, a force, or a motor."""
+
+    coordinate: str | None = None
+    """The driven link; the crank if there is one of that name."""
+    speed: Pace | None = None
+    """Constant; with a torque, a force or a motor that at the start."""
+    profile: ProfilePart | None = None
+    """Speeds over time, instead of a constant one."""
+    torque: AffineTorque | None = None
+    """On a link that turns: an affine law of angle and speed; {} moves freely."""
+    force: AffineForce | None = None
+    """On a link that slides: an affine law of displacement and speed; {} moves freely."""
+    motor: Motor | None = None
+    """A direct-current motor, instead of a torque."""
+    commands: Commands | None = None
+    """Take commands of speed while the machine runs."""
+    flywheel: AddedInertia = 0.0
+    """Inertia that turns with the link."""
+    start_angle: Angle | None = None
+    """Of a link that turns, at t = 0; else that of `guess`, or 0."""
+    start_position: Position | None = None
+    """Of a link that slides, at t = 0; else that of `guess`, or 0."""
+
+
+class SpringPart(Part):
+    """Between two points, or, with an angular stiffness, between two links."""
+
+    between: Reference
+    """Two points; two links for a torsion spring."""
+    stiffness: Stiffness = Measure(0.0, '')
+    """Per length or per angle, which says what kind of spring it is."""
+    damping: Damping = Measure(0.0, '')
+    """Per speed of the same kind."""
+    free_length: Annotated[float, si('m')] | None = None
+    """Where it pulls nothing; else 0."""
+    free_angle: Angle | None = None
+    """Where a torsion spring turns nothing; else 0."""
+
+
+class DuringPart(Part):
+    """A part of the cycle of a coordinate."""
+
+    coordinate: str
+    """The link whose angle it is."""
+    begin: Angle = Field(alias='from')
+    """Where it begins."""
+    end: Angle = Field(alias='to')
+    """Where it ends, counterclockwise from there."""
+
+
+class LoadPart(Part):
+    """A force at a point of a link, a torque on it, or both."""
+
+    at: str
+    """LINK.POINT on which it acts."""
+    force: tuple[ForceOrFormula, ForceOrFormula] = (0.0, 0.0)
+    """Along x and y; quantities, or formulas such as "-5*vx + 3*sin(20*t)"."""
+    torque: TorqueOrFormula = 0.0
+    """Counterclockwise; a quantity or a formula."""
+    frame: Literal['world', 'link'] = 'world'
+    """Whether the force keeps its direction, or turns with the link."""
+    during: DuringPart | None = None
+    """The part of a cycle in which it acts; else always."""
+
+
+class InitialPart(Part):
+    """Coordinates that do not start where drive and guess would put them."""
+
+    position: dict[str, Place] = {}
+    """Angles and displacements by link."""
+    velocity: dict[str, Pace] = {}
+    """Their rates by link."""
+
+
 class AnyScene(Part):
     """What scenes of every kind say."""
 
@@ -266,20 +334,30 @@ class AnyScene(Part):
     """Frames on springs that the machine shakes, by name."""
 
 
-class FourBarScene(AnyScene):
-    """A scene from the four-bar template."""
+class Scene(AnyScene):
+    """A scene that names its links and joints."""
 
-    mechanism: Literal['four_bar']
-    """A template: links and joints have these names."""
-    branch: Literal['open', 'crossed'] = 'open'
-    """Where the coupler-rocker joint lies, seen from crank pin to rocker pivot; open: left."""
-    links: FourBarLinks
-    """What they measure and weigh."""
-    joints: FourBarJoints = FourBarJoints()
-    """Those that are not ideal."""
-    drive: Drive
-    """What moves the crank: a speed, a profile, a torque or a motor."""
-    initial: Initial = Initial()
-    """Coordinates of a loose machine that start elsewhere than `start` says."""
+    mechanism: Literal['linkage']
+    """Written out: links and joints have the names given here."""
+    links: dict[str, LinkPart]
+    """What they measure and weigh, by name; ground is the frame."""
+    joints: dict[str, JointPart]
+    """Between points of two links, LINK.POINT, by name."""
+    gears: dict[str, GearPart] = {}
+    """Teeth that links carry, by name, for joints of the kind mesh."""
+    masses: dict[str, PointMass] = {}
+    """Point masses that links carry, by name."""
+    drive: DrivePart | None = None
+    """What moves the machine; revolutions are turns of this link."""
+    drives: dict[str, DrivePart] = {}
+    """Further drives, by link."""
+    guess: dict[str, Place] = {}
+    """Rough angles and displacements by link, which choose how loops are closed."""
+    springs: dict[str, SpringPart] = {}
+    """With their dampers, by name."""
+    loads: dict[str, LoadPart] = {}
+    """Forces and torques on links, by name."""
+    initial: InitialPart = InitialPart()
+    """Coordinates that start elsewhere than drive and guess say."""
     sensors: dict[str, Sensor] = Field({})
     """Accelerometers, by name."""

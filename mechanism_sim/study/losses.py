@@ -47,10 +47,9 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
     linkage = machine.linkage
     solution = simulate(machine, revolutions=revolutions)
     found = []
-    links = machine.links
     about = [
-        (x.inertia or 0.0) + (x.mass or 0.0) * (x.cog or 0.0) ** 2
-        for x in (links['coupler'], links['rocker'])
+        body.inertia + body.mass * body.cog[0] ** 2
+        for body in (machine.mechanism.body(link) for link in ('coupler', 'rocker'))
     ]
     for joint, clearance in machine.clearances.items():
         cycle = ForceCycle.nominal(linkage, machine.inverse_dynamics, joint, speed)

@@ -25,7 +25,7 @@ from mechanism_sim.scene.files import (
     find_scene,
     read_yaml,
 )
-from mechanism_sim.scene.machine import Scene
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import BATCHES
 from mechanism_sim.sweep.schema import SweepFile
 from mechanism_sim.sweep.windows import Windows

@@ -17,7 +17,8 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.scene.machine import Machine, Scene
+from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import BagError, RunBag
 from mechanism_sim.sweep.plan import Extent

@@ -17,7 +17,8 @@ import pyarrow.parquet as pq
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
-from mechanism_sim.scene.machine import Machine, Scene
+from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sweep.labels import column, label_columns
 from mechanism_sim.sweep.plan import Plan, Run

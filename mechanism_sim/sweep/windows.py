@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.machine import Scene
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.sweep.schema import WindowsPart
 

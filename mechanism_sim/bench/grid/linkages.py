@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned
 from mechanism_sim.bench.grid.four_bars import NOT_SEATED, clearance
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
-from mechanism_sim.scene.linkage import LinkageScene
-from mechanism_sim.scene.linkage_plan import linkage_plan
+from mechanism_sim.scene import schema
+from mechanism_sim.scene.plan import plan_of
 
 SPAN = 0.3  # [s] of a run
 REFUSED = 'too many', 'cannot move', 'follow from the others', 'cannot follow its drive'
@@ -211,7 +211,7 @@ def driven(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scene:
 
 def _coordinates(scene: Scene, poses: Poses) -> dict[str, tuple[float, bool]]:
     """The coordinates of the tree that the program finds, at the poses; which are straight."""
-    tree = linkage_plan('by chance', LinkageScene.model_validate(scene)).ideal
+    tree = plan_of('by chance', schema.Scene.model_validate(scene)).ideal
     found = {}
     for c in tree.coordinates:
         j = tree.tree_joints[c]

@@ -13,7 +13,7 @@ from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.linkage import LinkageScene
+from mechanism_sim.scene.schema import Scene
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ ARM = 0.3  # [m] of the toggle
 def linkage(**content: Any) -> Machine:
     """The machine of a scene written here."""
     scene = {'title': 'a hard case', 'mechanism': 'linkage', **content}
-    return build('hard case', LinkageScene.model_validate(scene))
+    return build('hard case', Scene.model_validate(scene))
 
 
 def _engine(force: str, **drive: Any) -> Machine:

@@ -17,7 +17,7 @@ from mechanism_sim.numerics.formula import expression, names
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute, Vector2, rotate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.schema import Play
+from mechanism_sim.scene.contact_keys import Play
 
 FLYWHEEL = 1e9  #: [kg m^2] on what is driven: its speed stays the same to 1e-10 rad/s
 

@@ -20,8 +20,8 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.scene.cam_joints import read_cam
 from mechanism_sim.scene.cam_keys import CamKeys
 from mechanism_sim.scene.gear_joints import read_mesh, read_transmission
-from mechanism_sim.scene.linkage import KINDS, LinkageDrive, LinkageJoint
 from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.schema import KINDS, DrivePart, JointPart
 
 _BELONGS = {
     'axis': ('prismatic', 'slot'),
@@ -38,11 +38,11 @@ _BELONGS = {
 }
 
 
-def keys_of(joint: LinkageJoint) -> list[str]:
+def keys_of(joint: JointPart) -> list[str]:
     """The keys that have a meaning in a joint of this kind."""
     others = set(KINDS) - {joint.kind}
     firm = joint.kind in ('prismatic', 'mesh', 'transmission')
-    keys = [joint.kind, *LinkageJoint.__annotations__, *LinkageJoint.model_fields]
+    keys = [joint.kind, *JointPart.__annotations__, *JointPart.model_fields]
     return [
         key
         for key in dict.fromkeys(keys)
@@ -65,7 +65,7 @@ def read_joints(places: Places) -> tuple[Joint, ...]:
     return joints
 
 
-def _joint(places: Places, name: str, joint: LinkageJoint) -> Joint:
+def _joint(places: Places, name: str, joint: JointPart) -> Joint:
     where = f'joints.{name}'
     if not name.isidentifier():
         raise InputError(
@@ -103,7 +103,7 @@ def _joint(places: Places, name: str, joint: LinkageJoint) -> Joint:
 def _geneva(
     places: Places,
     name: str,
-    joint: LinkageJoint,
+    joint: JointPart,
     pin: tuple[str, Vector2],
     wheel: tuple[str, Vector2],
 ) -> Geneva:
@@ -130,7 +130,7 @@ def _geneva(
 def _rack(
     places: Places,
     name: str,
-    joint: LinkageJoint,
+    joint: JointPart,
     pin: tuple[str, Vector2],
     rack: tuple[str, Vector2],
 ) -> SlottedRack:
@@ -170,7 +170,7 @@ def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
 
 
 def read_bodies(
-    places: Places, tree: Mechanism, drives: Mapping[str, LinkageDrive]
+    places: Places, tree: Mechanism, drives: Mapping[str, DrivePart]
 ) -> tuple[Body, ...]:
     """The moving links with what they weigh, point masses and flywheels included.
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.linkage import LinkageDrive
 from mechanism_sim.scene.places import Places, kind_of
-from mechanism_sim.scene.plan import POWERED, check_commands, check_motor, check_times, motor_law
+from mechanism_sim.scene.schema import Commands, DrivePart, Motor
 
 _WAYS = 'profile', 'torque', 'force', 'motor'
+_POWERED = 'they are of speeds; a torque takes commands of effort without this key'
 
 
-def read_drives(places: Places) -> dict[str, LinkageDrive]:
+def read_drives(places: Places) -> dict[str, DrivePart]:
     """The drives by coordinate, the main one first.
 
     Raises
@@ -33,14 +37,14 @@ def read_drives(places: Places) -> dict[str, LinkageDrive]:
     for coordinate, drive in scene.drives.items():
         if coordinate in found:
             raise InputError(f'{places.name}: drives.{coordinate}: it has a drive already')
-        check_commands(f'drives.{coordinate}', drive.commands, "only the main 'drive' takes them")
+        _check_commands(f'drives.{coordinate}', drive.commands, "only the main 'drive' takes them")
         found[coordinate] = drive
     for coordinate in found:
         places.coordinate('drive.coordinate', coordinate)
     return found
 
 
-def is_straight(drive: LinkageDrive) -> bool:
+def is_straight(drive: DrivePart) -> bool:
     """Whether what is given of a drive belongs to a displacement."""
     paces = [drive.speed, *(p for _, p in (drive.profile.points if drive.profile else []))]
     return (
@@ -51,7 +55,7 @@ def is_straight(drive: LinkageDrive) -> bool:
 
 
 def read_laws(
-    places: Places, c: str, drive: LinkageDrive, tree: Mechanism
+    places: Places, c: str, drive: DrivePart, tree: Mechanism
 ) -> tuple[tuple[Law, ...], tuple[float, float]]:
     """The laws of a driven coordinate, and its value and rate at the start.
 
@@ -60,51 +64,99 @@ def read_laws(
     InputError
         If what is given does not fit together, or the coordinate.
     """
-    where = f'{places.name}: the drive of {c}'
+    drive_key = 'drive' if drive is places.scene.drive else f'drives.{c}'
+    where = f'{places.name}: {drive_key}'
     straight = c in tree.displacements
     ways = [way for way in _WAYS if getattr(drive, way) is not None]
     if len(ways) > 1:
-        raise InputError(f'{where}: {ways[0]} and {ways[1]} exclude each other: keep one')
+        raise InputError(
+            f'{where}.{ways[0]} and {drive_key}.{ways[1]} exclude each other: keep one'
+        )
     if drive.profile and drive.speed is not None:
         raise InputError(
-            f'{where}: speed and profile exclude each other: a profile gives every speed, the '
-            'first at its first point'
+            f'{where}.speed and {drive_key}.profile exclude each other: a profile gives every '
+            'speed, the first at its first point'
         )
     wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
     for key in sorted(wrong):
         if getattr(drive, key) is not None:
-            raise InputError(f"{where}: '{key}' does not fit: {c} is {kind_of(straight)}")
+            raise InputError(f'{where}.{key} does not fit: {c} is {kind_of(straight)}')
     start = drive.start_position if straight else drive.start_angle
     start = places.values('initial.position', places.scene.initial.position, tree,
                          ('rad', 'm')).get(c, start)  # fmt: skip
     value = start if start is not None else places.values(
         'guess', places.scene.guess, tree, ('rad', 'm')).get(c, 0.0)  # fmt: skip
     speed = 0.0 if drive.speed is None else places.measure(
-        f'the speed of {c}', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
+        f'{drive_key}.speed', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
     begin = value, speed
     powered = drive.torque or drive.force or drive.motor
-    reason = POWERED if powered else 'a displacement takes none' if straight else ''
-    check_commands(where, drive.commands, reason)
+    reason = _POWERED if powered else 'a displacement takes none' if straight else ''
+    _check_commands(where, drive.commands, reason)
     if powered:
         if drive.motor:
-            check_motor(where, drive.motor)
-            return (motor_law(c, drive.motor.stall_torque, drive.motor.no_load_speed),), begin
+            _check_motor(where, drive.motor)
+            return (_motor_law(c, drive.motor.stall_torque, drive.motor.no_load_speed),), begin
         f, t = drive.force, drive.torque
         if f:
             return (TorqueLaw(c, (f.constant, f.per_position, f.per_speed)),), begin
         assert t is not None  # noqa: S101 - one of the three is there
         return (TorqueLaw(c, (t.constant, t.per_angle, t.per_speed)),), begin
     if drive.profile:
-        check_times(f'{where}: profile.points', drive.profile.points)
+        _check_times(f'{where}.profile.points', drive.profile.points)
         points = [
-            (t, places.measure(f'a speed of {c}', p, straight, ('rad/s', 'm/s')))
+            (t, places.measure(f'{drive_key}.profile.points', p, straight, ('rad/s', 'm/s')))
             for t, p in drive.profile.points
         ]
         laws = speed_profile(c, value, points, drive.profile.ramp == 'smooth', straight)
         return tuple(laws), (value, points[0][1])
     if drive.speed is None:
         raise InputError(
-            f"{where}: 'speed' is missing: a speed, a profile, a torque, a force or a motor "
-            'moves it'
+            f"{places.name}: '{drive_key}.speed' is missing: a speed, a profile, a torque, a "
+            f'force or a motor moves {c}'
         )
     return (DriveLaw(c, (value, speed), straight=straight),), begin
+
+
+def _check_times(where: str, points: Sequence[tuple[float, Any]]) -> None:
+    """Refuse a profile whose times do not rise.
+
+    Raises
+    ------
+    InputError
+    """
+    for (before, _), (after, _) in pairwise(points):
+        if after <= before:
+            raise InputError(f'{where}: times must rise, but {after:g} s follows {before:g} s')
+
+
+def _check_commands(where: str, commands: Commands | None, reason: str) -> None:
+    """Refuse commands of speed for a drive that can take none, for a `reason` (empty: it can).
+
+    Raises
+    ------
+    InputError
+    """
+    if commands and reason:
+        raise InputError(f'{where}.commands: {reason}')
+
+
+def _check_motor(where: str, motor: Motor) -> None:
+    """Refuse a motor that does not come to rest at a speed.
+
+    Raises
+    ------
+    InputError
+    """
+    if motor.no_load_speed == 0.0:
+        raise InputError(f'{where}.motor.no_load_speed must not be zero')
+    if motor.stall_torque * motor.no_load_speed < 0.0:
+        raise InputError(
+            f'{where}.motor: stall_torque {motor.stall_torque:g} N m and no_load_speed '
+            f'{motor.no_load_speed:g} rad/s have opposite signs: it would run away; give both the '
+            'sign in which it turns'
+        )
+
+
+def _motor_law(coordinate: str, stall_torque: float, no_load_speed: float) -> TorqueLaw:
+    """The straight line of a direct-current motor."""
+    return TorqueLaw(coordinate, (stall_torque, 0.0, -stall_torque / no_load_speed))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import heyoka as hy
 
@@ -12,10 +12,11 @@ from mechanism_sim.linkages.forces import AppliedForce, CycleRange, Spring, Tors
 from mechanism_sim.numerics import formula
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.scene.linkage import LoadPart
 from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.plan import Elements
+from mechanism_sim.scene.schema import LoadPart
 from mechanism_sim.units import Measure
+
+Elements = Callable[[Mechanism], list[ForceElement]]
 
 
 def read_forces(places: Places, tree: Mechanism) -> Elements:

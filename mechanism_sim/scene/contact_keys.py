@@ -1,0 +1,59 @@
+"""What a scene file says of a loose joint and its contacts."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from mechanism_sim.scene.quantities import (
+    POSITIVE,
+    Coefficient,
+    Displacement,
+    Friction,
+    Length,
+    Part,
+    Radius,
+    si,
+)
+
+
+class Contact(Part):
+    """A compliant contact: a law of force instead of a rigid one."""
+
+    law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
+    """Hertz without loss, three laws with loss by impact, or an oil film."""
+    stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
+    """In N/m^exponent; required but for a film."""
+    exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
+    """Of the depth."""
+    viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None
+    """Of the oil; required for a film."""
+    width: Length | None = None
+    """Of the bearing along its axis; required for a film."""
+    radius: Length | None = None
+    """Of the journal; required for a film."""
+
+
+class Play(Part):
+    """How loose a joint is, and what its contacts are like."""
+
+    radial: Displacement
+    """How far it can move from the middle; 0 for a contact that only lifts off."""
+    restitution: Coefficient
+    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    """What the coefficient relates: speeds, impulses or works; without friction the same."""
+    friction: Friction = 0.0
+    """Coulomb's coefficient, in impacts and in following."""
+    pin_radius: Radius = 0.0
+    """The arm of friction; only with friction."""
+    contact: Contact | None = None
+    """A law of force instead of a rigid contact; for all loose joints or for none."""
+
+
+class Clearance(Play):
+    """A pin on the first-named link, loose in a bushing on the second-named one."""
+
+    radial: Length
+    """Radius of the circle in which the pin's centre can move."""
