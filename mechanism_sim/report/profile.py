@@ -23,10 +23,10 @@ from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.pair import Pair
 from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
+from mechanism_sim.scene.gears import Wheel, read_wheel
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.wheels import Wheel, read_wheel
 
 #: teeth of a rack that is drawn by itself
 RACK_TEETH = 10

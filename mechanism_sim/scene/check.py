@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from mechanism_sim.cams.pair import CamPair
-from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
-from mechanism_sim.scene.cam_notes import cam_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
+from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.machine import Level, Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.oscillators import oscillator_notes
@@ -190,31 +186,13 @@ def _notes(machine: Machine) -> list[str]:
     scene, mechanism = machine.scene, machine.plan.ideal
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
     notes = motion_notes(mechanism, start, machine.plan.laws)
-    for pair in mechanism.joints:
-        if isinstance(pair, CamPair):
-            notes += cam_notes(pair, loose=pair.name in machine.clearances)
-    notes += [_mesh(machine, j, start) for j in machine.plan.joints if isinstance(j, GearMesh)]
+    for joint in machine.plan.joints:
+        notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
-
-
-def _mesh(machine: Machine, mesh: GearMesh, start: Mapping[str, float]) -> str:
-    """What can be said of gears beside their ratio."""
-    ideal = machine.plan.ideal
-    rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))
-    now, later = (
-        mesh.places(ideal, {c: x + t * rates[c] for c, x in start.items()})[0] for t in (0.0, 1.0)
-    )
-    frequency = abs(mesh.waves[0] * (later - now)) / (2.0 * math.pi)
-    play = f', play {mesh.play:.4g} m to either side' if mesh.play else ''
-    soft = f', elastic{play}' if mesh.elastic else ''
-    return (
-        f'{mesh.name}: pressure angle {math.degrees(mesh.pressure_angle):.6g} deg, contact ratio '
-        f'{mesh.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the start{soft}'
-    )
 
 
 def render(report: Report) -> str:

@@ -12,9 +12,9 @@ import yaml
 
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene.facts import Facts, facts_of
-from mechanism_sim.scene.joints import keys_of
+from mechanism_sim.scene.joint_keys import JointKeys, keys_of
 from mechanism_sim.scene.quantities import Part, meanings
-from mechanism_sim.scene.schema import AnyScene, JointPart, LinkPart
+from mechanism_sim.scene.schema import AnyScene, LinkPart
 from mechanism_sim.units import Measure, to_si
 
 WIDTH, COLUMN = 99, 40
@@ -161,7 +161,7 @@ class _Writer:
 
 def _keys(kind: type[Part], value: Part) -> Iterable[str]:
     """The keys that have a meaning here: what a part adds to its bases first, but titles."""
-    if isinstance(value, JointPart):
+    if isinstance(value, JointKeys):
         return keys_of(value)
     own = [key for key in kind.__annotations__ if key in kind.model_fields]
     order = [key for key in ('title', 'description') if key in kind.model_fields]

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
-from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.joint_keys import JointKeys
 from mechanism_sim.units import Measure
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene.schema import Scene
+
+LinkPoint = tuple[str, Vector2]
+"""A link, and a point in its frame [m]."""
 
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
 """What formulas of loads name beside links."""
@@ -74,6 +81,22 @@ class Places:
                 f'{nearest(point, points)}; its points: {", ".join(points)}'
             )
         return link, points[point or 'start']
+
+    def ends(self, name: str, joint: JointKeys) -> tuple[LinkPoint, LinkPoint]:
+        """The two points that a joint connects.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name, or both are the same link's.
+        """
+        first, second = (self.find(f'joints.{name}.{joint.kind}', p) for p in joint.points)
+        if first[0] == second[0]:
+            raise InputError(
+                f'{self.name}: joints.{name}.{joint.kind} ties the link {first[0]} to itself: '
+                'give points of two links'
+            )
+        return first, second
 
     def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
         """Where a link turns on the ground, in the world and in its own frame [m].

@@ -14,15 +14,15 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     closing_joints,
 )
-from mechanism_sim.scene.cam_joints import cam_play
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.drives import is_straight, read_drives, read_laws
 from mechanism_sim.scene.forces import Elements, read_forces
-from mechanism_sim.scene.gear_joints import backlashes, check_bearings, in_mesh
-from mechanism_sim.scene.joints import read_bodies, read_joints
+from mechanism_sim.scene.gears import read_wheel
+from mechanism_sim.scene.kinds import KINDS
+from mechanism_sim.scene.kinds.mesh import backlashes, check_bearings, in_mesh
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.wheels import read_wheel
+from mechanism_sim.scene.structure import read_bodies, read_joints
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -145,7 +145,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
     plays: dict[str, Play] = {
         joint: play
         for joint, j in scene.joints.items()
-        if (play := j.clearance or cam_play(j)) is not None
+        if (play := KINDS[j.kind].play(j)) is not None
     }
     plays |= backlashes(places, joints)
     return Plan(

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from mechanism_sim.numerics import formula
-from mechanism_sim.scene.cam_keys import CamKeys
-from mechanism_sim.scene.contact_keys import Clearance
-from mechanism_sim.scene.gear_keys import GearKeys, GearPart
+from mechanism_sim.scene.gear_keys import GearPart
+from mechanism_sim.scene.joint_keys import Reference
+from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
@@ -149,73 +149,25 @@ class PointMass(Part):
     """How heavy it is."""
 
 
-Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
-
-
-KINDS = 'revolute', 'prismatic', 'slot', 'geneva', 'rack', 'cam', 'mesh', 'transmission'
-
-
-class JointPart(CamKeys, GearKeys):
+class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
-
-    revolute: Reference | None = None
-    """A pin: two points that coincide."""
-    prismatic: Reference | None = None
-    """A guide: the second point slides along `axis` through the first."""
-    slot: Reference | None = None
-    """A pin at the first point, in a slot of the second link."""
-    geneva: Reference | None = None
-    """A pin at the first point, and a Geneva wheel pivoted at the second."""
-    rack: Reference | None = None
-    """A pin at the first point, and a slotted rack; one slot is at the second."""
-    cam: Reference | None = None
-    """A cam's link, and the point of its follower."""
-    mesh: Reference | None = None
-    """Two gears, by their names; a rack is named second."""
-    transmission: Reference | None = None
-    """Two links whose angles keep a ratio: belt, chain, bevel gears."""
-    slots: Annotated[int, Field(ge=3, le=24)] | None = None
-    """Of a Geneva wheel; required for it."""
-    pitch: Length | None = None
-    """Of the slots of a rack; required for it."""
-    axis: Angle = 0.0
-    """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
-    angle: Angle = 0.0
-    """Of the second link in the first."""
-    phase: Angle = 0.0
-    """Angle of the cam, or of the second link of a transmission, when the first is at 0."""
-    clearance: Clearance | None = None
-    """Pin on the first-named link, loose in the second; without it the joint is ideal."""
 
     @model_validator(mode='after')
     def _one_kind(self) -> JointPart:
-        kinds = [k for k in KINDS if getattr(self, k) is not None]
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(kinds) != 1:
             raise ValueError(
                 f'must be of one kind, {", ".join(KINDS)}, with two points such as '
                 '[crank.end, rod.start]'
             )
-        c = self.clearance
-        if c and kinds[0] in ('mesh', 'transmission'):
-            raise ValueError("cannot have a clearance: the play of teeth is their 'backlash'")
-        if c and kinds == ['prismatic']:
-            raise ValueError('cannot have a clearance: guides have none here')
-        if c and kinds != ['revolute'] and (c.friction or c.pin_radius or c.contact):
+        c, kind = self.clearance, KINDS[kinds[0]]
+        if c and kind.firm:
+            raise ValueError(f'cannot have a clearance: {kind.firm}')
+        if c and kind.name != 'revolute' and (c.friction or c.pin_radius or c.contact):
             raise ValueError(
-                f'has a clearance of a {kinds[0]}, which has radial and restitution only'
+                f'has a clearance of a {kind.name}, which has radial and restitution only'
             )
         return self
-
-    @property
-    def kind(self) -> str:
-        """One of `KINDS`."""
-        return next(k for k in KINDS if getattr(self, k) is not None)
-
-    @property
-    def points(self) -> list[str]:
-        """The two points."""
-        points: list[str] = getattr(self, self.kind)
-        return points
 
 
 class ProfilePart(Part):

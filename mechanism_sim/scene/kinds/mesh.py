@@ -5,20 +5,86 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from fractions import Fraction
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.compliance import Elasticity, middle, touching
 from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
-from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism
-from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.planar.mechanism import Joint, Mechanism
+from mechanism_sim.scene.contact_keys import Contact, Play
+from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
 from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.schema import JointPart
-from mechanism_sim.scene.wheels import Placed, Wheel, place, read_wheel
+from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene.machine import Machine
 
 
-def read_mesh(places: Places, name: str, joint: JointPart) -> GearMesh:
+def _shares(value: Any) -> Any:
+    """Of the harmonics of a stiffness, or ``contact_ratio``."""
+    numbers = isinstance(value, list | tuple) and all(isinstance(x, float | int) for x in value)
+    if not numbers and value != 'contact_ratio':
+        raise ValueError("must be 'contact_ratio' or a list of numbers such as [0.2, 0.1]")
+    return value
+
+
+_Variation = Annotated[tuple[float, ...] | Literal['contact_ratio'], BeforeValidator(_shares)]
+_Stiffness = Annotated[float, si('N/m'), Field(gt=0.0)]
+_Damping = Annotated[float, si('N s/m'), Field(ge=0.0)]
+
+
+class BacklashPart(Part):
+    """Free way of the teeth, and what happens at its ends."""
+
+    width: Length | None = None
+    """Free way along the working pitch circle; else what the centre distance leaves."""
+    restitution: Coefficient | None = None
+    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    """What the coefficient relates: speeds, impulses or works."""
+    contact: Contact | None = None
+    """A law of force instead of rigid teeth."""
+
+
+class ElasticityPart(Part):
+    """Stiffness and damping of the teeth along the line of action."""
+
+    stiffness: _Stiffness
+    """Along the line of action."""
+    damping: _Damping = 0.0
+    """Along the line of action."""
+    variation: _Variation = ()
+    """Harmonics of the tooth frequency over the mean, or `contact_ratio`."""
+
+
+class ErrorPart(Part):
+    """Transmission error along the line of action, zero at the start."""
+
+    amplitude: Displacement = 0.0
+    """Of a harmonic of the tooth frequency."""
+    order: Annotated[int, Field(ge=1, le=100)] = 1
+    """Which harmonic it is."""
+    eccentricity: tuple[Displacement, Displacement] = (0.0, 0.0)
+    """Of both gears: an error once a turn of each."""
+
+
+class MeshKeys(JointKeys):
+    """Gears in mesh."""
+
+    mesh: Reference | None = None
+    """Two gears, by their names; a rack is named second."""
+    backlash: BacklashPart | None = None
+    """Free way of the teeth; without it they never part."""
+    elasticity: ElasticityPart | None = None
+    """Teeth that give way."""
+    error: ErrorPart | None = None
+    """Transmission error along the line of action, zero at the start."""
+
+
+def _read(places: Places, name: str, joint: MeshKeys) -> GearMesh:
     """Two gears in mesh; their phase is set by `in_mesh`.
 
     Raises
@@ -67,7 +133,7 @@ def _teeth(one: Wheel, two: Wheel) -> Teeth:
     return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
 
 
-def _play(joint: JointPart, placed: Placed, base_pitch: float) -> float:
+def _play(joint: MeshKeys, placed: Placed, base_pitch: float) -> float:
     """Free way of the teeth to either side, along the line of action [m]."""
     backlash = joint.backlash
     if backlash is None:
@@ -99,7 +165,7 @@ def _play(joint: JointPart, placed: Placed, base_pitch: float) -> float:
     return 0.5 * width * math.cos(placed.pressure_angle)
 
 
-def _elasticity(joint: JointPart, one: Wheel, placed: Placed) -> Elasticity | None:
+def _elasticity(joint: MeshKeys, one: Wheel, placed: Placed) -> Elasticity | None:
     given = joint.elasticity
     if given is None:
         return None
@@ -111,7 +177,7 @@ def _elasticity(joint: JointPart, one: Wheel, placed: Placed) -> Elasticity | No
 
 
 def _errors(
-    where: str, joint: JointPart, placed: Placed, base_pitch: float
+    where: str, joint: MeshKeys, placed: Placed, base_pitch: float
 ) -> tuple[Harmonic, ...]:
     error = joint.error
     if error is None:
@@ -130,27 +196,6 @@ def _errors(
         if size:
             found.append(Harmonic(member, 1.0, size))
     return tuple(found)
-
-
-def read_transmission(places: Places, name: str, joint: JointPart) -> Transmission:
-    """Two links with a ratio.
-
-    Raises
-    ------
-    InputError
-        If there is no ratio, or one of the links is the carrier.
-    """
-    where = f'{places.name}: joints.{name}'
-    if joint.ratio is None:
-        raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
-    own = f'joints.{name}'
-    (a, on_a), (b, on_b) = (places.find(f'{own}.transmission', p) for p in joint.points)
-    carrier, _ = places.find(f'{own}.carrier', joint.carrier or GROUND)
-    if carrier in (a, b):
-        raise InputError(f'{where}: {carrier} carries the transmission: name two other links')
-    return Transmission(
-        name, a, b, on_a, on_b, Fraction(joint.ratio), joint.phase, carrier
-    )  # fmt: skip
 
 
 def check_bearings(places: Places, joints: tuple[Joint, ...], closing: Collection[str]) -> None:
@@ -235,3 +280,25 @@ def backlashes(places: Places, joints: tuple[Joint, ...]) -> dict[str, Play]:
                 hypothesis=given.hypothesis, contact=given.contact,
             )  # fmt: skip
     return found
+
+
+def _notes(machine: Machine, mesh: GearMesh) -> list[str]:
+    """What can be said of gears beside their ratio."""
+    ideal = machine.plan.ideal
+    start = dict(zip(ideal.coordinates, machine.assembly.q.tolist(), strict=True))
+    rates = dict(zip(ideal.coordinates, machine.assembly.v.tolist(), strict=True))
+    now, later = (
+        mesh.places(ideal, {c: x + t * rates[c] for c, x in start.items()})[0] for t in (0.0, 1.0)
+    )
+    frequency = abs(mesh.waves[0] * (later - now)) / (2.0 * math.pi)
+    play = f', play {mesh.play:.4g} m to either side' if mesh.play else ''
+    soft = f', elastic{play}' if mesh.elastic else ''
+    return [
+        f'{mesh.name}: pressure angle {math.degrees(mesh.pressure_angle):.6g} deg, contact ratio '
+        f'{mesh.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the start{soft}'
+    ]
+
+
+register(
+    JointKind('mesh', MeshKeys, _read, firm="the play of teeth is their 'backlash'", notes=_notes)
+)

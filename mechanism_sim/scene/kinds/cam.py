@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from mechanism_sim.cams import curves
 from mechanism_sim.cams.followers import (
@@ -30,17 +31,150 @@ from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Vector2, rotate
-from mechanism_sim.scene.cam_guides import Guide, along, around, find_guide
-from mechanism_sim.scene.cam_keys import SegmentPart
-from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.contact_keys import Contact, Play
+from mechanism_sim.scene.joint_keys import JointKind, Reference, register
+from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
+from mechanism_sim.scene.kinds.transmission import PhaseKeys
 from mechanism_sim.scene.places import Places
-from mechanism_sim.scene.schema import JointPart
+from mechanism_sim.scene.quantities import (
+    Angle,
+    Coefficient,
+    Displacement,
+    Length,
+    Part,
+    Position,
+    Radius,
+    si_of,
+)
+from mechanism_sim.units import Measure
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene.machine import Machine
+
+Way = Annotated[Measure, si_of('rad', 'm')]
+"""An angle of a cam, or a displacement if it slides."""
+
+Rise = Annotated[Measure, si_of('m', 'rad')]
+"""A displacement of the follower: an angle if it swings."""
+
+Curve = Literal[
+    'cycloidal',
+    'harmonic',
+    'half_harmonic',
+    'four_spline',
+    'modified_trapezoid',
+    'modified_sine',
+    'polynomial_345',
+    'polynomial_4567',
+    'spline',
+]
+
+
+class SegmentPart(Part):
+    """A rise, a return or, with no rise, a dwell over an interval of the cam angle.
+
+    Of a cam that slides: of its displacement.
+    """
+
+    begin: Way = Field(alias='from')
+    """Angle of the cam, or its displacement if it slides."""
+    end: Way = Field(alias='to')
+    """Likewise."""
+    rise: Rise
+    """Of the follower, negative for a return; 0 is a dwell."""
+    curve: Curve = 'cycloidal'
+    """How it gets there."""
+    points: tuple[tuple[float, float], ...] = ()
+    """Of a spline, from [0, 0] to [1, 1]."""
+    ends: Literal['clamped', 'natural', 'not-a-knot'] = 'clamped'
+    """Of a spline."""
+
+    @model_validator(mode='after')
+    def _points_make_a_spline(self) -> SegmentPart:
+        if bool(self.points) != (self.curve == 'spline'):
+            raise ValueError(
+                "needs 'points' from [0, 0] to [1, 1] if its curve is a spline, and only then"
+            )
+        return self
+
+
+class LawPart(Part):
+    """The displacement of the follower over the place of the cam, in one of three ways."""
+
+    segments: tuple[SegmentPart, ...] = ()
+    """Rises and returns, between which the follower dwells."""
+    points: tuple[tuple[Way, Rise], ...] = ()
+    """Instead: measured pairs of the cam's angle and the follower's displacement."""
+    degree: Literal[1, 3, 5, 7] = 5
+    """Of the spline through these points."""
+    eccentric: Length | None = None
+    """Instead: the cam is a circle, so far off the camshaft."""
+
+    @model_validator(mode='after')
+    def _one_way(self) -> LawPart:
+        if sum(map(bool, (self.segments, self.points, self.eccentric))) != 1:
+            raise ValueError("needs exactly one of 'segments', 'points' and 'eccentric'")
+        return self
+
+
+class LiftOffPart(Part):
+    """A follower that leaves the cam and strikes it again."""
+
+    restitution: Coefficient
+    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    """What the coefficient relates: speeds, impulses or works."""
+    contact: Contact | None = None
+    """A law of force instead of a rigid contact."""
+
+
+class GroovePart(Part):
+    """A groove that holds the roller."""
+
+    clearance: Displacement
+    """Width of the groove less the roller's diameter; 0 for an ideal one."""
+    restitution: Coefficient | None = None
+    """Of both walls; required with a clearance."""
+    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    """What the coefficient relates: speeds, impulses or works."""
+    contact: Contact | None = None
+    """A law of force instead of rigid walls."""
+
+
+class CamKeys(PhaseKeys):
+    """A cam and its follower."""
+
+    cam: Reference | None = None
+    """A cam's link, and the point of its follower."""
+    follower: Literal['knife', 'roller', 'flat'] | None = None
+    """Its tip; required for a cam."""
+    base_radius: Length | None = None
+    """Of the cam's base circle, without the roller; required."""
+    roller: Radius = 0.0
+    """Radius of the roller; required for one."""
+    tilt: Angle = 0.0
+    """Of a face that slides: from the motion to its normal, counterclockwise."""
+    face: Position = 0.0
+    """Of a face that swings: how far beyond the line from pivot to point."""
+    side: Literal['left', 'right'] | None = None
+    """Where a swinging arm is, seen from the camshaft; required for one."""
+    sense: Literal['counterclockwise', 'clockwise'] | None = None
+    """In which the cam's angle counts; counterclockwise without it."""
+    law: LawPart | None = None
+    """Displacement of the follower over the angle of the cam; required."""
+    lift_off: LiftOffPart | None = None
+    """The follower may leave the cam and strike it again; without it the cam holds it."""
+    groove: GroovePart | None = None
+    """A groove holds the roller from both sides."""
+
 
 Place = tuple[str, Vector2]
 _UNITS = ('rad', 'm')
+#: pressure angles [deg] above these are usually avoided
+LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
 
-def read_cam(places: Places, name: str, joint: JointPart, cam: Place, follower: Place) -> CamPair:
+def _read(places: Places, name: str, joint: CamKeys) -> CamPair:
     """The joint of a cam and its follower.
 
     Raises
@@ -49,6 +183,7 @@ def read_cam(places: Places, name: str, joint: JointPart, cam: Place, follower: 
         If keys are missing or do not fit, the law jumps or does not come back, or the profile
         would be undercut.
     """
+    cam, follower = places.ends(name, joint)
     reader = _Reader(places, name, joint)
     try:
         return reader.pair(cam, follower)
@@ -58,7 +193,7 @@ def read_cam(places: Places, name: str, joint: JointPart, cam: Place, follower: 
         raise InputError(f'{reader.where}: {error}') from error
 
 
-def cam_play(joint: JointPart) -> Play | None:
+def _play(joint: CamKeys) -> Play | None:
     """The play of a cam that its follower may leave, or of a groove with clearance."""
     off, groove = joint.lift_off, joint.groove
     if off:
@@ -79,9 +214,9 @@ def cam_play(joint: JointPart) -> Play | None:
 
 
 class _Reader:
-    """One joint with a cam; what it raises without the scene's name gets it from `read_cam`."""
+    """One joint with a cam; what it raises without the scene's name gets it from `_read`."""
 
-    def __init__(self, places: Places, name: str, joint: JointPart) -> None:
+    def __init__(self, places: Places, name: str, joint: CamKeys) -> None:
         self.places, self.name, self.joint = places, name, joint
         self.where = f'{places.name}: joints.{name}'
 
@@ -151,10 +286,6 @@ class _Reader:
             raise InputError(f"{where}.groove needs 'follower: roller'")
         if joint.groove and joint.groove.clearance and joint.groove.restitution is None:
             raise InputError(f"{where}: 'groove.restitution' is missing: the clearance needs it")
-        if joint.clearance:
-            raise InputError(
-                f"{where}.clearance has no meaning for a cam: write 'lift_off' or 'groove'"
-            )
 
     def _check_straight(self) -> None:
         """Keys that only cams that turn have."""
@@ -275,3 +406,27 @@ class _Reader:
             ways += ['a smaller roller'] if self.joint.roller else []
             ways += [f'a smaller lift than {lift:.4g} {_UNITS[not swings]}']
             raise InputError(f'{flaw}: take {" or ".join(ways)}')
+
+
+def _notes(machine: Machine, pair: CamPair) -> list[str]:
+    """Pressure angle, jumps, whether the cam may pull its follower."""
+    cam, name = pair.cam, pair.name
+    notes = []
+    if pair.name not in machine.clearances and not isinstance(pair, GroovePair):
+        notes.append(
+            f'{name}: always in contact, so that the cam pulls its follower where the force is '
+            "negative; with 'lift_off' it would part (the command lift-off says from which speed)"
+        )
+    pressure = math.degrees(cam.largest_pressure_angle)
+    limit = LARGEST_PRESSURE[pair.distance.swings]
+    note = f'{name}: pressure angle up to {pressure:.4g} deg'
+    notes.append(note + (f', more than the usual {limit:g} deg' if pressure > limit else ''))
+    unit = 'm' if pair.distance.slides else 'rad'
+    jumps = check_smoothness(cam.law, 2)
+    notes += [f'{name}: {jump} [per {unit}^2]: the force jumps' for jump in jumps]
+    return notes
+
+
+register(
+    JointKind('cam', CamKeys, _read, _play, firm="write 'lift_off' or 'groove'", notes=_notes)
+)

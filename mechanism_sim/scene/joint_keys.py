@@ -1,0 +1,84 @@
+"""What every kind of joint registers: its keys, how it is read, what can be said of it.
+
+A kind is a file in `mechanism_sim.scene.kinds`; whatever lists kinds or keys finds it there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from mechanism_sim.planar.mechanism import Joint
+from mechanism_sim.scene.contact_keys import Clearance, Play
+from mechanism_sim.scene.quantities import Part
+
+if TYPE_CHECKING:
+    from mechanism_sim.scene.machine import Machine
+    from mechanism_sim.scene.places import Places
+
+Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
+"""Two points, ``LINK.POINT``, or names of what a joint connects."""
+
+
+class JointKeys(Part):
+    """The keys of joints of every kind."""
+
+    clearance: Clearance | None = None
+    """Pin on the first-named link, loose in the second; without it the joint is ideal."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind: the key that says what the joint connects."""
+        return next(kind for kind in KINDS if getattr(self, kind, None) is not None)
+
+    @property
+    def points(self) -> list[str]:
+        """What it connects."""
+        points: list[str] = getattr(self, self.kind)
+        return points
+
+
+def _clearance(joint: JointKeys) -> Play | None:
+    return joint.clearance
+
+
+@dataclass(frozen=True)
+class JointKind:
+    """A kind of joints.
+
+    Attributes
+    ----------
+    name : the key whose value is what such a joint connects; a field of `keys`
+    keys : all that a joint of this kind may say
+    read : from a scene's names, the joint's name and its keys to the joint; raises InputError
+    play : how loose a joint is, if it is
+    firm : why it can have no ``clearance``; empty if it can
+    notes : what can be said of a joint of a machine without moving it
+    """
+
+    name: str
+    keys: type[JointKeys]
+    read: Callable[[Places, str, Any], Joint]
+    play: Callable[[Any], Play | None] = _clearance
+    firm: str = ''
+    notes: Callable[[Machine, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
+
+
+KINDS: dict[str, JointKind] = {}
+"""All kinds of joints by name."""
+
+
+def keys_of(joint: JointKeys) -> list[str]:
+    """The keys that have a meaning in a joint of this kind, what it connects first."""
+    kind = KINDS[joint.kind]
+    own = kind.keys.__annotations__
+    keys = dict.fromkeys([kind.name, *own, *kind.keys.model_fields])
+    return [key for key in keys if not (kind.firm and key == 'clearance')]
+
+
+def register(kind: JointKind) -> None:
+    """Make a kind of joints known."""
+    KINDS[kind.name] = kind

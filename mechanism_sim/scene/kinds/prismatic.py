@@ -1,0 +1,32 @@
+"""Prismatic joints: a guide along which a point slides."""
+
+from __future__ import annotations
+
+from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.quantities import Angle
+
+
+class AxisKeys(JointKeys):
+    """What slides."""
+
+    axis: Angle = 0.0
+    """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
+
+
+class PrismaticKeys(AxisKeys):
+    """A guide."""
+
+    prismatic: Reference | None = None
+    """A guide: the second point slides along `axis` through the first."""
+    angle: Angle = 0.0
+    """Of the second link in the first."""
+
+
+def _read(places: Places, name: str, joint: PrismaticKeys) -> Prismatic:
+    (a, on_a), (b, on_b) = places.ends(name, joint)
+    return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
+
+
+register(JointKind('prismatic', PrismaticKeys, _read, firm='guides have none here'))

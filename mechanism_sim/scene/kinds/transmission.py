@@ -1,0 +1,76 @@
+"""Two links whose angles keep a ratio."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Annotated, Any
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.gears.transmission import Transmission
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.scene.gear_keys import MOST_TEETH
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
+from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.quantities import Angle, Quantity
+
+
+def _fraction(value: Any) -> str:
+    """A ratio of whole numbers, such as ``1/2``."""
+    try:
+        ratio = Fraction(str(value).replace(' ', ''))
+    except (ValueError, ZeroDivisionError) as error:
+        raise ValueError("is not a ratio of whole numbers: write for example '1/2'") from error
+    if not ratio or ratio.denominator > MOST_TEETH or abs(ratio.numerator) > MOST_TEETH:
+        raise ValueError(
+            f"is not a ratio of whole numbers from 1 to {MOST_TEETH}: write for example '1/2'"
+        )
+    return str(ratio)
+
+
+Ratio = Annotated[str, Quantity(_fraction, ('',))]
+
+
+class PhaseKeys(JointKeys):
+    """What turns as the first link does."""
+
+    phase: Angle = 0.0
+    """Angle of the cam, or of the second link of a transmission, when the first is at 0."""
+
+
+class TransmissionKeys(PhaseKeys):
+    """A ratio of angles."""
+
+    transmission: Reference | None = None
+    """Two links whose angles keep a ratio: chain, bevel gears, a box."""
+    ratio: Ratio | None = None
+    """Of a transmission, required: speed of the second over the first, as -3/7."""
+    carrier: str | None = None
+    """Of a transmission: the link from which angles count; else the ground."""
+
+
+def _read(places: Places, name: str, joint: TransmissionKeys) -> Transmission:
+    """Two links with a ratio.
+
+    Raises
+    ------
+    InputError
+        If there is no ratio, or one of the links is the carrier.
+    """
+    where = f'{places.name}: joints.{name}'
+    if joint.ratio is None:
+        raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
+    own = f'joints.{name}'
+    (a, on_a), (b, on_b) = places.ends(name, joint)
+    carrier, _ = places.find(f'{own}.carrier', joint.carrier or GROUND)
+    if carrier in (a, b):
+        raise InputError(f'{where}: {carrier} carries the transmission: name two other links')
+    return Transmission(
+        name, a, b, on_a, on_b, Fraction(joint.ratio), joint.phase, carrier
+    )  # fmt: skip
+
+
+register(
+    JointKind(
+        'transmission', TransmissionKeys, _read, firm="the play of teeth is their 'backlash'"
+    )
+)

@@ -1,0 +1,104 @@
+"""The joints and bodies of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.scene.kinds import KINDS
+from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.schema import DrivePart, JointPart
+
+
+def read_joints(places: Places) -> tuple[Joint, ...]:
+    """All joints; every link must hang on the ground by them.
+
+    Raises
+    ------
+    InputError
+        If a point is not there, keys do not fit the kind, or a link hangs on nothing.
+    """
+    joints = tuple(_joint(places, name, j) for name, j in places.scene.joints.items())
+    _check_connected(places, joints)
+    return joints
+
+
+def _joint(places: Places, name: str, joint: JointPart) -> Joint:
+    where = f'joints.{name}'
+    if not name.isidentifier():
+        raise InputError(
+            f"{places.name}: {where}: the name '{name}' cannot be used; names are letters, "
+            'digits and _'
+        )
+    kind = KINDS[joint.kind]
+    for key in joint.model_fields_set - kind.keys.model_fields.keys():
+        if getattr(joint, key):
+            raise InputError(
+                f'{places.name}: {where}.{key} has no meaning in a {joint.kind} joint'
+            )
+    return kind.read(places, name, joint)
+
+
+def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
+    reached, grown = {GROUND}, True
+    while grown:
+        ends = [{j.first, j.second} for j in joints if {j.first, j.second} & reached]
+        grown = not set().union(*ends) <= reached
+        reached |= set().union(*ends)
+    apart = [link for link in places.links if link not in reached]
+    if apart:
+        raise InputError(
+            f'{places.name}: the link {apart[0]} is not connected to the ground by joints; '
+            "add a joint of it under 'joints'"
+        )
+
+
+def read_bodies(
+    places: Places, tree: Mechanism, drives: Mapping[str, DrivePart]
+) -> tuple[Body, ...]:
+    """The moving links with what they weigh, point masses and flywheels included.
+
+    Raises
+    ------
+    InputError
+        If a link that turns has a mass, but no inertia.
+    """
+    found = []
+    for name, mass in places.scene.masses.items():
+        if places.find(f'masses.{name}.at', mass.at)[0] == GROUND:
+            raise InputError(
+                f'{places.name}: masses.{name}.at: a mass on the ground moves nothing'
+            )
+    for link in places.links:
+        given = places.scene.links[link]
+        cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
+        turns = tree.frame(link)[0] != GROUND
+        if given.mass is not None and given.inertia is None and turns:
+            raise InputError(
+                f"{places.name}: 'links.{link}.inertia' is missing: the link has a mass and "
+                'turns; give its moment of inertia about the centre of gravity (0 for a point '
+                'mass)'
+            )
+        parts = [(given.mass or 0.0, given.inertia or 0.0, cog)]
+        for name, mass in places.scene.masses.items():
+            on, at = places.find(f'masses.{name}.at', mass.at)
+            if on == link:
+                parts.append((mass.mass, 0.0, at))
+        body = _together(link, parts)
+        if link in drives:
+            body = Body(link, body.mass, body.inertia + drives[link].flywheel, body.cog)
+        found.append(body)
+    return tuple(found)
+
+
+def _together(link: str, parts: Iterable[tuple[float, float, Vector2]]) -> Body:
+    """One rigid body of several masses, by the parallel axis theorem."""
+    parts = list(parts)
+    mass = sum(m for m, _, _ in parts)
+    if len(parts) == 1 or not mass:
+        m, inertia, cog = parts[0]
+        return Body(link, m, inertia, cog)
+    x, y = (sum(m * at[k] for m, _, at in parts) / mass for k in (0, 1))
+    inertia = sum(i + m * ((at[0] - x) ** 2 + (at[1] - y) ** 2) for m, i, at in parts)
+    return Body(link, mass, inertia, (x, y))
