@@ -16,16 +16,17 @@ from running import environment, run, run_json, start
 import mechanism_sim as ms
 from mechanism_sim import cli
 from mechanism_sim.analysis import analyze, render
+from mechanism_sim.cams.reading import CamMode
 from mechanism_sim.errors import InputError
+from mechanism_sim.gears.reading import MeshMode
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages import float64_array
 from mechanism_sim.messages.definitions import field_descriptions
 from mechanism_sim.messages.segments import motion_of, pack
 from mechanism_sim.nodes.parts import KINDS, integrator_of, kinds_of
 from mechanism_sim.nodes.run import NODES, Plan
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.recording import read_bag
-from mechanism_sim.sensing.cam import CamMode
-from mechanism_sim.sensing.gears import MeshMode
 from mechanism_sim.sensing.joint_view import JointView
 
 MIXED = """
@@ -148,12 +149,20 @@ def test_names_of_nodes_agree_everywhere():
         assert callable(module.main)
 
 
+def pairs_of(base):
+    """All kinds of higher pairs."""
+    return [x for pair in base.__subclasses__() for x in (pair, *pairs_of(pair))]
+
+
 @pytest.mark.parametrize('name', KINDS)
 def test_every_reading_has_the_fields_of_its_message(name):
     kind = KINDS[name]
     wanted = [field for field, _ in field_descriptions(kind.message.__msgtype__)]
-    for reader in kind.readers.values():
-        assert ['header', 'time', 'joint', *get_type_hints(reader)['return']._fields] == wanted
+    found = [pair for pair in pairs_of(HigherPair) if pair.node == name]
+    assert found
+    for pair in found:
+        fields = get_type_hints(pair.reading)['return']._fields
+        assert ['header', 'time', 'joint', *fields] == wanted
 
 
 def test_a_node_without_its_part_says_what_the_scene_needs():
@@ -172,7 +181,7 @@ def readings(scene, overrides=(), duration=None, count=499):
     o = machine.physics.observe(solution.motion, k, dt)
     for joint in kind.joints(machine):
         view = JointView(machine.mechanism, joint, machine.physics, o, solution.motion.modes[k].T)
-        yield machine, view, kind.readers[type(joint)](joint, view)
+        yield machine, view, joint.reading(view)
 
 
 def reading(*args, **options):

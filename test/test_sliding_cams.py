@@ -9,13 +9,13 @@ from event_solution import Machine, Wall, apart, solve
 
 import mechanism_sim as ms
 from mechanism_sim.cams.pair import CamPair
+from mechanism_sim.cams.reading import read_cam
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.mechanism import rotate
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.sensing.cam import read_cam
 from mechanism_sim.sensing.joint_view import JointView
 
 KINDS = ('knife', 'roller', 'swinging roller', 'swinging face')

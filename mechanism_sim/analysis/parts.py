@@ -20,7 +20,7 @@ from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.nodes.parts import Kind, kinds_of
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.planar.mechanism import Joint
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -153,7 +153,7 @@ class PartRanges:
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
-        self._parts: list[tuple[Kind, Joint]] = [
+        self._parts: list[tuple[Kind, HigherPair]] = [
             (kind, joint) for kind in kinds_of(machine).values() for joint in kind.joints(machine)
         ]
         self._columns = [
@@ -178,7 +178,7 @@ class PartRanges:
         rows = []
         for kind, joint in self._parts:
             view = JointView(machine.mechanism, joint, machine.physics, seen, modes)
-            reading = kind.readers[type(joint)](joint, view)
+            reading = joint.reading(view)
             rows += [getattr(reading, field) for field in PARTS[kind.topic].fields]
         return np.array(rows, np.float64)
 

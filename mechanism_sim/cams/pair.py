@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from mechanism_sim.cams.distance import Distance, constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
 from mechanism_sim.cams.profiles import Cam
+from mechanism_sim.cams.reading import CamReading, read_cam
+from mechanism_sim.cams.shapes import cam_outlines, follower_outline
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import turned
@@ -29,12 +31,14 @@ from mechanism_sim.planar.mechanism import (
     GROUND,
     Equation,
     HigherPair,
+    LinkPoint,
     Mechanism,
     Pose,
     Side,
     Vector2,
     rotate,
 )
+from mechanism_sim.planar.view import Charted, Draft, View
 
 Array = NDArray[np.float64]
 
@@ -64,6 +68,41 @@ class CamPair(HigherPair):
 
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     parts: ClassVar[str] = 'follower on its cam'
+    grooved: ClassVar[bool] = False
+    node: ClassVar[str] = 'cam'
+
+    def reading(self, view: View) -> CamReading:
+        """Cam, follower, gap and contact force."""
+        return read_cam(self, view)
+
+    def charts(self, *, slides: bool) -> Sequence[Charted]:
+        """Lift, contact force and torque."""
+        lift = {'lift': 'law of the cam', 'follower_position': 'follower'}
+        return (
+            Charted('lift', lift, 'lift', 'rad' if self.distance.swings else 'm'),
+            Charted('contact force', {'contact_force': 'contact force'}, 'force', 'N', force=True),
+            Charted(
+                'torque on the cam', {'cam_torque': 'torque on the cam'}, 'torque', 'N m',
+                force=True,
+            ),
+        )  # fmt: skip
+
+    def draw(self, draft: Draft) -> None:
+        """A cam, and what touches it of its follower."""
+        outline = follower_outline(self, draft.turned(self.second), draft.symbol)
+        for edge in (*cam_outlines(self), outline):
+            draft.add('cam', edge)
+        draft.reach((self.second, self.on_second))
+
+    def covered(self) -> Sequence[LinkPoint]:
+        """Of its edges."""
+        return [place for edge in cam_outlines(self) for place in edge[::15]]
+
+    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
+        """The base circle, and the roller."""
+        found = [((self.first, self.on_first), self.cam.base_radius)]
+        roller = getattr(self.cam.follower, 'roller', 0.0)
+        return [*found, ((self.second, self.on_second), roller)] if roller > 0.0 else found
 
     @cached_property
     def distance(self) -> Distance:
@@ -133,6 +172,7 @@ class GroovePair(CamPair):
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
     parts: ClassVar[str] = 'roller between the walls of a groove'
+    grooved: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)

@@ -1,41 +1,31 @@
-"""A mechanism as textbooks draw it: what there is to draw, as points of links.
-
-This is the one place of the drawing that knows the kinds of joints.
-"""
+"""A mechanism as textbooks draw it: what there is to draw, as points of links."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.cycles.points import Place, Poses
-from mechanism_sim.export.cam_shapes import cam_outlines, follower_outline
-from mechanism_sim.gears.involute import rack_teeth
-from mechanism_sim.gears.mesh import GearMesh, Teeth
 from mechanism_sim.linkages.forces import Spring
-from mechanism_sim.linkages.indexing import Geneva, SlottedRack
-from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import (
     GROUND,
+    HigherPair,
     Mechanism,
     Prismatic,
     Revolute,
     Vector2,
     rotate,
 )
+from mechanism_sim.planar.view import Kind
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
-Kind = Literal['rail', 'support', 'spring', 'wheel', 'cam', 'link', 'slot', 'slider', 'pin']
-"""In the order in which they are painted."""
-
 _BOX = 1.7, 1.1
 """Half length and half width of a slider, in units of the drawing's symbols."""
 
@@ -49,11 +39,13 @@ class Shape:
     kind : how it is painted
     outline : its points on links
     label : of the link or joint; none if empty
+    size : of wheels, of which the largest are painted first
     """
 
     kind: Kind
     outline: tuple[Place, ...]
     label: str = ''
+    size: float = 0.0
 
     @property
     def link(self) -> str:
@@ -90,55 +82,44 @@ class Skeleton:
         self._poses = Poses(mechanism, q)
         joints = mechanism.joints
         places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
-        springs, cams = list(springs), [j for j in joints if isinstance(j, CamPair)]
+        springs, pairs = list(springs), [j for j in joints if isinstance(j, HigherPair)]
         places += [end for ends in springs for end in ends]
-        places += [place for joint in cams for line in cam_outlines(joint) for place in line[::15]]
+        places += [place for pair in pairs for place in pair.covered()]
         covered = np.ptp([self._poses.at(place) for place in places], axis=(0, 2))
         self.size = max(float(covered.max()), mechanism.longest) or 1.0
         self.symbol = self.size / 60.0
         self._corners: dict[str, list[Vector2]] = {b.name: [] for b in mechanism.bodies}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
-        self._geared: set[str] = set()
+        self._drawn: set[str] = set()
         self._hands = 0
-        self._gears: list[tuple[float, tuple[Place, ...]]] = []
         self.shapes: list[Shape] = []
         for joint in joints:
             if isinstance(joint, Revolute):
                 self._revolute(joint)
             elif isinstance(joint, Prismatic):
                 self._prismatic(joint)
-            elif isinstance(joint, PinInSlot | Geneva | SlottedRack):
-                self._pin(joint)
-            elif isinstance(joint, GearMesh):
-                self._mesh(joint)
-            elif isinstance(joint, CamPair):
-                self._cam(joint)
-        largest_first = sorted(self._gears, key=lambda gear: -gear[0])
-        self.shapes += [Shape('wheel', places) for _, places in largest_first]
+            else:
+                joint.draw(self)
         for ends in springs:
             self.shapes.append(Shape('spring', ends))
             self.shapes += [Shape('support', (end,)) for end in ends if end[0] == GROUND]
             marks = [*marks, *ends]
-        for link, at in marks:
-            self._reach(link, at)
+        for mark in marks:
+            self.reach(mark)
         self.shapes += [self._link(body.name) for body in mechanism.bodies]
         order = get_args(Kind)
-        self.shapes.sort(key=lambda shape: order.index(shape.kind))
+        self.shapes.sort(key=lambda shape: (order.index(shape.kind), -shape.size))
 
     def placed(self, q: Array) -> list[Array]:
         """The outlines (k, 2, N) of all shapes in the world [m] at coordinates q (n, N)."""
         poses = Poses(self.mechanism, q)
         return [np.array([poses.at(place) for place in s.outline]) for s in self.shapes]
 
-    def _reach(self, link: str, at: Vector2) -> None:
-        if link != GROUND:
-            self._corners[link].append(at)
-
     def _revolute(self, joint: Revolute) -> None:
         sides = [(joint.first, joint.on_first), (joint.second, joint.on_second)]
         for side in sides:
-            self._reach(*side)
+            self.reach(side)
         ground = [side for side in sides if side[0] == GROUND]
         self.shapes += [Shape('support', (side,)) for side in ground]
         self.shapes.append(Shape('pin', ((ground or sides)[0],), joint.name))
@@ -146,78 +127,56 @@ class Skeleton:
     def _prismatic(self, joint: Prismatic) -> None:
         """A box on `second`, on a rail of `first`."""
         runner = self._poses.within(joint.first, (joint.second, joint.on_second))
-        self._rail('rail', joint.first, joint.on_first, joint.axis, runner)
+        self.rail('rail', (joint.first, joint.on_first), joint.axis, runner)
         length, width = (self.symbol * x for x in _BOX)
         corners = ((-length, -width), (length, -width), (length, width), (-length, width))
         turn = joint.axis - joint.angle
         box = [(joint.second, _plus(joint.on_second, rotate(c, turn))) for c in corners]
         self.shapes.append(Shape('slider', tuple(box), joint.name))
         self._bodied.add(joint.second)
-        self._reach(joint.second, joint.on_second)
+        self.reach((joint.second, joint.on_second))
 
-    def _pin(self, joint: PinInSlot | Geneva | SlottedRack) -> None:
-        """A pin of `first`, and the slots of `second`."""
-        pin = joint.first, joint.on_first
-        self.shapes.append(Shape('pin', (pin,), joint.name))
-        self._reach(*pin)
-        way = self._poses.within(joint.second, pin)
-        if isinstance(joint, PinInSlot):
-            self._rail('slot', joint.second, joint.on_second, joint.axis, way)
-        elif isinstance(joint, Geneva):
-            self._wheel(joint, way)
-        else:
-            self._rack(joint, way)
+    def at(self, place: Place) -> Array:
+        """A point of a link in the world (2, N) [m]."""
+        return self._poses.at(place)
 
-    def _cam(self, joint: CamPair) -> None:
-        """A cam, and what touches it of its follower."""
-        ux, uy = self._poses.along[joint.second][:, 0]
-        turned = float(np.arctan2(uy, ux))
-        outlines = [*cam_outlines(joint), follower_outline(joint, turned, self.symbol)]
-        self.shapes += [Shape('cam', outline) for outline in outlines]
-        self._bodied |= {joint.first, joint.second}
-        self._reach(joint.second, joint.on_second)
+    def within(self, link: str, place: Place) -> Array:
+        """A point of any link in the frame of this one (2, N) [m]."""
+        return self._poses.within(link, place)
 
-    def _mesh(self, joint: GearMesh) -> None:
-        """The gears of a mesh, each drawn once."""
-        sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
-        for teeth, (link, at) in zip(joint.wheels, sides, strict=True):
-            if teeth.name in self._geared:
-                continue
-            self._geared.add(teeth.name)
-            if teeth.rack:
-                outline = self._straight_teeth(joint, teeth)
-            else:
-                outline = teeth.gear.outline(6, teeth.tooth)
-                if teeth.gear.internal:  # a ring around its teeth, cut open where they end
-                    rim = teeth.gear.root_radius + 2.0 * teeth.gear.module
-                    turn = np.linspace(0.0, 2.0 * math.pi, 181) + np.arctan2(*outline[0, ::-1])
-                    circle = rim * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-                    outline = np.concatenate([outline, outline[:1], circle[::-1]])
-                outline = outline + at
-            places = tuple((link, (float(x), float(y))) for x, y in outline)
-            self._gears.append((0.0 if teeth.rack else teeth.gear.tip_radius, places))
-            if link != GROUND:
-                self._bodied.add(link)
+    def turned(self, link: str) -> float:
+        """Angle of a link in the world at the first instant [rad]."""
+        ux, uy = self._poses.along[link][:, 0]
+        return float(np.arctan2(uy, ux))
 
-    def _straight_teeth(self, joint: GearMesh, teeth: Teeth) -> Array:
-        """Of a rack, as many as the motion needs, with its back (k, 2) in its link's frame."""
-        guide, gear = joint.guide, teeth.gear
-        assert guide is not None  # noqa: S101 - on which it slides
-        towards = joint.towards + math.pi - guide.angle
-        out, along = (np.array(rotate((1.0, 0.0), towards + a)) for a in (0.0, 0.5 * math.pi))
-        way = rotate((1.0, 0.0), guide.axis - guide.angle)
-        first = teeth.tooth * float(along @ way)
-        runner = self._poses.within(joint.second, (joint.first, joint.on_first))
-        pitch = gear.circular_pitch
-        visited = (along @ (runner - np.array(joint.on_second)[:, None]) - first) / pitch
-        low, high = math.floor(visited.min()) - 3, math.ceil(visited.max()) + 3
-        x, y = rack_teeth(high - low + 1, gear.module, gear.system).T
-        back = -(gear.system.dedendum + 2.0) * gear.module
-        x, y = np.append(x, [back, back]), np.append(y, [y[-1], y[0]]) + first + low * pitch
-        return np.array(joint.on_second) + np.outer(x, out) + np.outer(y, along)
+    def first(self, name: str) -> bool:
+        """Whether nothing of that name has been drawn yet."""
+        known = name in self._drawn
+        self._drawn.add(name)
+        return not known
 
-    def _rail(self, kind: Kind, link: str, base: Vector2, axis: float, runner: Array) -> None:
-        """A line of a link, as long as what runs (2, N) on it needs."""
+    def add(
+        self, kind: Kind, outline: Sequence[Place], label: str = '', size: float = 0.0
+    ) -> None:
+        """A shape, which gives its links bodies; of wheels the largest are painted first."""
+        self.shapes.append(Shape(kind, tuple(outline), label, size))
+        if kind in ('wheel', 'cam'):
+            self._bodied |= {link for link, _ in outline}
+
+    def pin(self, place: Place, label: str) -> None:
+        """A pin, to which its link reaches."""
+        self.shapes.append(Shape('pin', (place,), label))
+        self.reach(place)
+
+    def reach(self, place: Place) -> None:
+        """Its link reaches to a point."""
+        link, at = place
+        if link != GROUND:
+            self._corners[link].append(at)
+
+    def rail(self, kind: Kind, place: Place, axis: float, runner: Array) -> None:
+        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""
+        link, base = place
         way = rotate((1.0, 0.0), axis)
         along = way @ (runner - np.array(base)[:, None])
         spare = 2.5 * self.symbol
@@ -226,56 +185,6 @@ class Skeleton:
         self.shapes.append(Shape(kind, ((link, start), (link, end))))
         if link != GROUND:
             self._rails.append((link, start, end))
-
-    def _wheel(self, joint: Geneva, pin: Array) -> None:
-        """A Geneva wheel: slots towards its centre, and hollows for the crank's arc between."""
-        link, (x, y) = joint.second, joint.on_second
-        away = pin - np.array([[x], [y]])
-        reach, n = np.hypot(*away), joint.slots
-        inside = reach < joint.entry * (1.0 + 1e-9)
-        turn = float(np.angle(np.exp(1j * n * np.arctan2(*away[::-1]))[inside].sum())) / n
-        self._bodied.add(link)
-
-        def at(r: float, angle: float) -> Place:
-            return link, (x + r * math.cos(angle), y + r * math.sin(angle))
-
-        d, mouth = joint.distance, joint.entry
-        crank = math.sqrt(d * d - mouth * mouth)
-        hollow = 0.5 * (crank + d - mouth)
-        rim = []
-        for angle in np.linspace(0.0, 2.0 * math.pi, 24 * n, endpoint=False):
-            aside = (angle + math.pi / n) % (2.0 * math.pi / n) - math.pi / n
-            across = d * math.sin(aside)
-            r = mouth
-            if abs(across) < hollow:
-                r = min(r, d * math.cos(aside) - math.sqrt(hollow**2 - across**2))
-            rim.append(at(r, turn + math.pi / n + angle))
-        self.shapes.append(Shape('wheel', tuple(rim)))
-        deepest = float(reach.min()) - self.symbol
-        for k in range(n):
-            direction = turn + 2.0 * math.pi * k / n
-            self.shapes.append(Shape('slot', (at(deepest, direction), at(mouth, direction))))
-
-    def _rack(self, joint: SlottedRack, pin: Array) -> None:
-        """The slots that the pin visits, and their neighbours."""
-        link, base = joint.second, np.array(joint.on_second)
-        ux, uy = self._poses.along[link][:, 0]  # a rack does not turn
-        axis = joint.axis - math.atan2(uy, ux)
-        along, across = (np.array(rotate((1.0, 0.0), axis + a)) for a in (0.0, 0.5 * math.pi))
-        place = (joint.first, joint.on_first)
-        from_centre = self._poses.at(place) - np.array(joint.centre)[:, None]
-        driven = rotate((1.0, 0.0), joint.axis + 0.5 * math.pi) @ from_centre <= 0.0
-        away = (pin - base[:, None])[:, driven]
-        slots = np.round(along @ away / joint.pitch).astype(int) if driven.any() else np.zeros(1)
-        ends = across @ away if driven.any() else np.zeros(1)
-        spare = 1.5 * self.symbol
-        low, high = float(ends.min()) - spare, float(ends.max()) + spare
-        for k in range(int(slots.min()) - 1, int(slots.max()) + 2):
-            foot = base + k * joint.pitch * along
-            line = [foot + s * across for s in (low, high)]
-            ends_of_slot = tuple((link, (float(p[0]), float(p[1]))) for p in line)
-            self.shapes.append(Shape('slot', ends_of_slot))
-            self._reach(*ends_of_slot[0])
 
     def _link(self, link: str) -> Shape:
         """A link through its joints, meeting its rails where they are nearest."""

@@ -11,11 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.linkages.indexing import Geneva
-from mechanism_sim.planar.mechanism import GROUND, Joint, Prismatic, Revolute, Vector2, rotate
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Prismatic, Revolute, rotate
 from mechanism_sim.scene.machine import Machine
 
 Array = NDArray[np.float64]
@@ -120,27 +118,15 @@ def _guide(
 
 
 def _discs(joint: Joint, layers: dict[str, float], thick: float) -> Iterator[Solid]:
-    """Of gears, a cam or a Geneva wheel."""
-
-    def disc(link: str, at: Vector2, radius: float) -> Solid:
-        return Solid(link, 'cylinder', (radius, 0.5 * thick), (*at, layers[link]))
-
-    if isinstance(joint, Geneva):
-        yield disc(joint.second, joint.on_second, joint.entry)
-    elif isinstance(joint, CamPair):
-        yield disc(joint.first, joint.on_first, joint.cam.base_radius)
-        roller = getattr(joint.cam.follower, 'roller', 0.0)
-        if roller > 0.0:
-            yield disc(joint.second, joint.on_second, roller)
-    elif isinstance(joint, GearMesh):
-        sides = (joint.first, joint.on_first), (joint.second, joint.on_second)
-        for teeth, (link, at) in zip(joint.wheels, sides, strict=True):
-            if not teeth.rack:
-                yield disc(link, at, teeth.gear.pitch_radius)
-                continue
-            assert joint.guide is not None  # noqa: S101 - on which a rack slides
-            long = 2.0 * math.pi * joint.reach
-            back = rotate((0.5 * thick, 0.0), joint.towards - joint.guide.angle)
-            place = (at[0] + back[0], at[1] + back[1], layers[link])
-            turn = joint.guide.axis - joint.guide.angle
-            yield Solid(link, 'box', (long, thick, 0.5 * thick), place, turn)
+    """Discs of a higher pair, and a rack."""
+    if not isinstance(joint, HigherPair):
+        return
+    for (link, at), radius in joint.discs():
+        yield Solid(link, 'cylinder', (radius, 0.5 * thick), (*at, layers[link]))
+    if isinstance(joint, GearMesh) and joint.guide is not None:  # on which a rack slides
+        link, at = joint.second, joint.on_second
+        long = 2.0 * math.pi * joint.reach
+        back = rotate((0.5 * thick, 0.0), joint.towards - joint.guide.angle)
+        place = (at[0] + back[0], at[1] + back[1], layers[link])
+        turn = joint.guide.axis - joint.guide.angle
+        yield Solid(link, 'box', (long, thick, 0.5 * thick), place, turn)

@@ -23,7 +23,8 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.gears.compliance import Elasticity, MeshSpring
-from mechanism_sim.gears.involute import Gear
+from mechanism_sim.gears.involute import Gear, rack_teeth
+from mechanism_sim.gears.reading import GearReading, read_mesh
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
@@ -33,11 +34,14 @@ from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import (
     Equation,
     HigherPair,
+    LinkPoint,
     Mechanism,
     Pose,
     Prismatic,
+    rotate,
 )
 from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.planar.view import Array, Charted, Draft, View
 
 
 class Teeth(NamedTuple):
@@ -72,6 +76,7 @@ class GearMesh(HigherPair):
     """
 
     parts: ClassVar[str] = 'teeth with backlash'
+    node: ClassVar[str] = 'gear_train'
 
     carrier: str
     waves: tuple[float, float]  #: N of each, negative for internal teeth; of a rack [1/m]
@@ -106,6 +111,60 @@ class GearMesh(HigherPair):
         if self.elasticity is None:
             return []
         return [MeshSpring(self.closure(mechanism), self.elasticity, self.play)]
+
+    def reading(self, view: View) -> GearReading:
+        """Motion, transmission error and forces."""
+        return read_mesh(self, view)
+
+    def charts(self, *, slides: bool) -> Sequence[Charted]:
+        """Transmission error and tooth force."""
+        force = {'tooth_force': 'tooth force'}
+        return (
+            Charted('transmission error', {'transmission_error': 'error'}, 'error', 'm'),
+            Charted('tooth force', force, 'force', 'N', force=True),
+        )
+
+    def draw(self, draft: Draft) -> None:
+        """The gears of a mesh, each drawn once."""
+        sides = (self.first, self.on_first), (self.second, self.on_second)
+        for teeth, (link, at) in zip(self.wheels, sides, strict=True):
+            if not draft.first(teeth.name):
+                continue
+            if teeth.rack:
+                outline = self._straight_teeth(draft, teeth)
+            else:
+                outline = teeth.gear.outline(6, teeth.tooth)
+                if teeth.gear.internal:  # a ring around its teeth, cut open where they end
+                    rim = teeth.gear.root_radius + 2.0 * teeth.gear.module
+                    turn = np.linspace(0.0, 2.0 * math.pi, 181) + np.arctan2(*outline[0, ::-1])
+                    circle = rim * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+                    outline = np.concatenate([outline, outline[:1], circle[::-1]])
+                outline = outline + at
+            places = [(link, (float(x), float(y))) for x, y in outline]
+            draft.add('wheel', places, size=0.0 if teeth.rack else teeth.gear.tip_radius)
+
+    def _straight_teeth(self, draft: Draft, teeth: Teeth) -> Array:
+        """Of a rack, as many as the motion needs, with its back (k, 2) in its link's frame."""
+        guide, gear = self.guide, teeth.gear
+        assert guide is not None  # noqa: S101 - on which it slides
+        towards = self.towards + math.pi - guide.angle
+        out, along = (np.array(rotate((1.0, 0.0), towards + a)) for a in (0.0, 0.5 * math.pi))
+        way = rotate((1.0, 0.0), guide.axis - guide.angle)
+        first = teeth.tooth * float(along @ way)
+        runner = draft.within(self.second, (self.first, self.on_first))
+        pitch = gear.circular_pitch
+        visited = (along @ (runner - np.array(self.on_second)[:, None]) - first) / pitch
+        low, high = math.floor(visited.min()) - 3, math.ceil(visited.max()) + 3
+        x, y = rack_teeth(high - low + 1, gear.module, gear.system).T
+        back = -(gear.system.dedendum + 2.0) * gear.module
+        x, y = np.append(x, [back, back]), np.append(y, [y[-1], y[0]]) + first + low * pitch
+        return np.array(self.on_second) + np.outer(x, out) + np.outer(y, along)
+
+    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
+        """Gears by their pitch circles; no racks."""
+        sides = (self.first, self.on_first), (self.second, self.on_second)
+        wheels = zip(self.wheels, sides, strict=True)
+        return [(side, teeth.gear.pitch_radius) for teeth, side in wheels if not teeth.rack]
 
     @property
     def ends(self) -> tuple[str, str]:

@@ -11,12 +11,14 @@ from typing import ClassVar
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.gears.reading import GearReading, read_ratio
 from mechanism_sim.numerics.symbolic import Term, dense, mul
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import GROUND, Equation, HigherPair, Mechanism, Pose, Side
+from mechanism_sim.planar.view import Charted, View
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Transmission(HigherPair):
     """
 
     sides: ClassVar[tuple[Side, ...]] = ()
+    node: ClassVar[str] = 'gear_train'
 
     ratio: Fraction = Fraction(1)
     phase: float = 0.0  #: [rad]
@@ -35,6 +38,15 @@ class Transmission(HigherPair):
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
         """Without play."""
         return TransmissionClosure(self, mechanism)
+
+    def reading(self, view: View) -> GearReading:
+        """Motion and torques."""
+        return read_ratio(self, float(self.ratio), view)
+
+    def charts(self, *, slides: bool) -> Sequence[Charted]:
+        """Torques."""
+        torques = {'first_torque': self.first, 'second_torque': self.second}
+        return (Charted('torques', torques, 'torque', 'N m', force=True),)
 
     @property
     def waves(self) -> tuple[int, int]:

@@ -11,10 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.linkages.indexing_reading import (
+    GenevaReading,
+    driven_charts,
+    read_rack,
+    read_wheel,
+)
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.configuration import off_line, turned
@@ -25,10 +32,13 @@ from mechanism_sim.planar.mechanism import (
     GROUND,
     Equation,
     HigherPair,
+    LinkPoint,
     Mechanism,
     Pose,
     Vector2,
+    rotate,
 )
+from mechanism_sim.planar.view import Charted, Draft, View
 
 Pair = tuple[Jet, Jet]
 
@@ -45,6 +55,50 @@ class Geneva(HigherPair):
     towards: float  #: [rad] direction from the wheel's centre to the crank's, in the world
     distance: float  #: [m] of the two centres
     entry: float  #: [m] from the wheel's centre to the mouth of a slot
+
+    node: ClassVar[str] = 'geneva'
+
+    def reading(self, view: View) -> GenevaReading:
+        """Whether the pin drives, both motions and forces."""
+        return read_wheel(self, view)
+
+    def charts(self, *, slides: bool) -> Sequence[Charted]:
+        """Motion of what is driven, and what drives it."""
+        return driven_charts(slides=slides)
+
+    def draw(self, draft: Draft) -> None:
+        """A pin, and a wheel: slots towards its centre, between them hollows for the crank."""
+        draft.pin((self.first, self.on_first), self.name)
+        pin = draft.within(self.second, (self.first, self.on_first))
+        link, (x, y) = self.second, self.on_second
+        away = pin - np.array([[x], [y]])
+        reach, n = np.hypot(*away), self.slots
+        inside = reach < self.entry * (1.0 + 1e-9)
+        turn = float(np.angle(np.exp(1j * n * np.arctan2(*away[::-1]))[inside].sum())) / n
+
+        def at(r: float, angle: float) -> LinkPoint:
+            return link, (x + r * math.cos(angle), y + r * math.sin(angle))
+
+        d, mouth = self.distance, self.entry
+        crank = math.sqrt(d * d - mouth * mouth)
+        hollow = 0.5 * (crank + d - mouth)
+        rim = []
+        for angle in np.linspace(0.0, 2.0 * math.pi, 24 * n, endpoint=False):
+            aside = (angle + math.pi / n) % (2.0 * math.pi / n) - math.pi / n
+            across = d * math.sin(aside)
+            r = mouth
+            if abs(across) < hollow:
+                r = min(r, d * math.cos(aside) - math.sqrt(hollow**2 - across**2))
+            rim.append(at(r, turn + math.pi / n + angle))
+        draft.add('wheel', rim)
+        deepest = float(reach.min()) - draft.symbol
+        for k in range(n):
+            direction = turn + 2.0 * math.pi * k / n
+            draft.add('slot', (at(deepest, direction), at(mouth, direction)))
+
+    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
+        """The wheel, as far as its slots reach."""
+        return [((self.second, self.on_second), self.entry)]
 
     def closure(self, mechanism: Mechanism) -> GenevaClosure:
         """Without play."""
@@ -74,6 +128,38 @@ class SlottedRack(HigherPair):
     pitch: float  #: [m] of the slots: twice the radius of the pin's circle
     axis: float  #: [rad] direction of the rack in the world
     centre: Vector2  #: [m] of the crank, in the world
+
+    node: ClassVar[str] = 'geneva'
+
+    def reading(self, view: View) -> GenevaReading:
+        """Whether the pin drives, both motions and forces."""
+        return read_rack(self, view)
+
+    def charts(self, *, slides: bool) -> Sequence[Charted]:
+        """Motion of what is driven, and what drives it."""
+        return driven_charts(slides=slides)
+
+    def draw(self, draft: Draft) -> None:
+        """A pin, and the slots that it visits, and their neighbours."""
+        place = (self.first, self.on_first)
+        draft.pin(place, self.name)
+        link, base = self.second, np.array(self.on_second)
+        axis = self.axis - draft.turned(link)  # a rack does not turn
+        pin = draft.within(link, place)
+        along, across = (np.array(rotate((1.0, 0.0), axis + a)) for a in (0.0, 0.5 * math.pi))
+        from_centre = draft.at(place) - np.array(self.centre)[:, None]
+        driven = rotate((1.0, 0.0), self.axis + 0.5 * math.pi) @ from_centre <= 0.0
+        away = (pin - base[:, None])[:, driven]
+        slots = np.round(along @ away / self.pitch).astype(int) if driven.any() else np.zeros(1)
+        ends = across @ away if driven.any() else np.zeros(1)
+        spare = 1.5 * draft.symbol
+        low, high = float(ends.min()) - spare, float(ends.max()) + spare
+        for k in range(int(slots.min()) - 1, int(slots.max()) + 2):
+            foot = base + k * self.pitch * along
+            line = [foot + s * across for s in (low, high)]
+            ends_of_slot = tuple((link, (float(p[0]), float(p[1]))) for p in line)
+            draft.add('slot', ends_of_slot)
+            draft.reach(ends_of_slot[0])
 
     def closure(self, mechanism: Mechanism) -> RackClosure:
         """Without play."""

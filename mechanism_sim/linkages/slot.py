@@ -13,6 +13,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import Equation, HigherPair, Mechanism, Pose
+from mechanism_sim.planar.view import Draft
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,13 @@ class PinInSlot(HigherPair):
     """
 
     axis: float = 0.0  #: [rad] direction of the slot in the frame of `second`
+
+    def draw(self, draft: Draft) -> None:
+        """A pin of `first`, and the slot of `second`."""
+        pin = self.first, self.on_first
+        draft.pin(pin, self.name)
+        way = draft.within(self.second, pin)
+        draft.rail('slot', (self.second, self.on_second), self.axis, way)
 
     def closure(self, mechanism: Mechanism) -> SlotClosure:
         """The pin stays on the centre line."""

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.export.ideal import WORLD
-from mechanism_sim.export.skeleton import Kind, Shape, Skeleton
+from mechanism_sim.export.skeleton import Shape, Skeleton
 from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point
 from mechanism_sim.planar.mechanism import GROUND, Revolute, Vector2
+from mechanism_sim.planar.view import Kind
 
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]

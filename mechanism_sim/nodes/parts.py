@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.hybrid.tape import Motion
-from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.messages import CamState, GearState, GenevaState, stamp
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.planar.mechanism import Joint
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.scene import Machine
-from mechanism_sim.sensing.cam import read_cam
-from mechanism_sim.sensing.gears import read_mesh, read_transmission
-from mechanism_sim.sensing.geneva import read_rack, read_wheel
 from mechanism_sim.sensing.joint_view import JointView
 
 
@@ -35,16 +27,15 @@ class Kind:
     ----------
     topic : of its states
     message : their class; its fields are those of a reading, after header, time and joint
-    readers : by class of joint, what reads a joint of that class from a view of it
     """
 
     topic: str
     message: Any
-    readers: Mapping[type, Callable[[Any, JointView], Any]]
 
-    def joints(self, machine: Machine) -> list[Joint]:
-        """The joints of this kind."""
-        return [j for j in machine.mechanism.joints if type(j) in self.readers]
+    def joints(self, machine: Machine) -> list[HigherPair]:
+        """The joints whose readings are of this kind."""
+        pairs = (j for j in machine.mechanism.joints if isinstance(j, HigherPair))
+        return [pair for pair in pairs if pair.node and KINDS[pair.node] is self]
 
     def states(
         self, machine: Machine, motion: Motion, t: NDArray[np.float64]
@@ -55,7 +46,7 @@ class Kind:
         columns = {}
         for joint in self.joints(machine):
             view = JointView(machine.mechanism, joint, machine.physics, observed, modes)
-            columns[joint.name] = self.readers[type(joint)](joint, view)._asdict()
+            columns[joint.name] = joint.reading(view)._asdict()
         return [
             (time, name, {field: column[i].item() for field, column in fields.items()})
             for i, time in enumerate(t.tolist())
@@ -65,11 +56,9 @@ class Kind:
 
 #: by the name of the node
 KINDS = {
-    'cam': Kind('cam_state', CamState, {CamPair: read_cam, GroovePair: read_cam}),
-    'gear_train': Kind(
-        'gear_state', GearState, {GearMesh: read_mesh, Transmission: read_transmission}
-    ),
-    'geneva': Kind('geneva_state', GenevaState, {Geneva: read_wheel, SlottedRack: read_rack}),
+    'cam': Kind('cam_state', CamState),
+    'gear_train': Kind('gear_state', GearState),
+    'geneva': Kind('geneva_state', GenevaState),
 }
 
 

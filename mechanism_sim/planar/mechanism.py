@@ -7,13 +7,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
+    from mechanism_sim.planar.view import Charted, Draft, View
 
 GROUND = 'ground'
 
@@ -59,6 +60,8 @@ class Prismatic:
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
 
+LinkPoint: TypeAlias = tuple[str, Vector2]
+"""A link, and a point in its frame [m]."""
 Pose: TypeAlias = NDArray[np.float64]
 """Where a link's frame lies: x, y [m] and its angle [rad], shape (3,)."""
 Equation: TypeAlias = tuple[float, dict[str, Pose]]
@@ -111,6 +114,34 @@ class HigherPair(ABC):
 
     def elements(self, _: Mechanism) -> Sequence[ForceElement]:
         """The forces of an elastic pair."""
+        return ()
+
+    #: the node that publishes its readings; none if empty
+    node: ClassVar[str] = ''
+
+    def reading(self, view: View) -> Any:
+        """What there is to read of it: a named tuple of (N,) arrays, the fields of a message.
+
+        Raises
+        ------
+        NotImplementedError
+            If no node is named.
+        """
+        raise NotImplementedError(f'{self.name} has no readings')
+
+    def charts(self, *, slides: bool) -> Sequence[Charted]:
+        """Which readings are worth a chart; `slides` tells whether `second` does."""
+        return ()
+
+    def draw(self, draft: Draft) -> None:  # noqa: B027 - many have no shape
+        """Add what it looks like to a drawing."""
+
+    def covered(self) -> Sequence[LinkPoint]:
+        """Points that belong into a picture, beside its own."""
+        return ()
+
+    def discs(self) -> Sequence[tuple[LinkPoint, float]]:
+        """Discs that it is made of: middle, and radius [m]."""
         return ()
 
 

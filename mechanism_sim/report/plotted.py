@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.middleware.errors import InvalidNameError
 from mechanism_sim.middleware.names import resolve_namespace
 from mechanism_sim.nodes.parts import kinds_of
@@ -107,35 +105,17 @@ def _contacts(machine: Machine) -> Iterator[Plot]:
 
 
 def _parts(machine: Machine) -> Iterator[Plot]:
-    forces = machine.physics.has_forces
+    sliding = machine.mechanism.sliding
     for node, kind in kinds_of(machine).items():
         for joint in kind.joints(machine):
-            name, group = joint.name, node.replace('_', ' ').capitalize()
-            if isinstance(joint, CamPair):
-                unit = 'rad' if joint.distance.swings else 'm'
-                fields = {'law': 'lift', 'follower': 'follower_position'}
-                yield _part(group, f'{name}: lift [{unit}]', kind.topic, name, fields)
-                if forces:
-                    fields = {'force': 'contact_force'}
-                    yield _part(group, f'{name}: contact force [N]', kind.topic, name, fields)
-            elif node == 'geneva':
-                fields = {'velocity': 'driven_velocity'}
-                unit = 'm/s' if joint.second in machine.mechanism.sliding else 'rad/s'
-                yield _part(group, f'{name}: driven velocity [{unit}]', kind.topic, name, fields)
-            elif not isinstance(joint, Transmission):
-                fields = {'error': 'transmission_error'}
-                title = f'{name}: transmission error [m]'
-                yield _part(group, title, kind.topic, name, fields)
-                if forces:
-                    fields = {'force': 'tooth_force'}
-                    yield _part(group, f'{name}: tooth force [N]', kind.topic, name, fields)
+            group, slides = node.replace('_', ' ').capitalize(), joint.second in sliding
+            for title, labels, _, unit, force in joint.charts(slides=slides):
+                if not force or machine.physics.has_forces:
+                    lines = {x: _of(kind.topic, joint.name, f) for f, x in labels.items()}
+                    yield Plot(group, f'{joint.name}: {title} [{unit}]', lines)
     for name in machine.scene.oscillators:
         lines = {x: _of('oscillator_state', name, x, 'oscillator') for x in 'xy'}
         yield Plot('Oscillators', f'{name}: displacement [m]', lines)
-
-
-def _part(group: str, title: str, topic: str, joint: str, fields: dict[str, str]) -> Plot:
-    return Plot(group, title, {label: _of(topic, joint, f) for label, f in fields.items()})
 
 
 def _of(topic: str, name: str, value: str, key: str = 'joint') -> str:

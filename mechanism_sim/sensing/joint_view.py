@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +21,9 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
 )
 from mechanism_sim.planar.play import wall_name
+from mechanism_sim.planar.view import Course
 
 Array = NDArray[np.float64]
-
-
-class Course(NamedTuple):
-    """An angle or a displacement at N instants, with its rates."""
-
-    position: Array  #: (N,) [rad] or [m]
-    velocity: Array  #: (N,) [rad/s] or [m/s]
-    acceleration: Array  #: (N,) [rad/s^2] or [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -48,6 +40,11 @@ class JointView:
     physics: Physics
     observed: Observation
     modes: NDArray[np.uint8]
+
+    @property
+    def count(self) -> int:
+        """Number N of instants."""
+        return int(self.observed.position.shape[1])
 
     def course(self, link: str) -> Course:
         """How a link moves: its displacement if a guide carries it, else its angle."""

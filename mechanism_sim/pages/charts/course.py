@@ -111,7 +111,7 @@ class Window:
         for node, kind in kinds_of(machine).items():
             for joint in kind.joints(machine):
                 view = JointView(machine.mechanism, joint, machine.physics, seen, modes)
-                reading = kind.readers[type(joint)](joint, view)._asdict()
+                reading = joint.reading(view)._asdict()
                 found |= {f'{node}.{joint.name}.{field}': x for field, x in reading.items()}
         for name, frame in self._frames.items():
             states = frame(t)

@@ -5,23 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mechanism_sim.analysis.parts import PARTS
-from mechanism_sim.cams.pair import CamPair
-from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
 from mechanism_sim.pages.charts.motion import over
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.planar.mechanism import Joint
-from mechanism_sim.scene import Machine
-
-_Drawn = tuple[str, dict[str, str], str, str]
-"""Title, labels by field of the reading, what it is, and its unit."""
-
-_CAM_FORCES: tuple[_Drawn, ...] = (
-    ('contact force', {'contact_force': 'contact force'}, 'force', 'N'),
-    ('torque on the cam', {'cam_torque': 'torque on the cam'}, 'torque', 'N m'),
-)
 
 
 def parts(course: Course) -> list[Section]:
@@ -30,7 +18,10 @@ def parts(course: Course) -> list[Section]:
     for node, kind in kinds_of(machine).items():
         charts: list[Chart] = []
         for joint in kind.joints(machine):
-            for title, labels, words, unit in _drawn(machine, node, joint):
+            slides = joint.second in machine.mechanism.sliding
+            for title, labels, words, unit, force in joint.charts(slides=slides):
+                if force and not machine.physics.has_forces:
+                    continue
                 curves = [
                     Curve(f'{node}.{joint.name}.{field}', label, 2 * i)
                     for i, (field, label) in enumerate(labels.items())
@@ -47,38 +38,6 @@ def parts(course: Course) -> list[Section]:
     if machine.scene.oscillators:
         found.append(_oscillators(course))
     return found
-
-
-def _drawn(machine: Machine, node: str, joint: Joint) -> tuple[_Drawn, ...]:
-    forces = machine.physics.has_forces
-    slides = joint.second in machine.mechanism.sliding
-    if isinstance(joint, CamPair):
-        return _cam(joint, forces)
-    if node == 'geneva':
-        unit, effort = ('m', 'force') if slides else ('rad', 'torque')
-        driven: tuple[_Drawn, ...] = (
-            ('velocity of what is driven', {'driven_velocity': 'driven'}, 'velocity', f'{unit}/s'),
-            ('its acceleration', {'driven_acceleration': 'driven'}, 'acceleration', f'{unit}/s^2'),
-        )
-        loads: _Drawn = (
-            f'{effort} on what is driven', {'driven_effort': 'driven'}, effort,
-            'N' if slides else 'N m',
-        )  # fmt: skip
-        return (*driven, loads) if forces else driven
-    if isinstance(joint, Transmission):
-        torques = {'first_torque': joint.first, 'second_torque': joint.second}
-        return (('torques', torques, 'torque', 'N m'),) if forces else ()
-    error: _Drawn = ('transmission error', {'transmission_error': 'error'}, 'error', 'm')
-    force: _Drawn = ('tooth force', {'tooth_force': 'tooth force'}, 'force', 'N')
-    return (error, force) if forces else (error,)
-
-
-def _cam(joint: CamPair, forces: bool) -> tuple[_Drawn, ...]:
-    unit = 'rad' if joint.distance.swings else 'm'
-    lift: _Drawn = (
-        'lift', {'lift': 'law of the cam', 'follower_position': 'follower'}, 'lift', unit
-    )  # fmt: skip
-    return (lift, *_CAM_FORCES) if forces else (lift,)
 
 
 def _oscillators(course: Course) -> Section:

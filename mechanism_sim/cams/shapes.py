@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.cams.followers import FlatFaced, OscillatingFlat
-from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import drawing_angles, extent
-from mechanism_sim.cycles.points import Place
-from mechanism_sim.planar.mechanism import rotate
+from mechanism_sim.planar.mechanism import LinkPoint, rotate
+
+if TYPE_CHECKING:
+    from mechanism_sim.cams.pair import CamPair
 
 Array = NDArray[np.float64]
 
@@ -20,7 +22,7 @@ _FACE = 0.5  # thickness of a face, in units of the drawing's symbols
 _TIP = 1.5  # length of a knife's edge
 
 
-def cam_outlines(joint: CamPair) -> list[tuple[Place, ...]]:
+def cam_outlines(joint: CamPair) -> list[tuple[LinkPoint, ...]]:
     """The cam, from its edge inwards: a groove has a rim and two walls, on the cam's link.
 
     A cam that slides is a bar from its base line on; a groove in it is what lies between bars.
@@ -28,10 +30,10 @@ def cam_outlines(joint: CamPair) -> list[tuple[Place, ...]]:
     angles = _angles(joint)
     if joint.distance.slides:
         edges = [_bar(joint.cam.at(angles).profile, 0.0)]
-        if isinstance(joint, GroovePair):
+        if joint.grooved:
             inner, outer = joint.cam.groove(angles)
             edges = [_bar(inner, 0.0), _bar(outer, outer[0].max() + joint.cam.base_radius)]
-    elif not isinstance(joint, GroovePair):
+    elif not joint.grooved:
         edges = [joint.cam.at(angles).profile]
     else:
         inner, outer = joint.cam.groove(angles)
@@ -50,7 +52,7 @@ def _bar(edge: Array, back: float) -> Array:
     return np.column_stack([edge, (back, edge[1, -1]), (back, edge[1, 0])])
 
 
-def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[Place, ...]:
+def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[LinkPoint, ...]:
     """Roller, edge or face, on the follower's link.
 
     Parameters
@@ -85,5 +87,5 @@ def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[Place
     return _on(joint.second, placed + np.array(joint.on_second)[:, None])
 
 
-def _on(link: str, points: Array) -> tuple[Place, ...]:
+def _on(link: str, points: Array) -> tuple[LinkPoint, ...]:
     return tuple((link, (float(x), float(y))) for x, y in points.T)

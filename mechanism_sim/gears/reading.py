@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.sensing.joint_view import Array, JointView
+from mechanism_sim.planar.view import Array, View
+
+if TYPE_CHECKING:
+    from mechanism_sim.gears.mesh import GearMesh
+    from mechanism_sim.planar.mechanism import HigherPair
 
 
 class MeshMode(IntEnum):
@@ -42,7 +44,7 @@ class GearReading(NamedTuple):
     mode: NDArray[np.uint8]  #: (N,) of `MeshMode`
 
 
-def read_mesh(joint: GearMesh, view: JointView) -> GearReading:
+def read_mesh(joint: GearMesh, view: View) -> GearReading:
     """Teeth in mesh: ideal, with backlash or elastic."""
     (first, rate), (second, _) = (_place(joint, view, link) for link in joint.ends)
     u = joint.waves[0] * first + joint.waves[1] * second
@@ -60,18 +62,17 @@ def read_mesh(joint: GearMesh, view: JointView) -> GearReading:
         way = view.turning(joint.carrier).position + joint.guide.axis
         efforts = efforts[0], fx * np.cos(way) + fy * np.sin(way)
     passing = np.abs(joint.waves[0] * rate) / (2.0 * math.pi)
-    return _reading(
-        view, joint.per_phase * ahead, force, efforts, passing, _flanks(joint, view, tangential)
-    )
+    flanks = _flanks(joint, view, tangential)
+    return _reading(joint, view, joint.per_phase * ahead, force, efforts, passing, flanks)
 
 
-def read_transmission(joint: Transmission, view: JointView) -> GearReading:
+def read_ratio(joint: HigherPair, ratio: float, view: View) -> GearReading:
     """A ratio without teeth, of which the torques are known: they neither take nor give power."""
-    count = view.observed.position.shape[1]
-    unknown = np.full(count, np.nan)
-    efforts = -float(joint.ratio) * view.moment, view.moment
-    mode = np.full(count, MeshMode.MESHED, np.uint8)
-    return _reading(view, unknown, _Force(unknown, unknown, unknown), efforts, unknown, mode)
+    unknown = np.full(view.count, np.nan)
+    efforts = -ratio * view.moment, view.moment
+    mode = np.full(view.count, MeshMode.MESHED, np.uint8)
+    none = _Force(unknown, unknown, unknown)
+    return _reading(joint, view, unknown, none, efforts, unknown, mode)
 
 
 class _Force(NamedTuple):
@@ -83,21 +84,22 @@ class _Force(NamedTuple):
 
 
 def _reading(
-    view: JointView,
+    joint: HigherPair,
+    view: View,
     error: Array,
     force: _Force,
     efforts: tuple[Array, Array],
     passing: Array,
     mode: NDArray[np.uint8],
 ) -> GearReading:
-    first, second = view.course(view.joint.first), view.course(view.joint.second)
+    first, second = view.course(joint.first), view.course(joint.second)
     total = np.sqrt(force.tangential**2 + force.radial**2 + force.axial**2)
     return GearReading(
         *first[:2], *second[:2], error, total, *force, *efforts, passing, mode
     )  # fmt: skip
 
 
-def _place(joint: GearMesh, view: JointView, link: str) -> tuple[Array, Array]:
+def _place(joint: GearMesh, view: View, link: str) -> tuple[Array, Array]:
     """Angle [rad] of a gear against the carrier, or displacement [m] of a rack; and its rate."""
     carrier, guide = view.turning(joint.carrier), joint.guide
     if guide is None or guide.second != link:
@@ -111,7 +113,7 @@ def _place(joint: GearMesh, view: JointView, link: str) -> tuple[Array, Array]:
     return place, rate + carrier.velocity * across
 
 
-def _flanks(joint: GearMesh, view: JointView, tangential: Array) -> NDArray[np.uint8]:
+def _flanks(joint: GearMesh, view: View, tangential: Array) -> NDArray[np.uint8]:
     """Which flanks carry: by the walls of rigid teeth, by the force of elastic ones."""
     count, left, right = len(tangential), view.gap('left'), view.gap('right')
     if left and right:

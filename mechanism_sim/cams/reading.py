@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.cams.touch import Passage
-from mechanism_sim.sensing.joint_view import Array, Course, JointView
+from mechanism_sim.planar.view import Array, Course, View
+
+if TYPE_CHECKING:
+    from mechanism_sim.cams.pair import CamPair
 
 
 class CamMode(IntEnum):
@@ -44,7 +46,7 @@ class CamReading(NamedTuple):
     mode: NDArray[np.uint8]  #: (N,) of `CamMode`
 
 
-def read_cam(joint: CamPair, view: JointView) -> CamReading:
+def read_cam(joint: CamPair, view: View) -> CamReading:
     """A cam that its follower may leave, or in whose groove it has play."""
     cam, torque = _cam(joint, view)
     angle = cam.position
@@ -63,7 +65,7 @@ def read_cam(joint: CamPair, view: JointView) -> CamReading:
     )  # fmt: skip
 
 
-def _cam(joint: CamPair, view: JointView) -> tuple[Course, Array]:
+def _cam(joint: CamPair, view: View) -> tuple[Course, Array]:
     """Where the cam is, and the torque or force on it, as its law counts."""
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
@@ -77,7 +79,7 @@ def _cam(joint: CamPair, view: JointView) -> tuple[Course, Array]:
     return course, sense * view.moment_on_first(np.array(joint.centre)[:, None])
 
 
-def _follower(joint: CamPair, view: JointView, lift: Array) -> Course:
+def _follower(joint: CamPair, view: View, lift: Array) -> Course:
     """The follower's place, from where it is on the base circle, in the direction of the lift."""
     lowest = joint.distance.lowest
     if joint.distance.swings:
@@ -90,10 +92,10 @@ def _follower(joint: CamPair, view: JointView, lift: Array) -> Course:
     return Course(p - (c * joint.centre[0] + s * joint.centre[1]) - lowest, v, a)
 
 
-def _contact(joint: CamPair, view: JointView) -> tuple[Array, NDArray[np.uint8]]:
+def _contact(joint: CamPair, view: View) -> tuple[Array, NDArray[np.uint8]]:
     """Distance [m] to what the follower may touch, and the mode."""
     walls = [view.gap(side) for side in joint.sides]
-    count = view.observed.position.shape[1]
+    count = view.count
     known = [(wall, side) for wall, side in zip(walls, joint.sides, strict=True) if wall]
     if not known:
         return np.zeros(count), np.full(count, CamMode.GUIDED, np.uint8)

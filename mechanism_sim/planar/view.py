@@ -1,0 +1,105 @@
+"""What a kind of joint sees of a machine: to tell its readings, to be drawn, to be plotted.
+
+A joint tells in its own file what there is to read of it, what it looks like and which of its
+readings are worth a chart; sensors, nodes, drawings and pages only ask.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from mechanism_sim.planar.mechanism import LinkPoint, Side, Vector2
+
+Array = NDArray[np.float64]
+Kind = Literal['rail', 'support', 'spring', 'wheel', 'cam', 'link', 'slot', 'slider', 'pin']
+"""Of shapes, in the order in which they are painted."""
+
+
+class Course(NamedTuple):
+    """An angle or a displacement at N instants, with its rates."""
+
+    position: Array  #: (N,) [rad] or [m]
+    velocity: Array  #: (N,) [rad/s] or [m/s]
+    acceleration: Array  #: (N,) [rad/s^2] or [m/s^2]
+
+
+class Charted(NamedTuple):
+    """Readings of a joint that belong into one chart."""
+
+    title: str
+    labels: dict[str, str]  #: of its lines, by field of the reading
+    what: str  #: the quantity
+    unit: str
+    force: bool = False  #: whether it is known only where masses are
+
+
+class View(Protocol):
+    """A joint at N instants of a machine."""
+
+    def course(self, link: str) -> Course:
+        """How a link moves: its displacement if a guide carries it, else its angle."""
+
+    def turning(self, link: str) -> Course:
+        """Angle of a link in the world, with its rates."""
+
+    def place(self, link: str, at: Vector2) -> Array:
+        """World coordinates (2, N) [m] of a point of a link."""
+
+    def path(self, link: str, at: Vector2) -> Array:
+        """A point of a link in the world with its velocity and acceleration, (3, 2, N) [m, s]."""
+
+    @property
+    def count(self) -> int:
+        """Number N of instants."""
+
+    @property
+    def force(self) -> Array:
+        """Force (2, N) [N] of the first-named on the second-named link; NaN if not known."""
+
+    @property
+    def moment(self) -> Array:
+        """Moment (N,) [N m] likewise, about the joint's point on the second-named link."""
+
+    def moment_on_first(self, centre: Array) -> Array:
+        """Moment (N,) [N m] of the second-named on the first-named link, about points (2, N)."""
+
+    def gap(self, side: Side | None = None) -> tuple[Array, NDArray[np.bool_]] | None:
+        """Distance (N,) [m] and whether it is closed (N,), of the joint's gap at that side."""
+
+
+class Draft(Protocol):
+    """A drawing of a mechanism at N instants of its motion, to which joints add their shapes."""
+
+    symbol: float
+    """Size of a joint [m]."""
+
+    def at(self, place: LinkPoint) -> Array:
+        """A point of a link in the world (2, N) [m]."""
+
+    def within(self, link: str, place: LinkPoint) -> Array:
+        """A point of any link in the frame of this one (2, N) [m]."""
+
+    def turned(self, link: str) -> float:
+        """Angle of a link in the world at the first instant [rad]."""
+
+    def add(
+        self, kind: Kind, outline: Sequence[LinkPoint], label: str = '', size: float = 0.0
+    ) -> None:
+        """A shape, which gives its links bodies; of wheels the largest are painted first."""
+
+    def pin(self, place: LinkPoint, label: str) -> None:
+        """A pin, to which its link reaches."""
+
+    def reach(self, place: LinkPoint) -> None:
+        """Its link reaches to a point."""
+
+    def rail(self, kind: Kind, place: LinkPoint, axis: float, runner: Array) -> None:
+        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""
+
+    def first(self, name: str) -> bool:
+        """Whether nothing of that name has been drawn yet."""
