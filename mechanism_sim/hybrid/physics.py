@@ -230,10 +230,9 @@ def rows(
     """
     if edges is None:
         return None
-    found = edges.within(
-        curve.local(segments, np.zeros(len(segments))).T,
-        curve.local(segments, 0.5 * curve.duration[segments]).T,
-    )
+    at = curve.at if edges.unwound else curve.local
+    start, middle = np.zeros(len(segments)), 0.5 * curve.duration[segments]
+    found = edges.within(at(segments, start).T, at(segments, middle).T)
     return np.repeat(found, instants(dt), axis=1)
 
 

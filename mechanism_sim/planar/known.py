@@ -37,7 +37,7 @@ class Known:
         self._count = len(coordinates)
         parameters = frames.parameters.values
         if self._switches:
-            places = [s.place for s in self._switches]
+            places = with_all_turns(frames, [s.place for s in self._switches])
             self._places = Evaluation(
                 compiled.function(places, coordinates), parameters, [len(places)]
             )
@@ -79,20 +79,22 @@ class Edges:
     Attributes
     ----------
     coordinates : the indices of those that it takes to know
+    unwound : whether angles must be given with all their turns
     """
 
     def __init__(self, frames: Frames) -> None:
         self._switches = [*frames.switches.values()]
         coordinates, parameters = [*frames.q.values()], frames.parameters.values
-        named = {x for s in self._switches for x in hy.get_variables(s.place)}
+        places = with_all_turns(frames, [s.place for s in self._switches])
+        guards = with_all_turns(frames, [s.guard for s in self._switches])
+        named = {x for place in places for x in hy.get_variables(place)}
+        self.unwound = places != [s.place for s in self._switches]
         self.coordinates = [i for i, q in enumerate(coordinates) if str(q) in named]
         count = len(self._switches)
         symbols = [x for s in self._switches for x in s.symbols]
-        self._places = Evaluation(
-            compiled.function([s.place for s in self._switches], coordinates), parameters, [count]
-        )
+        self._places = Evaluation(compiled.function(places, coordinates), parameters, [count])
         self._guards = Evaluation(
-            compiled.function([s.guard for s in self._switches], [*coordinates, *symbols]),
+            compiled.function(guards, [*coordinates, *symbols]),
             parameters,
             [count],
         )
@@ -132,6 +134,12 @@ class Edges:
         """What is negative (g, N) at coordinates (n, N) where the present rows have ended."""
         known = np.repeat(present, q.shape[1], axis=1)
         return self._guards(np.concatenate([q, known]))[0]
+
+
+def with_all_turns(frames: Frames, expressions: Sequence[hy.expression]) -> list[hy.expression]:
+    """The expressions of angles that count all their turns."""
+    turns = {x: hy.expression(0.0) for name, x in frames.outside.items() if name != 'time'}
+    return list(hy.subs(list(expressions), turns)) if turns else list(expressions)
 
 
 def _values(switches: Sequence[Switch | Table], places: Array) -> Array:

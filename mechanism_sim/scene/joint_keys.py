@@ -5,7 +5,7 @@ A kind is a file in `mechanism_sim.scene.kinds`; whatever lists kinds or keys fi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -57,6 +57,7 @@ class JointKind:
     play : how loose a joint is, if it is
     firm : why it can have no ``clearance``; empty if it can
     notes : what can be said of a joint of a machine without moving it
+    mounted : a joint as it is put together where coordinates have rough values [rad, m]
     """
 
     name: str
@@ -65,6 +66,7 @@ class JointKind:
     play: Callable[[Any], Play | None] = _clearance
     firm: str = ''
     notes: Callable[[Machine, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
+    mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005
 
 
 KINDS: dict[str, JointKind] = {}

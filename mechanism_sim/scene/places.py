@@ -106,19 +106,30 @@ class Places:
         InputError
             If it does not, or in a loose joint.
         """
+        return self.shaft(where, link)[1:]
+
+    def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
+        """The joint in which a link turns on another, and where on that and on itself [m].
+
+        Raises
+        ------
+        InputError
+            If there is none, or it is loose.
+        """
         for name, joint in self.scene.joints.items():
             if not joint.revolute:
                 continue
             ends = dict(self.find(f'joints.{name}', p) for p in joint.points)
-            if ends.keys() == {GROUND, link}:
+            if ends.keys() == {on, link}:
                 if joint.clearance:
                     raise InputError(
                         f'{self.name}: {where}: {link} turns in the loose joint {name}, so that '
                         'its centre is nowhere fixed: it needs an ideal one'
                     )
-                return ends[GROUND], ends[link]
+                return name, ends[on], ends[link]
+        other = 'the ground' if on == GROUND else on
         raise InputError(
-            f'{self.name}: {where}: {link} must turn on the ground: add a revolute joint of both'
+            f'{self.name}: {where}: {link} must turn on {other}: add a revolute joint of both'
         )
 
     def coordinate(self, where: str, name: str) -> str:

@@ -134,7 +134,11 @@ def plan_of(name: str, scene: Scene) -> Plan:
     guess = places.values('guess', scene.guess, tree, _PLACES)
     given = places.values('initial.position', scene.initial.position, tree, _PLACES)
     begun = {c: x for c, (x, _) in begins.items()}
-    joints = in_mesh(places, joints, tree, {**guess, **given, **begun})
+    start = {**guess, **given, **begun}
+    joints = tuple(
+        KINDS[scene.joints[joint.name].kind].mounted(joint, start)
+        for joint in in_mesh(places, joints, tree, start)
+    )
     free = tree.coordinates[0]
     silent = frozenset(
         c

@@ -1,0 +1,189 @@
+"""Belts and chains: statics of strands, vibrations in closed form, SciPy where one is slack."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.export.skeleton import skeleton_of
+from mechanism_sim.hybrid.events import StopReason
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
+
+J1, J2, R1, R2, K = 0.003, 0.08, 0.04, 0.1, 5e4
+CENTRES = np.array([0.4, 0.1])
+
+
+def drive(belt=(), **more):
+    """Two rotors without friction, of which the first may be driven."""
+    data = {
+        'title': 'belt',
+        'mechanism': 'linkage',
+        'links': {
+            'ground': {'points': {'far': [0.4, 0.1]}},
+            'a': {'mass': 1, 'inertia': J1},
+            'b': {'mass': 1, 'inertia': J2},
+        },
+        'joints': {
+            'one': {'revolute': ['ground', 'a']},
+            'two': {'revolute': ['ground.far', 'b']},
+            'belt': {'belt': ['a', 'b'], 'radii': [R1, R2], **dict(belt)},
+        },
+        'drive': {'coordinate': 'a', 'torque': {}},
+        **more,
+    }
+    return build('belt', check_scene('belt', data))
+
+
+def strands(crossed):
+    """Points on both pulleys where the strands touch, by the angle of the tangent."""
+    d, s = np.hypot(*CENTRES), -1.0 if crossed else 1.0
+    u = CENTRES / d
+    found = []
+    for side in (1.0, -1.0):
+        turn = side * np.arccos((R1 - s * R2) / d)
+        c, sn = np.cos(turn), np.sin(turn)
+        n = np.array([c * u[0] - sn * u[1], sn * u[0] + c * u[1]])
+        found.append((R1 * n, CENTRES + s * R2 * n))
+    return found
+
+
+def cross(a, b):
+    return a[0] * b[1] - a[1] * b[0]
+
+
+@pytest.mark.parametrize('crossed', [False, True])
+@pytest.mark.parametrize('stiff', [False, True])
+def test_the_strands_balance_on_both_pulleys(crossed, stiff):
+    given = {'stiffness': K, 'pretension': 300.0} if stiff else {}
+    machine = drive(
+        {'crossed': crossed, **given}, drive={'coordinate': 'a', 'torque': {'constant': 3}},
+        loads={'brake': {'at': 'b', 'torque': '-0.2*b_rate'}}, duration=0.3,
+    )  # fmt: skip
+    x = ms.simulate(machine).sample(np.array([0.011, 0.07, 0.29]))
+    force = np.array([x[f'reaction.belt.{axis}'] for axis in 'xy'])
+    moment = x['reaction.belt.moment']
+    for k in range(3):
+        # tensions that give the moment and, with the pretension, the force
+        (p1, p2), (q1, q2) = strands(crossed)
+        ways = [(b - a) / np.hypot(*(b - a)) for a, b in ((p1, p2), (q1, q2))]
+        levers = [-cross(at - CENTRES, t) for at, t in zip((p2, q2), ways, strict=True)]
+        both = np.linalg.solve([levers, [1.0, 1.0]], [moment[k], 600.0 if stiff else 0.0])
+        assert force[:, k] == pytest.approx(-both[0] * ways[0] - both[1] * ways[1], abs=1e-9)
+        on_first = sum(t * cross(at, way) for t, at, way in zip(both, (p1, q1), ways, strict=True))
+        accelerated = x['acceleration.a'][k] * J1 - 3.0
+        assert on_first == pytest.approx(accelerated, abs=1e-9)
+    assert x['reaction.one.x'] == pytest.approx(x['reaction.belt.x'], abs=1e-9)
+
+
+@pytest.mark.parametrize(('pretension', 'pulling'), [(100.0, 2), (0.0, 1)])
+def test_rotors_swing_against_each_other_as_their_strands_let_them(pretension, pulling):
+    machine = drive(
+        {'stiffness': K, 'pretension': pretension}, duration=0.05,
+        initial={'velocity': {'a': 0.5, 'b': 0}},
+    )  # fmt: skip
+    solution = ms.simulate(machine)
+    assert solution.stop_reason is StopReason.COMPLETE
+    t = np.linspace(0.0, 0.05, 501)
+    omega = np.sqrt(pulling * K * (R1**2 / J1 + R2**2 / J2))
+    x = solution.sample(t)
+    stretch = R1 * x['position.a'] - R2 * x['position.b']
+    assert stretch == pytest.approx(0.5 * R1 / omega * np.sin(omega * t), abs=1e-14)
+
+
+def test_a_strand_that_goes_slack_against_scipy():
+    machine = drive(
+        {'stiffness': K, 'damping': 40.0, 'pretension': 50.0}, duration=0.05,
+        initial={'velocity': {'a': 30, 'b': 0}},
+    )  # fmt: skip
+    solution = ms.simulate(machine)
+
+    def rate(_, y):
+        x, w = R1 * y[0] - R2 * y[1], R1 * y[2] - R2 * y[3]
+        both = [(50.0 + K * s * x + 40.0 * s * w) * (50.0 + K * s * x > 0.0) for s in (1.0, -1.0)]
+        pull = both[0] - both[1]
+        return [y[2], y[3], -R1 * pull / J1, R2 * pull / J2]
+
+    found = solve_ivp(
+        rate, (0.0, 0.05), [0.0, 0.0, 30.0, 0.0], 'DOP853', rtol=1e-12, atol=1e-14, max_step=1e-5
+    )
+    x = solution.sample(np.array([0.05]))
+    assert x['position.a'][0] == pytest.approx(found.y[0, -1], abs=1e-7)
+    assert x['velocity.b'][0] == pytest.approx(found.y[3, -1], abs=1e-5)
+    assert solution.stats.switches > 3
+    assert abs(solution.energy.residual) < 1e-9
+
+
+def test_a_stiff_belt_tends_to_the_ideal_one():
+    loads = {'brake': {'at': 'b', 'torque': '-0.2*b_rate'}}
+    moved = {
+        'drive': {'coordinate': 'a', 'torque': {'constant': 1}},
+        'loads': loads,
+        'duration': 1,
+    }
+    ideal = ms.simulate(drive(**moved)).sample(np.array([1.0]))
+    off = []
+    for k in (1e4, 1e6):
+        given = {'stiffness': k, 'pretension': 1000, 'damping': 100.0}
+        x = ms.simulate(drive(given, **moved)).sample(np.array([1.0]))
+        off.append(abs(x['position.b'][0] - ideal['position.b'][0]))
+    assert off[1] < 0.02 * off[0] < 1e-3
+
+
+def test_an_arm_that_carries_pulleys_takes_no_moment():
+    """As the strands balance on their pulleys, what turns the arm is the drive alone."""
+    data = {
+        'joints': {
+            'pivot': {'revolute': ['ground', 'arm']},
+            'one': {'revolute': ['arm', 'a']},
+            'two': {'revolute': ['arm.end', 'b']},
+            'belt': {'belt': ['a', 'b'], 'radii': [R1, R2], 'carrier': 'arm', 'stiffness': K,
+                     'pretension': 10},
+        },
+        'links': {
+            'arm': {'length': 0.5, 'mass': 1, 'inertia': 0.1},
+            'a': {'mass': 1, 'inertia': J1},
+            'b': {'mass': 1, 'inertia': J2},
+        },
+        'drive': {'coordinate': 'arm', 'torque': {}},
+        'initial': {'velocity': {'arm': 3, 'a': 20, 'b': -7}},
+        'duration': 0.5,
+    }  # fmt: skip
+    x = ms.simulate(drive(**data)).sample(np.linspace(0.0, 0.5, 20))
+    spin = 0.1 + 1.0 * 0.5**2  # the second rotor goes round with the arm
+    spin = spin * x['velocity.arm'] + J1 * x['velocity.a'] + J2 * x['velocity.b']
+    assert spin == pytest.approx(spin[0], rel=1e-11)
+
+
+@pytest.mark.parametrize('crossed', [False, True])
+def test_drawn_strands_touch_their_pulleys(crossed):
+    machine = drive({'crossed': crossed})
+    shapes = skeleton_of(machine, machine.assembly.q[:, None]).shapes
+    ends = [np.array([at for _, at in s.outline]) for s in shapes if s.kind == 'rail']
+    assert len(ends) == 2
+    for start, end in ends:
+        way = (end - start) / np.hypot(*(end - start))
+        for centre, radius, at in ((np.zeros(2), R1, start), (CENTRES, R2, end)):
+            assert np.hypot(*(at - centre)) == pytest.approx(radius, rel=1e-14)
+            assert abs(cross(way, centre - start)) == pytest.approx(radius, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ('belt', 'said'),
+    [
+        ({'radii': None}, 'joints.belt.radii is missing'),
+        ({'radii': [0.5, 0.05]}, 'no belt goes round pulleys'),
+        ({'radii': [0.3, 0.2], 'crossed': True}, 'no crossed belt goes round'),
+        ({'radii': [0.0412345671, 0.1]}, 'no ratio of whole numbers up to 10000'),
+        ({'pretension': 5}, "pretension needs 'stiffness'"),
+        ({'carrier': 'a'}, 'a carries the belt'),
+        ({'clearance': {'radial': 1e-3, 'restitution': 0}}, 'belts and chains have strands'),
+        ({'ratio': '1/2'}, 'ratio has no meaning in a belt joint'),
+    ],
+)
+def test_what_is_no_belt_is_refused(belt, said):
+    with pytest.raises(InputError, match=said):
+        drive(belt)
