@@ -24,8 +24,8 @@ _WHY = {
     'with closed loops',
     Level.NONSMOOTH: 'joints have clearance: equations of motion with gaps, and an event loop for '
     'free flight, impact and following',
-    Level.COMPLIANT: 'joints have clearance and a law of contact force, or teeth or belts give way: '
-    'equations of motion with forces where parts overlap',
+    Level.COMPLIANT: 'joints have clearance and a law of contact force, or teeth or belts give '
+    'way: equations of motion with forces where parts overlap',
 }
 
 

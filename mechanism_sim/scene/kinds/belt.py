@@ -135,7 +135,7 @@ class Belt(Transmission):
                 rim = [(x + radius * math.cos(a), y + radius * math.sin(a)) for a in turn]
                 draft.add('wheel', [(link, at) for at in rim], size=radius)
         for strand in self.strands:
-            draft.add('rail', [(self.carrier, strand.leaves), (self.carrier, strand.meets)])
+            draft.add('cam', [(self.carrier, strand.leaves), (self.carrier, strand.meets)])
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """The pulleys."""
