@@ -12,8 +12,8 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Level
 from mechanism_sim.scene.check import check
-from mechanism_sim.scene.machine import Level
 
 DOCS = Path(__file__).parents[1] / 'docs'
 LINKAGES = (DOCS / 'linkages.md').read_text(encoding='utf-8')

@@ -13,7 +13,7 @@ from mechanism_sim.analysis.experiment import JOINT, Experiment, bags_of, read_e
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.experiment import render, tables, to_json
 from mechanism_sim.report.experiment_figures import draw
-from mechanism_sim.scene.machine import Level
+from mechanism_sim.scene import Level
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink

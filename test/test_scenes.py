@@ -9,10 +9,9 @@ from four_bars import RADIAL, RESTITUTION, SPEED
 import mechanism_sim as ms
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene import span
+from mechanism_sim.scene import Level, span
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.files import read_scene
-from mechanism_sim.scene.machine import Level
 from mechanism_sim.scene.motion_notes import mobility_note
 
 LOOSE, FILE = 'four_bar_clearance', 'four_bar_clearance.yaml'

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,8 @@ from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.scene.planned import Planned
 from mechanism_sim.scene.singular_start import begin, neighbours
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
 
 Array = NDArray[np.float64]
 
@@ -45,10 +43,14 @@ class Assembly(NamedTuple):
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
 
 
-def assemble(machine: Machine) -> Assembly:
+def assemble(machine: Planned, four_bar: FourBarLoop | None) -> Assembly:
     """Where a machine without clearance is at the start.
 
     Drives, and coordinates set by `initial`, are where they should be; the rest lies near `guess`.
+
+    Parameters
+    ----------
+    four_bar : that it is, if it has a closed form
 
     Raises
     ------
@@ -56,8 +58,8 @@ def assemble(machine: Machine) -> Assembly:
         If the loops cannot be closed: which is open by how much, near which configuration; or if
         a cam starts beyond its law.
     """
-    if machine.closed_form and _follows(machine):
-        return _assembled(machine, machine.closed_form)
+    if four_bar and _follows(machine):
+        return _assembled(machine, four_bar)
     plan, ideal = machine.plan, machine.plan.ideal
     held = machine.held
     known = dict(plan.guess)
@@ -126,7 +128,7 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
 
 
-def closed_four_bar(machine: Machine) -> FourBarLoop | None:
+def closed_four_bar(machine: Planned) -> FourBarLoop | None:
     """The four-bar that a machine is, on the branch nearest to its guess; None if it is none.
 
     Closed forms know two branches of a four-bar; through a change point neither goes on.
@@ -146,7 +148,7 @@ def closed_four_bar(machine: Machine) -> FourBarLoop | None:
     return loop.on('crossed' if off('crossed') < off('open') else 'open')
 
 
-def _follows(machine: Machine) -> bool:
+def _follows(machine: Planned) -> bool:
     """Whether the ideal mechanism's start follows from its main drive alone."""
     plan, main = machine.plan, machine.main
     if main not in machine.held or main in plan.given[1]:
@@ -155,7 +157,7 @@ def _follows(machine: Machine) -> bool:
     return bool(loose) or not machine.placed_outright
 
 
-def _assembled(machine: Machine, loop: FourBarLoop) -> Assembly:
+def _assembled(machine: Planned, loop: FourBarLoop) -> Assembly:
     """A four-bar at the start."""
     angle, speed = machine.held[machine.main]
     # In extended precision: after a few dozen impacts the last digit of the start counts.
@@ -167,7 +169,7 @@ def _assembled(machine: Machine, loop: FourBarLoop) -> Assembly:
     return Assembly(q[order], v[order], len(machine.plan.powered), 0, 0)
 
 
-def _placed(machine: Machine, guess: Array) -> tuple[Kinematics, Array]:
+def _placed(machine: Planned, guess: Array) -> tuple[Kinematics, Array]:
     """Coordinates that close all loops, with the drives and what is given where they should be.
 
     Loose joints allow more to be given than the mechanism without clearance can have: then it has
@@ -199,7 +201,7 @@ def _placed(machine: Machine, guess: Array) -> tuple[Kinematics, Array]:
     return close(held)
 
 
-def _started(machine: Machine, kinematics: Kinematics, q: Array) -> Array:
+def _started(machine: Planned, kinematics: Kinematics, q: Array) -> Array:
     """Rates with which all loops stay closed, those of drives and those given as they should be.
 
     Raises

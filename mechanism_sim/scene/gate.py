@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -22,10 +21,8 @@ from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND, HigherPair
 from mechanism_sim.scene.assembly import closed_near
+from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import between
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
 
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN

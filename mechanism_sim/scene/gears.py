@@ -10,7 +10,7 @@ from mechanism_sim.gears.involute import Gear, ToothSystem, transverse
 from mechanism_sim.gears.pair import Pair, Path, path_with_rack
 from mechanism_sim.planar.mechanism import GROUND, Prismatic, Vector2, rotate
 from mechanism_sim.scene.gear_keys import GearPart
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import Names
 
 _FITS = 1e-6  # of a module: how exact a centre distance must be
 
@@ -48,7 +48,7 @@ class Wheel(NamedTuple):
         return Gear(self.part.teeth or 0, self.module, self.system, shift, self.part.internal)
 
 
-def read_wheel(places: Places, name: str) -> Wheel:
+def read_wheel(places: Names, name: str) -> Wheel:
     """A gear by name.
 
     Raises
@@ -94,7 +94,7 @@ class Placed(NamedTuple):
     guide: Prismatic | None = None
 
 
-def place(places: Places, one: Wheel, two: Wheel) -> Placed:
+def place(places: Names, one: Wheel, two: Wheel) -> Placed:
     """Two gears, or a gear and a rack, where they stand on their carrier.
 
     Raises
@@ -105,7 +105,7 @@ def place(places: Places, one: Wheel, two: Wheel) -> Placed:
     return _with_rack(places, one, two) if two.part.rack else _pair(places, one, two)
 
 
-def _pair(places: Places, one: Wheel, two: Wheel) -> Placed:
+def _pair(places: Names, one: Wheel, two: Wheel) -> Placed:
     gears = one.gear, two.gear
     if one.part.internal and two.part.internal:
         raise InputError('one of the gears must have external teeth')
@@ -141,7 +141,7 @@ def _pair(places: Places, one: Wheel, two: Wheel) -> Placed:
     )  # fmt: skip
 
 
-def _with_rack(places: Places, one: Wheel, two: Wheel) -> Placed:
+def _with_rack(places: Names, one: Wheel, two: Wheel) -> Placed:
     gear = one.gear
     if gear.internal:
         raise InputError(f'the rack {two.name} needs a gear with external teeth')
@@ -198,7 +198,7 @@ class _Axis(NamedTuple):
     by: tuple[str, ...] = ()
 
 
-def _axes(places: Places, wheel: Wheel) -> dict[str, _Axis]:
+def _axes(places: Names, wheel: Wheel) -> dict[str, _Axis]:
     """The links that turn about a gear's centre.
 
     Raises
@@ -227,7 +227,7 @@ def _axes(places: Places, wheel: Wheel) -> dict[str, _Axis]:
     return found
 
 
-def _carrier(places: Places, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
+def _carrier(places: Names, one: Wheel, two: Wheel) -> tuple[str, tuple[_Axis, _Axis]]:
     """The link on which both gears turn, the ground if possible, and their centres on it."""
     a, b = (_axes(places, x) for x in (one, two))
     both = [x for x in (GROUND, *places.links) if x in a and x in b]

@@ -7,17 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Protocol
 
 from pydantic import Field
 
-from mechanism_sim.planar.mechanism import Joint
+from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Vector2
 from mechanism_sim.scene.contact_keys import Clearance, Play
 from mechanism_sim.scene.quantities import Part
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
-    from mechanism_sim.scene.places import Places
+from mechanism_sim.units import Measure
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
@@ -45,6 +42,40 @@ def _clearance(joint: JointKeys) -> Play | None:
     return joint.clearance
 
 
+class Names(Protocol):
+    """The names of a scene, as `mechanism_sim.scene.places.Places` knows them.
+
+    All methods raise InputError, which begins with the scene's name, if there is no such thing;
+    `where` is the key that asks.
+    """
+
+    name: str
+    """Of the scene."""
+    links: list[str]
+    """The moving ones."""
+
+    @property
+    def scene(self) -> Any:
+        """The scene itself."""
+
+    def find(self, where: str, reference: str) -> LinkPoint:
+        """A link and a point in its frame, from ``LINK.POINT`` or ``LINK``."""
+
+    def ends(self, name: str, joint: JointKeys) -> tuple[LinkPoint, LinkPoint]:
+        """The points of two links that a joint of that name connects."""
+
+    def pivot(self, where: str, link: str) -> tuple[Vector2, Vector2]:
+        """Where a link turns on the ground, in the world and in its own frame [m]."""
+
+    def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
+        """The joint in which a link turns on another, and where on that and on itself [m]."""
+
+    def measure(
+        self, where: str, measure: Measure, straight: bool, units: tuple[str, str]
+    ) -> float:
+        """A quantity in the first of the units if it is of an angle, else in the second."""
+
+
 @dataclass(frozen=True)
 class JointKind:
     """A kind of joints.
@@ -62,10 +93,10 @@ class JointKind:
 
     name: str
     keys: type[JointKeys]
-    read: Callable[[Places, str, Any], Joint]
+    read: Callable[[Names, str, Any], Joint]
     play: Callable[[Any], Play | None] = _clearance
     firm: str = ''
-    notes: Callable[[Machine, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
+    notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
     mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005
 
 

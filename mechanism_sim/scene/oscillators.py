@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.planar.closures import closures
@@ -11,18 +9,16 @@ from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.clearances import gaps_and_films
+from mechanism_sim.scene.equations import Compiled
 from mechanism_sim.vibration.frame import Frame, Mount
 from mechanism_sim.vibration.joint_forces import JointForces
 from mechanism_sim.vibration.shaking import Forces, WholeMachine
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
 
 _FASTEST = 1e6
 """[Hz] Natural frequencies beyond it are those of no frame."""
 
 
-def read_frame(machine: Machine, name: str) -> Frame:
+def read_frame(machine: Compiled, name: str) -> Frame:
     """A frame of the scene.
 
     Raises
@@ -53,7 +49,7 @@ def read_frame(machine: Machine, name: str) -> Frame:
     return frame
 
 
-def forces_on(machine: Machine, name: str) -> Forces:
+def forces_on(machine: Compiled, name: str) -> Forces:
     """What shakes a frame of the scene."""
     joints, mechanism = machine.scene.oscillators[name].joints, machine.mechanism
     if joints is None:
@@ -68,7 +64,7 @@ def forces_on(machine: Machine, name: str) -> Forces:
     return JointForces(mechanism, machine.physics, impulses, joints)
 
 
-def check_oscillators(machine: Machine) -> None:
+def check_oscillators(machine: Compiled) -> None:
     """Refuse frames that cannot be.
 
     Raises
@@ -99,7 +95,7 @@ def check_oscillators(machine: Machine) -> None:
                 )
 
 
-def oscillator_notes(machine: Machine) -> list[str]:
+def oscillator_notes(machine: Compiled) -> list[str]:
     """What can be said of the frames of a scene."""
     notes = []
     carried = sum(body.mass for body in machine.mechanism.bodies)

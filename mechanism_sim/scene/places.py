@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import GROUND, LinkPoint, Mechanism, Vector2
 from mechanism_sim.scene.joint_keys import JointKeys
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.units import Measure
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.schema import Scene
-
-LinkPoint = tuple[str, Vector2]
-"""A link, and a point in its frame [m]."""
 
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
 """What formulas of loads name beside links."""

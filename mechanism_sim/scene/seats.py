@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.planar.mechanism import Revolute
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.equations import Compiled
 
 
-def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
+def seats(machine: Compiled, q: Array, v: Array, a: Array) -> dict[str, Array]:
     """Where the pins rest (2,) [m], from the centres of their bushings, by joint.
 
     Of a pair that can only lift off, how deep its compliant contact is (1,) [m], negative.
@@ -68,7 +64,7 @@ def seats(machine: Machine, q: Array, v: Array, a: Array) -> dict[str, Array]:
     return found
 
 
-def joint_forces(machine: Machine, q: Array, v: Array, a: Array) -> Array:
+def joint_forces(machine: Compiled, q: Array, v: Array, a: Array) -> Array:
     """Forces in the joints of the ideal mechanism (j, 2) [N], first-named on second-named link.
 
     `a` counts only where the drives are prescribed; a torque sets its own acceleration.

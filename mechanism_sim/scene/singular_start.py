@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,7 @@ from mechanism_sim.planar import branch
 from mechanism_sim.planar.branch import Branch
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Revolute
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.planned import Planned
 
 Array = NDArray[np.float64]
 
@@ -39,7 +36,7 @@ def neighbours(kinematics: Kinematics, q: Array) -> Array:
 
 
 def begin(
-    machine: Machine,
+    machine: Planned,
     kinematics: Kinematics,
     q: Array,
     guess: Array,

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import Names
 
 Frame: TypeAlias = tuple[Vector2, float, Literal[1, -1]]
 """Centre [m], direction [rad] and sense of a `CamPair`."""
@@ -23,7 +23,7 @@ class Guide(NamedTuple):
     angle: float = 0.0  #: [rad] of its frame if it slides
 
 
-def find_guide(places: Places, where: str, link: str, at: Vector2, what: str) -> Guide:
+def find_guide(places: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
     """How a point `at` [m] of a link is carried by the ground.
 
     Parameters

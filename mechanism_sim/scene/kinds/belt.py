@@ -34,9 +34,8 @@ from mechanism_sim.planar.mechanism import GROUND, LinkPoint, Mechanism, Vector2
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.view import Draft
 from mechanism_sim.scene.contact_keys import Play
-from mechanism_sim.scene.joint_keys import JointKind, Reference, register
+from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
-from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.quantities import Length, si
 
 _LARGEST = 10_000  # of the whole numbers whose ratio the radii have
@@ -262,7 +261,7 @@ def strand_wrench(
     return Wrench(x, y, mul(lever, add(tensions[0], neg(tensions[1]))))
 
 
-def _read(places: Places, name: str, joint: BeltKeys) -> Belt:
+def _read(places: Names, name: str, joint: BeltKeys) -> Belt:
     where = f'{places.name}: joints.{name}'
     (a, on_a), (b, on_b) = places.ends(name, joint)
     if joint.radii is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -32,10 +32,9 @@ from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Vector2, rotate
 from mechanism_sim.scene.contact_keys import Contact, Play
-from mechanism_sim.scene.joint_keys import JointKind, Reference, register
+from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
-from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.quantities import (
     Angle,
     Coefficient,
@@ -47,9 +46,6 @@ from mechanism_sim.scene.quantities import (
     si_of,
 )
 from mechanism_sim.units import Measure
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
 
 Way = Annotated[Measure, si_of('rad', 'm')]
 """An angle of a cam, or a displacement if it slides."""
@@ -174,7 +170,7 @@ _UNITS = ('rad', 'm')
 LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
 
-def _read(places: Places, name: str, joint: CamKeys) -> CamPair:
+def _read(places: Names, name: str, joint: CamKeys) -> CamPair:
     """The joint of a cam and its follower.
 
     Raises
@@ -216,7 +212,7 @@ def _play(joint: CamKeys) -> Play | None:
 class _Reader:
     """One joint with a cam; what it raises without the scene's name gets it from `_read`."""
 
-    def __init__(self, places: Places, name: str, joint: CamKeys) -> None:
+    def __init__(self, places: Names, name: str, joint: CamKeys) -> None:
         self.places, self.name, self.joint = places, name, joint
         self.where = f'{places.name}: joints.{name}'
 
@@ -408,7 +404,7 @@ class _Reader:
             raise InputError(f'{flaw}: take {" or ".join(ways)}')
 
 
-def _notes(machine: Machine, pair: CamPair) -> list[str]:
+def _notes(machine: Any, pair: CamPair) -> list[str]:
     """Pressure angle, jumps, whether the cam may pull its follower."""
     cam, name = pair.cam, pair.name
     notes = []

@@ -9,8 +9,7 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import Geneva
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 
 
 class GenevaKeys(JointKeys):
@@ -22,7 +21,7 @@ class GenevaKeys(JointKeys):
     """Of a Geneva wheel; required for it."""
 
 
-def _read(places: Places, name: str, joint: GenevaKeys) -> Geneva:
+def _read(places: Names, name: str, joint: GenevaKeys) -> Geneva:
     pin, wheel = places.ends(name, joint)
     where = f'joints.{name}'
     if joint.slots is None:

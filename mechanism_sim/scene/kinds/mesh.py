@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -15,12 +15,8 @@ from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.scene.contact_keys import Contact, Play
 from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
 
 
 def _shares(value: Any) -> Any:
@@ -84,7 +80,7 @@ class MeshKeys(JointKeys):
     """Transmission error along the line of action, zero at the start."""
 
 
-def _read(places: Places, name: str, joint: MeshKeys) -> GearMesh:
+def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
     """Two gears in mesh; their phase is set by `in_mesh`.
 
     Raises
@@ -198,7 +194,7 @@ def _errors(
     return tuple(found)
 
 
-def check_bearings(places: Places, joints: tuple[Joint, ...], closing: Collection[str]) -> None:
+def check_bearings(places: Names, joints: tuple[Joint, ...], closing: Collection[str]) -> None:
     """Refuse gears whose shafts cannot all be joints of the tree.
 
     Raises
@@ -214,7 +210,7 @@ def check_bearings(places: Places, joints: tuple[Joint, ...], closing: Collectio
 
 
 def in_mesh(
-    places: Places, joints: tuple[Joint, ...], tree: Mechanism, start: Mapping[str, float]
+    places: Names, joints: tuple[Joint, ...], tree: Mechanism, start: Mapping[str, float]
 ) -> tuple[Joint, ...]:
     """The joints, with the teeth of all gears in spaces at the start.
 
@@ -267,7 +263,7 @@ def in_mesh(
     return tuple(placed.get(j.name, j) for j in joints)
 
 
-def backlashes(places: Places, joints: tuple[Joint, ...]) -> dict[str, Play]:
+def backlashes(places: Names, joints: tuple[Joint, ...]) -> dict[str, Play]:
     """How loose the meshes are that have play or give way."""
     found = {}
     for mesh in (j for j in joints if isinstance(j, GearMesh)):
@@ -282,7 +278,7 @@ def backlashes(places: Places, joints: tuple[Joint, ...]) -> dict[str, Play]:
     return found
 
 
-def _notes(machine: Machine, mesh: GearMesh) -> list[str]:
+def _notes(machine: Any, mesh: GearMesh) -> list[str]:
     """What can be said of gears beside their ratio."""
     ideal = machine.plan.ideal
     start = dict(zip(ideal.coordinates, machine.assembly.q.tolist(), strict=True))

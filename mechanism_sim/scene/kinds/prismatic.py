@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from mechanism_sim.planar.mechanism import Prismatic
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle
 
 
@@ -24,7 +23,7 @@ class PrismaticKeys(AxisKeys):
     """Of the second link in the first."""
 
 
-def _read(places: Places, name: str, joint: PrismaticKeys) -> Prismatic:
+def _read(places: Names, name: str, joint: PrismaticKeys) -> Prismatic:
     (a, on_a), (b, on_b) = places.ends(name, joint)
     return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
 

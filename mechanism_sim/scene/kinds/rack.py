@@ -7,8 +7,7 @@ import math
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import SlottedRack
 from mechanism_sim.planar.mechanism import GROUND
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Length
 
 
@@ -21,7 +20,7 @@ class RackKeys(JointKeys):
     """Of the slots of a rack; required for it."""
 
 
-def _read(places: Places, name: str, joint: RackKeys) -> SlottedRack:
+def _read(places: Names, name: str, joint: RackKeys) -> SlottedRack:
     pin, rack = places.ends(name, joint)
     where = f'joints.{name}'
     centre, on_crank = places.pivot(where, pin[0])

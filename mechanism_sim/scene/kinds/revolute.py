@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from mechanism_sim.planar.mechanism import Revolute
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 
 
 class RevoluteKeys(JointKeys):
@@ -14,7 +13,7 @@ class RevoluteKeys(JointKeys):
     """A pin: two points that coincide."""
 
 
-def _read(places: Places, name: str, joint: RevoluteKeys) -> Revolute:
+def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
     (a, on_a), (b, on_b) = places.ends(name, joint)
     return Revolute(name, a, b, on_a, on_b)
 

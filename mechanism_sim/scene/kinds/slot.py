@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from mechanism_sim.linkages.slot import PinInSlot
-from mechanism_sim.scene.joint_keys import JointKind, Reference, register
+from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.prismatic import AxisKeys
-from mechanism_sim.scene.places import Places
 
 
 class SlotKeys(AxisKeys):
@@ -15,7 +14,7 @@ class SlotKeys(AxisKeys):
     """A pin at the first point, in a slot of the second link."""
 
 
-def _read(places: Places, name: str, joint: SlotKeys) -> PinInSlot:
+def _read(places: Names, name: str, joint: SlotKeys) -> PinInSlot:
     (a, on_a), (b, on_b) = places.ends(name, joint)
     return PinInSlot(name, a, b, on_a, on_b, joint.axis)
 

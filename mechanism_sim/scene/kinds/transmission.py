@@ -9,8 +9,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.gears.transmission import Transmission
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene.gear_keys import MOST_TEETH
-from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Reference, register
-from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle, Quantity
 
 
@@ -48,7 +47,7 @@ class TransmissionKeys(PhaseKeys):
     """Of a transmission: the link from which angles count; else the ground."""
 
 
-def _read(places: Places, name: str, joint: TransmissionKeys) -> Transmission:
+def _read(places: Names, name: str, joint: TransmissionKeys) -> Transmission:
     """Two links with a ratio.
 
     Raises

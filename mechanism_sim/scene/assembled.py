@@ -1,0 +1,164 @@
+"""A machine whose loops are closed: where it is at the start, and how it moves without play."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from enum import Enum
+from functools import cached_property
+from typing import Any, Self
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
+from mechanism_sim.linkages.loops import FourBarLoop
+from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.planar.known import Edges
+from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
+from mechanism_sim.scene.planned import Planned
+from mechanism_sim.units import Measure
+
+
+class Level(Enum):
+    """How much mechanics a scene needs; the value is what people read."""
+
+    KINEMATIC = 'kinematic'
+    INVERSE_DYNAMICS = 'inverse dynamics'
+    SMOOTH = 'smooth dynamics'
+    NONSMOOTH = 'nonsmooth dynamics'
+    COMPLIANT = 'compliant contact'
+
+
+class Assembled(Planned):
+    """A machine without clearance, at the start and in motion."""
+
+    @cached_property
+    def closed_form(self) -> FourBarLoop | None:
+        """The four-bar that it is without clearance, if its motion has a closed form."""
+        return closed_four_bar(self)
+
+    @property
+    def linkage(self) -> FourBar:
+        """Lengths and branch of a four-bar whose links' angles are those from joint to joint.
+
+        Raises
+        ------
+        InputError
+            If it is another mechanism.
+        """
+        loop = self.closed_form
+        if loop is None or any(loop.turned):
+            raise InputError(
+                f'{self.name}: this is for four-bars only, whose links have their joints on their '
+                'x axes'
+            )
+        return loop.linkage
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """Where the mechanism without clearance is at the start.
+
+        Raises
+        ------
+        InputError
+            If it cannot be assembled.
+        """
+        return assemble(self, self.closed_form)
+
+    @property
+    def starts_singular(self) -> bool:
+        """Whether a driven mechanism starts in a singular position."""
+        return self.closed_form is None and self.assembly.slope is not None
+
+    @property
+    def torque_driven(self) -> bool:
+        """Whether any coordinate is free or moved by a torque: the motion is not known before."""
+        return bool(self.plan.powered) or self.assembly.freedom > 0
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the motion comes from equations of motion."""
+        return self.level in (Level.SMOOTH, Level.NONSMOOTH, Level.COMPLIANT)
+
+    @cached_property
+    def level(self) -> Level:
+        """The cheapest level that is exact for the scene."""
+        if self.clearances:
+            contacts = self.plan.rigid.values()
+            asked = any(c.contact for c in contacts) or not contacts
+            return Level.COMPLIANT if asked else Level.NONSMOOTH
+        if self.torque_driven:
+            return Level.SMOOTH
+        wanted = self.scene.outputs.forces and self.plan.weighed
+        return Level.INVERSE_DYNAMICS if wanted else Level.KINEMATIC
+
+    @cached_property
+    def ideal(self) -> IdealMotion:
+        """The motion of the mechanism without clearance.
+
+        Closed forms know two branches of a four-bar; through a change point neither goes on.
+        """
+        if self.closed_form:
+            return FourBarMotion(self.closed_form, self.plan.ideal.coordinates)
+        return LinkageMotion(self.kinematics(self.plan.prescribed))
+
+    @cached_property
+    def inverse_dynamics(self) -> InverseDynamics:
+        """Forces of the ideal mechanism."""
+        return self._inverse_dynamics(inertia=True)
+
+    @cached_property
+    def statics(self) -> NominalPhysics:
+        """The ideal mechanism with the forces that it has without inertia, at actual speeds."""
+        return NominalPhysics(self.ideal, self.mechanism, self._inverse_dynamics(inertia=False))
+
+    def _inverse_dynamics(self, inertia: bool) -> InverseDynamics:
+        ideal = self.plan.ideal
+        closing, loads = closures(ideal, ideal.cut), self.plan.elements(ideal)
+        return InverseDynamics(ideal, closing, self.plan.prescribed, loads, inertia)
+
+    def nominal(self, laws: Sequence[Law]) -> NominalRun:
+        """A run of the mechanism without clearance under prescribed drives.
+
+        Raises
+        ------
+        TypeError
+            If a torque moves it: then it has equations of motion.
+        """
+        prescribed = [law for law in laws if isinstance(law, DriveLaw)]
+        if len(prescribed) < len(laws):
+            raise TypeError('a mechanism that a torque moves has equations of motion')
+        q, slope, size = self.assembly.q, self.assembly.slope, self.plan.ideal.size
+        return NominalRun(self.ideal, prescribed, q, size, self._edges(), slope=slope)
+
+    def _edges(self) -> Edges | None:
+        """Where something begins or ceases to act in the course of an ideal motion."""
+        if self.level is Level.INVERSE_DYNAMICS:
+            return self.inverse_dynamics.edges  # those of the closures among them
+        return self.ideal.kinematics.edges if isinstance(self.ideal, LinkageMotion) else None
+
+    def started_at(self, angle: float) -> Self:
+        """The same machine with its main drive at another angle [rad] at the start.
+
+        Raises
+        ------
+        InputError
+            If it has no drive.
+        """
+        scene, update = self.scene, {'start_angle': angle}
+        if not scene.drive:
+            raise InputError(f"{self.name}: there is no 'drive' to start at an angle")
+        position = {c: x for c, x in scene.initial.position.items() if c != self.main}
+        changed: dict[str, Any] = {
+            'drive': scene.drive.model_copy(update=update),
+            'initial': scene.initial.model_copy(update={'position': position}),
+        }
+        if self.closed_form:
+            near = zip(self.closed_form.links[1:], self.closed_form.positions(angle), strict=True)
+            found = {c: Measure(float(x), 'rad') for c, x in near if math.isfinite(x)}
+            changed['guess'] = {**scene.guess, **found}
+        return replace(self, scene=scene.model_copy(update=changed))

@@ -1,0 +1,89 @@
+"""A machine with its equations of motion, compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
+from mechanism_sim.hybrid.system import System
+from mechanism_sim.linkages.nominal import NominalPhysics
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.switches import Table
+from mechanism_sim.scene.assembled import Assembled, Level
+from mechanism_sim.scene.clearances import gaps_and_films
+
+_COMPACT_FROM = 8
+"""Free coordinates, contacts and closures from which on compact code pays: it compiles faster."""
+
+
+class Compiled(Assembled):
+    """A machine whose equations can be evaluated."""
+
+    @cached_property
+    def system(self) -> System:
+        """The compiled equations of motion.
+
+        Raises
+        ------
+        InputError
+            If a gap can never change.
+        """
+        mechanism = self.mechanism
+        gaps, films = gaps_and_films(mechanism, self.clearances)
+        frames = Frames(mechanism.coordinates, Parameters())
+        for gap in gaps:
+            if all(slope is None for slope in gap.value(frames).gradient.values()):
+                raise InputError(
+                    f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
+                    'closes: its links move along it only; leave the joint out'
+                )
+        closing = closures(mechanism, [j for j in mechanism.cut if j not in self.clearances])
+        return self._compiled(mechanism, gaps, closing, films)
+
+    @cached_property
+    def ideal_system(self) -> System:
+        """The equations of motion of the mechanism without clearance."""
+        ideal = self.plan.ideal
+        return self._compiled(ideal, [], closures(ideal, ideal.cut), [])
+
+    def _compiled(
+        self,
+        mechanism: Mechanism,
+        gaps: Sequence[Gap],
+        closing: Sequence[Relation],
+        films: Sequence[ForceElement],
+    ) -> System:
+        laws = [law for laws in self.plan.laws.values() for law in laws]
+        degree = max(law.degree if isinstance(law, DriveLaw) else 1 for law in laws)
+        if self.commands:
+            degree = max(degree, 2)  # commanded speeds are joined by ramps
+        elements = [*films, *self.plan.elements(mechanism)]
+        prescribed, powered = self.plan.prescribed, self.plan.powered
+        return System(mechanism, gaps, prescribed, degree, closing, powered, elements)
+
+    @cached_property
+    def physics(self) -> Physics:
+        """What follows from a motion of this machine."""
+        if self.dynamic:
+            return DynamicPhysics(self.system)
+        forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
+        return NominalPhysics(self.ideal, self.mechanism, forces)
+
+    @property
+    def _large(self) -> bool:
+        """Whether the equations are so long that compact code pays."""
+        system = self.system
+        tabulated = any(isinstance(s, Table) for s in system.switches)
+        many = len(system.free) + self._rows >= _COMPACT_FROM
+        return bool(system.elements) or tabulated or many
+
+    @property
+    def _rows(self) -> int:
+        """How many contacts and closures the equations of motion are solved for."""
+        return len(self.system.dynamics.rows) + len(self.system.dynamics.relation)
