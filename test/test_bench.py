@@ -18,11 +18,11 @@ from mechanism_sim.bench import loose_joints as loosened
 from mechanism_sim.bench import measure as measuring
 from mechanism_sim.bench import middleware as lines
 from mechanism_sim.bench import scaling as sizes
+from mechanism_sim.bench.accelerometer_chain import Measured
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
 from mechanism_sim.bench.hard import cases
 from mechanism_sim.bench.loose_joints import Stretch, loose_joints, stretches
 from mechanism_sim.bench.measure import machine, measure
-from mechanism_sim.bench.measured import Measured
 from mechanism_sim.bench.peers import numba_dop853
 from mechanism_sim.bench.peers.scipy_compliant import damping_ratio
 from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, problems, without

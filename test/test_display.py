@@ -25,7 +25,7 @@ from mechanism_sim.nodes.force_markers import SHORTEST, Picture, preview
 from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
 from mechanism_sim.report.foxglove import to_foxglove
-from mechanism_sim.report.plotted import plots
+from mechanism_sim.report.plot_paths import plots
 from mechanism_sim.report.rviz import to_rviz
 
 ARROW, SPHERE, CYLINDER, STRIP, TRIANGLES = 0, 2, 3, 4, 11  # of visualization_msgs/msg/Marker

@@ -15,11 +15,11 @@ from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cli.entry import make_parser
 from mechanism_sim.cli.overview import GROUPS, START
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.commented import commented
 from mechanism_sim.scene.contact_keys import Clearance
 from mechanism_sim.scene.files import as_given, check_scene, find_scene, read_scene, read_yaml
-from mechanism_sim.scene.new import SCHEMA, TEMPLATES, new_scene
+from mechanism_sim.scene.new_scene import SCHEMA, TEMPLATES, new_scene
 from mechanism_sim.scene.quantities import Part, meanings
+from mechanism_sim.scene.scene_writer import commented
 
 
 def test_alone_it_says_what_to_do_next_with_commands_that_exist(tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, expm
 from scipy.stats import kstest
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.sensing.chain import (
     Amplifier,

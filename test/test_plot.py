@@ -13,8 +13,8 @@ from PIL import Image
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.asked import Asked
 from mechanism_sim.analysis.message_paths import parse
+from mechanism_sim.analysis.quantity_lookup import Asked
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import own_messages

@@ -15,9 +15,9 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import audit
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, gains
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
 from mechanism_sim.report import tables

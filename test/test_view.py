@@ -25,7 +25,7 @@ import mechanism_sim as ms
 from mechanism_sim import ending, middleware
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, String, service_class
 from mechanism_sim.messages import Motion as MotionMessage
 from mechanism_sim.messages.events import describe

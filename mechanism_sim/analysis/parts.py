@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.nodes.parts import Kind, kinds_of
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes

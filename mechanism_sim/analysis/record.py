@@ -21,11 +21,11 @@ from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.sampling import Books
 from mechanism_sim.hybrid.solution import Piece
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.messages.events import described
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI

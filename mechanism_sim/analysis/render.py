@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
+from mechanism_sim.analysis.delivery_audit import Ledger
 from mechanism_sim.analysis.impacts import ImpactSummary
-from mechanism_sim.analysis.ledger import Ledger
 from mechanism_sim.analysis.loads import EnergySummary, LoadSummary, Peak
 from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.parts import PARTS, PartSummary

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.sensor_keys import QUANTITIES
 from mechanism_sim.sensing.orders import Turns, at_equal_angles

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.analysis.crank import Crank, MotionSummary
+from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
-from mechanism_sim.analysis.ledger import Ledger, LedgerCollector
 from mechanism_sim.analysis.loads import (
     EnergyCollector,
     EnergySummary,

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.rebuilt import Estimate, Rebuilt
+from mechanism_sim.analysis.angular_reconstruction import Estimate, Rebuilt
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.instruments import source

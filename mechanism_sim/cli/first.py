@@ -35,7 +35,7 @@ def add(command: Command) -> None:
 
 
 def _new(options: argparse.Namespace) -> int:
-    from mechanism_sim.scene.new import TEMPLATES, new_scene  # noqa: PLC0415
+    from mechanism_sim.scene.new_scene import TEMPLATES, new_scene  # noqa: PLC0415
 
     source = TEMPLATES.get(options.scene, options.scene)
     file = new_scene(options.name, source, options.overrides)

@@ -33,7 +33,7 @@ def _scenes(options: argparse.Namespace) -> int:
     from mechanism_sim.scene import load_scene, scene_names  # noqa: PLC0415
 
     if options.schema:
-        from mechanism_sim.scene.new import json_schema  # noqa: PLC0415
+        from mechanism_sim.scene.new_scene import json_schema  # noqa: PLC0415
 
         print_json(json_schema())
         return 0

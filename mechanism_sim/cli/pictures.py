@@ -18,7 +18,7 @@ from mechanism_sim.cli.source import (
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
-    from mechanism_sim.analysis.asked import Asked
+    from mechanism_sim.analysis.quantity_lookup import Asked
 
 
 def add(command: Command) -> None:
@@ -109,7 +109,7 @@ def _animate(options: argparse.Namespace) -> int:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.asked import Asked  # noqa: PLC0415
+    from mechanism_sim.analysis.quantity_lookup import Asked  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
 

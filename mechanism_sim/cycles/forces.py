@@ -9,9 +9,9 @@ from mechanism_sim.cycles.points import Paths, Place, Poses
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.known import Known
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
+from mechanism_sim.planar.switched_functions import Known
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]

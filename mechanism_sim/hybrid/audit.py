@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes, double_exponential_nodes, gauss_nodes
 
 
@@ -138,16 +138,16 @@ class Audit:
             )
         if self.min_normal_force < -PULL * max(self._largest_force, 1e-12):
             raise RunError(
-                f'{StopReason.CONTACT_PULLED.value}: {self.min_normal_force:.3g} N; try a smaller '
-                'rtol, and report this scene'
+                f'{StopReason.TENSILE_CONTACT.value}: {self.min_normal_force:.3g} N; try a '
+                'smaller rtol, and report this scene'
             )
         books = self.energy
         if books and abs(books.residual) > _MISSING * max(
             1e-9, *map(abs, (books.initial, books.final, books.drive_work, books.dissipated))
         ):
             raise RunError(
-                f'{StopReason.BOOKS_OPEN.value}: {books.residual:.3g} J missing; try a smaller '
-                'rtol, smoother formulas of loads, or less friction'
+                f'{StopReason.ENERGY_UNBALANCED.value}: {books.residual:.3g} J missing; try a '
+                'smaller rtol, smoother formulas of loads, or less friction'
             )
 
     def _enter(self, motion: Motion, segments: NDArray[np.intp], work: Work) -> None:

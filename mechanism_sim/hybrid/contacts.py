@@ -33,6 +33,7 @@ from mechanism_sim.contact.problem import (
 )
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base, horner
+from mechanism_sim.hybrid.dense_output import Status, floats
 from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
 from mechanism_sim.hybrid.system import (
     FORCE_SCALE,
@@ -42,7 +43,6 @@ from mechanism_sim.hybrid.system import (
     Guard,
     System,
 )
-from mechanism_sim.hybrid.tape import Status, floats
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import charge, kernel
 from mechanism_sim.planar.switches import SWITCH_MARGIN
@@ -269,7 +269,7 @@ class Contacts:
         if not self.modes:
             return
         if self._system.compliant:
-            self._respond_to_fallen()
+            self._respond_to_missed()
             return
         terms = self.terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
@@ -290,11 +290,11 @@ class Contacts:
             self._respond(found)
             charge(perf_counter() - began)
         if len(self._floor) > 1:
-            self._respond_to_fallen()
+            self._respond_to_missed()
 
-    def _respond_to_fallen(self) -> None:
+    def _respond_to_missed(self) -> None:
         for _ in self._floor:
-            guard = self.fallen()
+            guard = self.missed_event()
             if guard is None:
                 break
             self._respond(self._system.guards[guard])
@@ -352,7 +352,7 @@ class Contacts:
             return
         self._record_modes(before)
 
-    def fallen(self, seen_now: int | None = None) -> int | None:
+    def missed_event(self, seen_now: int | None = None) -> int | None:
         """A guard which is past zero already: the integrator would never see it fall.
 
         That happens where a step ends within its error of an event. Beside the guard that is

@@ -21,14 +21,14 @@ from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
+from mechanism_sim.hybrid.compliant_contacts import Touch, Touches
 from mechanism_sim.hybrid.contacts import Contacts
+from mechanism_sim.hybrid.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.singular import AHEAD, BESIDE, HERE, SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.step_check import StepCheck
 from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
-from mechanism_sim.hybrid.tape import Motion, Tape, floats
-from mechanism_sim.hybrid.touches import Touch, Touches
 from mechanism_sim.planar.drive import DriveLaw, Law
 
 _MAX_SIMULTANEOUS = 100
@@ -116,7 +116,7 @@ class EventLoop:
         self._state[:] = [*state.q, *state.v]
         turns = dict(zip(system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
-        self._tape = Tape(system, self._ta.order)
+        self._output = DenseOutput(system, self._ta.order)
         self._contacts = Contacts(
             system,
             self._ta,
@@ -152,7 +152,7 @@ class EventLoop:
             self._contacts.set_switches()
         self._go_on()
         h, guard, step = self._singular.begin()
-        self._tape.next.reshape(-1)[:] = step.terms
+        self._output.next.reshape(-1)[:] = step.terms
         self._pending = _Pending(
             self._ta.time - h, h, guard, (0.0, self._max_step, 0.0), step.origin
         )
@@ -161,7 +161,7 @@ class EventLoop:
     @property
     def steps(self) -> int:
         """Number of steps since the start."""
-        return self._tape.count
+        return self._output.count
 
     @property
     def time(self) -> float:
@@ -207,10 +207,10 @@ class EventLoop:
             If the state becomes infinite, events repeat without progress in time, or a law
             jumps in angle or speed.
         """
-        contacts, tape, ta, step = self._contacts, self._tape, self._ta, self._step
+        contacts, output, ta, step = self._contacts, self._output, self._ta, self._step
         coefficients, pars, fired = self._coefficients, self._pars, self._system.fired_index
-        slots, lengths = tape.slots, tape.lengths
-        enter_tau, enter_length = tape.taus.append, lengths.append
+        slots, lengths = output.slots, output.lengths
+        enter_tau, enter_length = output.taus.append, lengths.append
         timed, lone = self._system.timed, self._system.lone
         watch, overlaps = self._guard_values, self._system.compliant
         near, stride = self._nearness, self._singular.stride
@@ -247,7 +247,7 @@ class EventLoop:
                         self._since += row - count
                         count = row
                         if count == len(slots) - 1:
-                            tape.grow()
+                            output.grow()
                         continue
                     self._since += len(lengths) - count
                     count = len(lengths)
@@ -308,7 +308,7 @@ class EventLoop:
                 self._since += 1
                 count += 1
                 if count == len(slots) - 1:
-                    tape.grow()
+                    output.grow()
             tau = end
             if guard is not None:
                 ta.time = end
@@ -317,7 +317,7 @@ class EventLoop:
                 contacts.handle(guard)
                 ta.reset_cooldowns()
                 if contacts.status is not status:
-                    tape.mark(self._base, contacts.status)
+                    output.mark(self._base, contacts.status)
                 if contacts.horizon < longest:
                     reach = contacts.horizon
             if end > next_base:
@@ -338,7 +338,7 @@ class EventLoop:
         if self._pending is None:
             return None
         h = min(self._base.local(until) - self._pending.tau, self._pending.h)
-        return self._tape.peek(self._pending.tau, h) if h > 0.0 else None
+        return self._output.peek(self._pending.tau, h) if h > 0.0 else None
 
     def change_restitution(self, joint: str, restitution: float) -> None:
         """Let impacts of a joint with clearance have another coefficient, from now on.
@@ -365,18 +365,18 @@ class EventLoop:
         step than to its end, or on the point where it bisects; and the root of a step that ends
         within its own error of an impact lies just behind it.
         """
-        fallen = self._overlooked(guard)
-        while fallen is not None and h > _SHORTEST * self._max_step:
+        missed = self._missed(guard)
+        while missed is not None and h > _SHORTEST * self._max_step:
             self._back_to(tau)
             h = self._step(_SHORTER * h, True)[1]
             guard = self._system.fired(self._pars)
-            fallen = self._overlooked(guard)
-        return h, guard if fallen is None or guard is not None else fallen
+            missed = self._missed(guard)
+        return h, guard if missed is None or guard is not None else missed
 
-    def _overlooked(self, guard: int | None) -> int | None:
+    def _missed(self, guard: int | None) -> int | None:
         """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""
         if guard is None or len(self._system.guards) > 1:
-            return self._contacts.fallen(guard)
+            return self._contacts.missed_event(guard)
         return None
 
     def _back_to(self, tau: float) -> None:
@@ -396,10 +396,10 @@ class EventLoop:
     def _cut(self, at: float) -> None:
         """End the pending step early, at local time `at`, on its own polynomials."""
         if self._pending:
-            tau, tape, self._pending = self._pending.tau, self._tape, None
-            self._state[:] = polyval(at - tau, tape.next.T)
+            tau, output, self._pending = self._pending.tau, self._output, None
+            self._state[:] = polyval(at - tau, output.next.T)
             if at > tau:
-                tape.enter(tau, at - tau)
+                output.enter(tau, at - tau)
         self._ta.time = at
         self._go_on()
 
@@ -408,7 +408,7 @@ class EventLoop:
         if self._system.guards:
             self._ta.reset_cooldowns()
         self._turn(self._ta.time)
-        self._tape.mark(self._base, self._contacts.status)
+        self._output.mark(self._base, self._contacts.status)
 
     def _turn(self, tau: float) -> None:
         """Set cosine and sine of the steady drives, which drift by a rounding in each step."""
@@ -489,7 +489,7 @@ class EventLoop:
 
     def restart(self, state: State) -> None:
         """Begin anew from another state, under the present laws, without compiling anything."""
-        self._tape.restart()
+        self._output.restart()
         turns = dict(zip(self._system.free, state.turns, strict=True))
         self._base = base_at(state.time, self._laws, turns)
         self._state[:] = [*state.q, *state.v]
@@ -515,7 +515,7 @@ class EventLoop:
             tau, (alpha, horizon, stride) = self._pending.tau, self._pending.taken
             began = self._pending.origin
             state = self._ta.tc[:, 0] if began is None else began
-        touches = self._touches.follow(self._tape.motion())[0] if self._touches else ()
+        touches = self._touches.follow(self._output.motion())[0] if self._touches else ()
         return Snapshot(
             '',
             self._base.time,
@@ -544,7 +544,7 @@ class EventLoop:
         s = snapshot
         self._laws, self._coming = list(s.laws), deque(s.coming)
         self._base = base_at(s.base, self._laws, s.turns)
-        self._tape.restart()
+        self._output.restart()
         self._start_base()
         self._state[:] = s.state
         self._ta.time = s.tau
@@ -572,7 +572,7 @@ class EventLoop:
         contacts = self._contacts
         impacts = contacts.impacts.drain()
         changes, contacts.mode_changes = contacts.mode_changes, []
-        motion = self._tape.drain()
+        motion = self._output.drain()
         if self._touches:
             impacts += self._touches.add(motion)
         return motion, impacts, changes

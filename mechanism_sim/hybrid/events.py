@@ -36,8 +36,8 @@ class StopReason(Enum):
 
     COMPLETE = 'the requested duration was reached'
     GAP_VIOLATED = 'a gap was violated between events: the result cannot be trusted'
-    CONTACT_PULLED = 'a contact pulled instead of letting go: the result cannot be trusted'
-    BOOKS_OPEN = 'the energy books do not close: the result cannot be trusted'
+    TENSILE_CONTACT = 'a contact force became tensile: the result cannot be trusted'
+    ENERGY_UNBALANCED = 'the energy balance is violated: the result cannot be trusted'
     NO_PROGRESS = 'events follow each other without progress in time'
 
 

@@ -6,8 +6,8 @@ import math
 from functools import partial
 from typing import NamedTuple
 
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import Physics
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.extremes import ExtremeSearch
 
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.crossings import Crossings
+from mechanism_sim.hybrid.dense_output import Motion, instants
 from mechanism_sim.hybrid.system import Array, System, TouchTerms
-from mechanism_sim.hybrid.tape import Motion, instants
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
-from mechanism_sim.planar.known import Edges
+from mechanism_sim.planar.switched_functions import Edges
 
 
 class Physics(Protocol):

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.audit import Work, rules
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.system import Array
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.planar.inverse_dynamics import Observation
 
 

@@ -17,8 +17,8 @@ from numpy.polynomial import polynomial
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.contacts import Contacts
+from mechanism_sim.hybrid.dense_output import floats
 from mechanism_sim.hybrid.system import WATCH_SCALE, Array, System
-from mechanism_sim.hybrid.tape import floats
 from mechanism_sim.numerics.polynomials import shift_powers
 
 AHEAD = 3.0
@@ -309,7 +309,7 @@ class SingularPositions:
         # nearer to the position forces are not known
         for s in places[(places > since) & (np.abs(places - touch) > _BLIND * h)]:
             go_to(s)
-            guard = self._contacts.fallen()
+            guard = self._contacts.missed_event()
             if guard is not None:
                 return self._bisect(go_to, before, float(s))
             before = float(s)
@@ -323,9 +323,9 @@ class SingularPositions:
             if not low < middle < high:
                 break
             go_to(middle)
-            low, high = (middle, high) if self._contacts.fallen() is None else (low, middle)
+            low, high = (middle, high) if self._contacts.missed_event() is None else (low, middle)
         go_to(high)
-        return high, self._contacts.fallen()
+        return high, self._contacts.missed_event()
 
     def undecided(self) -> RunError:
         """At the present state two ways go on."""

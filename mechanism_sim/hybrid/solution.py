@@ -10,13 +10,13 @@ import numpy as np
 
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Books, Samples, sample, table
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.system import Array
-from mechanism_sim.hybrid.tape import Motion
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,11 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
-from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
+from mechanism_sim.planar.switched_functions import Edges, Known
 from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 Array = NDArray[np.float64]

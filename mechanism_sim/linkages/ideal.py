@@ -14,7 +14,7 @@ from mechanism_sim.linkages.passage import Passage
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar import branch
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.known import Edges
+from mechanism_sim.planar.switched_functions import Edges
 
 _EPS = float(np.finfo(float).eps)
 

@@ -16,10 +16,10 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import each_instant, loads_of, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.linkages.four_bar import Array
 from mechanism_sim.linkages.ideal import IdealMotion
 from mechanism_sim.linkages.passage import Passage, with_limits
@@ -35,8 +35,8 @@ from mechanism_sim.numerics.polynomials import (
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
-from mechanism_sim.planar.known import Edges
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.switched_functions import Edges
 
 _NODES = chebyshev_nodes(15)
 _ENDED = np.array([*_NODES, 1.0])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import AccelerometerBlock, Imu, float64_array
 from mechanism_sim.messages.layout import Layout
 from mechanism_sim.middleware import Parameter

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from mechanism_sim.hybrid.tape import Motion as MotionBatch
+from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.messages import Motion
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.qos import RESULTS

@@ -10,10 +10,10 @@ import numpy as np
 
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.hybrid.sampling import Books, sample
-from mechanism_sim.hybrid.tape import Motion as MotionBatch
 from mechanism_sim.messages import (
     DriveLaw,
     Impact,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages.events import described
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.force_markers import preview

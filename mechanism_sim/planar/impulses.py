@@ -16,11 +16,11 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.known import Known
 from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Gap, Relation
 from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
+from mechanism_sim.planar.switched_functions import Known
 
 Array = NDArray[np.float64]
 

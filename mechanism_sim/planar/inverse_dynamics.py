@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from mechanism_sim.numerics.evaluation import COLUMNS
 from mechanism_sim.numerics.symbolic import add, neg
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
+from mechanism_sim.planar.switched_functions import Edges, Known
 
 Array = NDArray[np.float64]
 

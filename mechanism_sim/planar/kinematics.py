@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
+from mechanism_sim.planar.switched_functions import Edges, Known
 
 Array = NDArray[np.float64]
 

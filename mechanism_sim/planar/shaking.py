@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.known import Edges, Known
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.planar.switched_functions import Edges, Known
 
 Array = NDArray[np.float64]
 

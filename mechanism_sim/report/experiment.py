@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from mechanism_sim.analysis.angular_reconstruction import LINKS, Estimate
 from mechanism_sim.analysis.experiment import Experiment, Trial
-from mechanism_sim.analysis.rebuilt import LINKS, Estimate
 from mechanism_sim.analysis.swing import MESHES
 
 _METHODS = {

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.analysis.angular_reconstruction import LINKS
 from mechanism_sim.analysis.experiment import JOINT, Cycle, Experiment, Trial
-from mechanism_sim.analysis.rebuilt import LINKS
 from mechanism_sim.report.condition import rose_picture
 from mechanism_sim.sensing.spectra import power
 

@@ -13,7 +13,7 @@ from mechanism_sim import strict_json
 from mechanism_sim.nodes.force_markers import Preview
 from mechanism_sim.nodes.markers import frame_of
 from mechanism_sim.planar.mechanism import GROUND
-from mechanism_sim.report.plotted import Plot, plots, resolve
+from mechanism_sim.report.plot_paths import Plot, plots, resolve
 
 _AXES = 0.2  # [m] length of the axes of a frame at scale 1
 

@@ -19,7 +19,7 @@ from mechanism_sim.planar.branch import SINGULAR
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute, Vector2
-from mechanism_sim.scene.planned import Planned
+from mechanism_sim.scene.model import MachineModel
 from mechanism_sim.scene.singular_start import begin, neighbours
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Assembly(NamedTuple):
     slope: Array | None = None  #: (n,) direction of the motion, if the position is singular
 
 
-def assemble(machine: Planned, four_bar: FourBarLoop | None) -> Assembly:
+def assemble(machine: MachineModel, four_bar: FourBarLoop | None) -> Assembly:
     """Where a machine without clearance is at the start.
 
     Drives, and coordinates set by `initial`, are where they should be; the rest lies near `guess`.
@@ -128,7 +128,7 @@ def _ranks(kinematics: Kinematics, q: Array, soft: Sequence[str]) -> Array:
     return np.array([_rank(x) for x in (scaled[:, kinematics.sought], scaled, hard)])
 
 
-def closed_four_bar(machine: Planned) -> FourBarLoop | None:
+def closed_four_bar(machine: MachineModel) -> FourBarLoop | None:
     """The four-bar that a machine is, on the branch nearest to its guess; None if it is none.
 
     Closed forms know two branches of a four-bar; through a change point neither goes on.
@@ -148,7 +148,7 @@ def closed_four_bar(machine: Planned) -> FourBarLoop | None:
     return loop.on('crossed' if off('crossed') < off('open') else 'open')
 
 
-def _follows(machine: Planned) -> bool:
+def _follows(machine: MachineModel) -> bool:
     """Whether the ideal mechanism's start follows from its main drive alone."""
     plan, main = machine.plan, machine.main
     if main not in machine.held or main in plan.given[1]:
@@ -157,7 +157,7 @@ def _follows(machine: Planned) -> bool:
     return bool(loose) or not machine.placed_outright
 
 
-def _assembled(machine: Planned, loop: FourBarLoop) -> Assembly:
+def _assembled(machine: MachineModel, loop: FourBarLoop) -> Assembly:
     """A four-bar at the start."""
     angle, speed = machine.held[machine.main]
     # In extended precision: after a few dozen impacts the last digit of the start counts.
@@ -169,7 +169,7 @@ def _assembled(machine: Planned, loop: FourBarLoop) -> Assembly:
     return Assembly(q[order], v[order], len(machine.plan.powered), 0, 0)
 
 
-def _placed(machine: Planned, guess: Array) -> tuple[Kinematics, Array]:
+def _placed(machine: MachineModel, guess: Array) -> tuple[Kinematics, Array]:
     """Coordinates that close all loops, with the drives and what is given where they should be.
 
     Loose joints allow more to be given than the mechanism without clearance can have: then it has
@@ -201,7 +201,7 @@ def _placed(machine: Planned, guess: Array) -> tuple[Kinematics, Array]:
     return close(held)
 
 
-def _started(machine: Planned, kinematics: Kinematics, q: Array) -> Array:
+def _started(machine: MachineModel, kinematics: Kinematics, q: Array) -> Array:
     """Rates with which all loops stay closed, those of drives and those given as they should be.
 
     Raises

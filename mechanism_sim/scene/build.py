@@ -6,10 +6,10 @@ import math
 from itertools import combinations
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.scene.assembled import Level
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import check_oscillators
 from mechanism_sim.scene.schema import Scene
 

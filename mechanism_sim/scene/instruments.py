@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from mechanism_sim.scene.equations import Compiled
+from mechanism_sim.scene.dynamic_model import DynamicModel
 from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.scene.sensor_keys import QUANTITIES, Sensor
 from mechanism_sim.sensing.channel import Channel, Source
@@ -14,7 +14,7 @@ from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.sensing.point import PointOnLink
 
 
-def channel(machine: Compiled, name: str, beside: Channel | None = None) -> Channel:
+def channel(machine: DynamicModel, name: str, beside: Channel | None = None) -> Channel:
     """The channel of a sensor of the scene, from the start of a run on.
 
     It may share the analogue part of another that differs in sampling, converter or noise only.
@@ -30,7 +30,7 @@ def channel(machine: Compiled, name: str, beside: Channel | None = None) -> Chan
     return Channel(source(machine, name), chain, name, _drive(machine, name), beside)
 
 
-def source(machine: Compiled, name: str) -> Source:
+def source(machine: DynamicModel, name: str) -> Source:
     """What a sensor of the scene is mounted on, from the start of a run on.
 
     Raises
@@ -50,7 +50,7 @@ def source(machine: Compiled, name: str) -> Source:
     return PointOnLink(mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity, transverse)
 
 
-def inertial_unit(machine: Compiled, name: str) -> InertialUnit:
+def inertial_unit(machine: DynamicModel, name: str) -> InertialUnit:
     """The inertial unit where a sensor of the scene is, from the start of a run on.
 
     Raises
@@ -71,13 +71,13 @@ def inertial_unit(machine: Compiled, name: str) -> InertialUnit:
     )
 
 
-def _drive(machine: Compiled, name: str) -> int:
+def _drive(machine: DynamicModel, name: str) -> int:
     """Index of the coordinate that triggers a sensor."""
     triggered = machine.scene.sensors[name].trigger
     return machine.mechanism.coordinates.index(machine.main) if triggered else 0
 
 
-def sensor_notes(machine: Compiled) -> list[str]:
+def sensor_notes(machine: DynamicModel) -> list[str]:
     """What the sensors of a scene are, and what lies between them and their samples."""
     notes = []
     for name, sensor in machine.scene.sensors.items():

@@ -8,13 +8,13 @@ from typing import Protocol
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.snapshot import Snapshot, State
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.planar.drive import Law
-from mechanism_sim.scene.equations import Compiled
-from mechanism_sim.scene.initial import initial_state
+from mechanism_sim.scene.dynamic_model import DynamicModel
+from mechanism_sim.scene.initial_conditions import initial_state
 from mechanism_sim.scene.instruments import channel, inertial_unit
 from mechanism_sim.scene.oscillators import forces_on, read_frame
 from mechanism_sim.sensing.channel import Channel
@@ -57,7 +57,7 @@ class Run(Protocol):
         """Motion and events since the last call."""
 
 
-class Machine(Compiled):
+class Machine(DynamicModel):
     """The mechanism of a scene, ready to run.
 
     What it is comes in layers, each with what the one below it lacks: as it is planned, assembled,
@@ -130,7 +130,7 @@ class Machine(Compiled):
         return run
 
     def initial_state(self) -> State:
-        """Where a run of the equations of motion starts, see `mechanism_sim.scene.initial`."""
+        """Where the equations of motion start (`mechanism_sim.scene.initial_conditions`)."""
         return self._initial_state
 
     @cached_property

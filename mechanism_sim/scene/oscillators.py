@@ -9,7 +9,7 @@ from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.scene.clearances import gaps_and_films
-from mechanism_sim.scene.equations import Compiled
+from mechanism_sim.scene.dynamic_model import DynamicModel
 from mechanism_sim.vibration.frame import Frame, Mount
 from mechanism_sim.vibration.joint_forces import JointForces
 from mechanism_sim.vibration.shaking import Forces, WholeMachine
@@ -18,7 +18,7 @@ _FASTEST = 1e6
 """[Hz] Natural frequencies beyond it are those of no frame."""
 
 
-def read_frame(machine: Compiled, name: str) -> Frame:
+def read_frame(machine: DynamicModel, name: str) -> Frame:
     """A frame of the scene.
 
     Raises
@@ -49,7 +49,7 @@ def read_frame(machine: Compiled, name: str) -> Frame:
     return frame
 
 
-def forces_on(machine: Compiled, name: str) -> Forces:
+def forces_on(machine: DynamicModel, name: str) -> Forces:
     """What shakes a frame of the scene."""
     joints, mechanism = machine.scene.oscillators[name].joints, machine.mechanism
     if joints is None:
@@ -64,7 +64,7 @@ def forces_on(machine: Compiled, name: str) -> Forces:
     return JointForces(mechanism, machine.physics, impulses, joints)
 
 
-def check_oscillators(machine: Compiled) -> None:
+def check_oscillators(machine: DynamicModel) -> None:
     """Refuse frames that cannot be.
 
     Raises
@@ -95,7 +95,7 @@ def check_oscillators(machine: Compiled) -> None:
                 )
 
 
-def oscillator_notes(machine: Compiled) -> list[str]:
+def oscillator_notes(machine: DynamicModel) -> list[str]:
     """What can be said of the frames of a scene."""
     notes = []
     carried = sum(body.mass for body in machine.mechanism.bodies)

@@ -11,11 +11,11 @@ import numpy as np
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit, Energy, Work
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import StopReason
 from mechanism_sim.hybrid.sampling import Books
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.solution import Piece, Solution, Stats
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit, Observation
 from mechanism_sim.scene.build import build

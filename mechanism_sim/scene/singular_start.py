@@ -12,7 +12,7 @@ from mechanism_sim.planar import branch
 from mechanism_sim.planar.branch import Branch
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Revolute
-from mechanism_sim.scene.planned import Planned
+from mechanism_sim.scene.model import MachineModel
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def neighbours(kinematics: Kinematics, q: Array) -> Array:
 
 
 def begin(
-    machine: Planned,
+    machine: MachineModel,
     kinematics: Kinematics,
     q: Array,
     guess: Array,

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, polynomials, silent
 from mechanism_sim.numerics.polynomials import Nodes, exact_sum
 from mechanism_sim.numerics.rational import Array, Modes, Rational

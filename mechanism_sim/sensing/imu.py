@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Array, Modes, Rational
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2

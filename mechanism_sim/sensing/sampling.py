@@ -12,7 +12,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.sensing.chain import Instrument, Trigger
 

@@ -20,8 +20,8 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Revolute
 from mechanism_sim.planar.play import joint_of_gap

@@ -19,7 +19,7 @@ from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.known import Known
+from mechanism_sim.planar.switched_functions import Known
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid import events as happened
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.recording import BagWriter, Qos

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peaks import LoadPeaks
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import Tally, ratio

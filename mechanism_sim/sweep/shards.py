@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene

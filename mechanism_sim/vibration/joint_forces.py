@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import Physics, outside
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import GROUND, Mechanism

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, Response, polynomials
 from mechanism_sim.numerics.rational import Array, Modes
 from mechanism_sim.vibration.frame import Frame

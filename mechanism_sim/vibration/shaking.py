@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.physics import outside, rows
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.modal_filter import NODES
 from mechanism_sim.numerics.polynomials import (
     Nodes,

@@ -16,8 +16,8 @@ from mechanism_sim.bench.hard.bodies import TURN, thesis
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.bench.hard.joints import JOINTS, loose
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.scene import Machine
 
 

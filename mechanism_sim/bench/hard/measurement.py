@@ -22,8 +22,8 @@ from mechanism_sim.bench.stages import (
     low_pass,
     resonator,
 )
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.system import Array
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum
 from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic
 from mechanism_sim.scene import load_scene, simulate

@@ -12,7 +12,7 @@ from numpy.polynomial.polynomial import polyval
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear_zpk, lsim, sosfilt, zpk2sos
 
-from mechanism_sim.bench.measured import SENSOR, Array, Measured
+from mechanism_sim.bench.accelerometer_chain import SENSOR, Array, Measured
 from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
@@ -128,7 +128,7 @@ MEASURED = Problem(
     RUN.revolutions,
     'm/s^2',
     'All samples, by power series of the state equations of the chain in steps of 10 microseconds '
-    '(mechanism_sim/bench/measured.py). The largest sample is 708 m/s^2.',
+    '(mechanism_sim/bench/accelerometer_chain.py). The largest sample is 708 m/s^2.',
     RUN.error,
     (
         Method(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.bench.problem import Answer
 from mechanism_sim.bench.stages import State, in_series, lead, low_pass, resonator
-from mechanism_sim.hybrid.tape import Motion
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shift_powers
 from mechanism_sim.scene import Machine, load_scene, simulate
 from mechanism_sim.scene.instruments import source

@@ -7,10 +7,10 @@ import numpy as np
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.planar.mechanism import Revolute
-from mechanism_sim.scene.equations import Compiled
+from mechanism_sim.scene.dynamic_model import DynamicModel
 
 
-def seats(machine: Compiled, q: Array, v: Array, a: Array) -> dict[str, Array]:
+def seats(machine: DynamicModel, q: Array, v: Array, a: Array) -> dict[str, Array]:
     """Where the pins rest (2,) [m], from the centres of their bushings, by joint.
 
     Of a pair that can only lift off, how deep its compliant contact is (1,) [m], negative.
@@ -64,7 +64,7 @@ def seats(machine: Compiled, q: Array, v: Array, a: Array) -> dict[str, Array]:
     return found
 
 
-def joint_forces(machine: Compiled, q: Array, v: Array, a: Array) -> Array:
+def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:
     """Forces in the joints of the ideal mechanism (j, 2) [N], first-named on second-named link.
 
     `a` counts only where the drives are prescribed; a torque sets its own acceleration.

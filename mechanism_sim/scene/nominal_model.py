@@ -17,9 +17,9 @@ from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
-from mechanism_sim.planar.known import Edges
+from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
-from mechanism_sim.scene.planned import Planned
+from mechanism_sim.scene.model import MachineModel
 from mechanism_sim.units import Measure
 
 
@@ -33,7 +33,7 @@ class Level(Enum):
     COMPLIANT = 'compliant contact'
 
 
-class Assembled(Planned):
+class NominalModel(MachineModel):
     """A machine without clearance, at the start and in motion."""
 
     @cached_property

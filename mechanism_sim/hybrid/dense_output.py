@@ -101,7 +101,7 @@ def floats(array: Array) -> memoryview[float]:
     return array.data.cast('B').cast('d')
 
 
-class Tape:
+class DenseOutput:
     """Taylor coefficients of the steps since the last `drain`.
 
     A step is first written to its slot ``slots[len(lengths)]``, then entered in `taus` and

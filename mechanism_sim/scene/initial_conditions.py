@@ -18,8 +18,8 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import closed_near, nearest_rates, opening
-from mechanism_sim.scene.equations import Compiled
-from mechanism_sim.scene.seats import seats
+from mechanism_sim.scene.dynamic_model import DynamicModel
+from mechanism_sim.scene.start_configuration import seats
 
 _SOFT = 1e-3
 """Weight of a pin's way from its seat, in clearances, against a size that ideal joints open."""
@@ -28,7 +28,7 @@ _ROUNDS = 30
 Values = dict[str, float]
 
 
-def initial_state(machine: Compiled) -> State:
+def initial_state(machine: DynamicModel) -> State:
     """Where the equations of motion start.
 
     ``centred``: the nominal mechanism, pins at the centre, in flight. ``seated``: each pin rests
@@ -55,12 +55,12 @@ def initial_state(machine: Compiled) -> State:
     )
 
 
-def _starts_closed(machine: Compiled, gap: Gap) -> bool:
+def _starts_closed(machine: DynamicModel, gap: Gap) -> bool:
     """Pins are on their bushings, and what can only lift off is in contact."""
     return machine.clearances[gap.joint].radial == 0.0 or isinstance(gap, BearingClearance)
 
 
-def _placed(machine: Compiled) -> tuple[Values, Values]:
+def _placed(machine: DynamicModel) -> tuple[Values, Values]:
     """Values and rates of the coordinates."""
     plan, start = machine.plan, machine.assembly
     if not machine.clearances:
@@ -86,14 +86,14 @@ def _placed(machine: Compiled) -> tuple[Values, Values]:
     )
 
 
-def _alike(machine: Compiled, c: str) -> bool:
+def _alike(machine: DynamicModel, c: str) -> bool:
     """Whether a coordinate means the same with clearance as without."""
     ideal, loose = machine.plan.ideal, machine.mechanism
     slides = [m.tree_joints.get(c) if c in m.sliding else None for m in (ideal, loose)]
     return slides[0] == slides[1]
 
 
-def _places(machine: Compiled, near: Array, held: Sequence[str], given: Values) -> Array:
+def _places(machine: DynamicModel, near: Array, held: Sequence[str], given: Values) -> Array:
     """Coordinates of the loose mechanism: pins at their seats, unless given ones move them.
 
     Where they do, ideal joints stay closed, and the pins are as little off their seats as can be,
@@ -134,7 +134,7 @@ def _places(machine: Compiled, near: Array, held: Sequence[str], given: Values) 
     return closed_near(machine.name, kinematics, guess, np.zeros(len(kinematics.rows)))
 
 
-def _rates(machine: Compiled, q: Array, held: Sequence[str], given: Values) -> Array:
+def _rates(machine: DynamicModel, q: Array, held: Sequence[str], given: Values) -> Array:
     """Rates of the loose mechanism: those of the ideal one, and those given.
 
     Links keep turning as they would without clearance while ideal joints can stay closed so.
@@ -165,7 +165,7 @@ def _rates(machine: Compiled, q: Array, held: Sequence[str], given: Values) -> A
     )
 
 
-def _converted_rates(machine: Compiled) -> list[float]:
+def _converted_rates(machine: DynamicModel) -> list[float]:
     """Rates of the loose mechanism's coordinates when it moves as the ideal one."""
     ideal, loose, start = machine.plan.ideal, machine.mechanism, machine.assembly
     q, v = start.q[:, None], start.v[:, None]
@@ -196,7 +196,7 @@ def _converted_rates(machine: Compiled) -> list[float]:
     return found
 
 
-def _driven_rates(machine: Compiled) -> tuple[Array, Array]:
+def _driven_rates(machine: DynamicModel) -> tuple[Array, Array]:
     """Rates and accelerations (p, 1) of the prescribed coordinates at the start."""
     found = []
     for i in machine.ideal.driven:
@@ -232,7 +232,7 @@ def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
     return np.array(found)
 
 
-def _check_inside(machine: Compiled, q: Array, seated: bool) -> None:
+def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:
     for gap, value in zip(machine.system.gaps, machine.system.gap_values(q), strict=True):
         clearance = machine.clearances[gap.joint].radial
         distance = float(gap.distance(value)[0])

@@ -22,7 +22,7 @@ from mechanism_sim.scene.schema import Commands, Scene
 
 
 @dataclass(frozen=True)
-class Planned:
+class MachineModel:
     """What a scene says of a machine, before anything is put together.
 
     Attributes

@@ -15,14 +15,14 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.switches import Table
-from mechanism_sim.scene.assembled import Assembled, Level
 from mechanism_sim.scene.clearances import gaps_and_films
+from mechanism_sim.scene.nominal_model import Level, NominalModel
 
 _COMPACT_FROM = 8
 """Free coordinates, contacts and closures from which on compact code pays: it compiles faster."""
 
 
-class Compiled(Assembled):
+class DynamicModel(NominalModel):
     """A machine whose equations can be evaluated."""
 
     @cached_property

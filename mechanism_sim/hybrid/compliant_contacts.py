@@ -11,10 +11,10 @@ from numpy.polynomial.chebyshev import chebder, chebroots, chebval
 from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.audit import RECOVERY
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import Array, System
-from mechanism_sim.hybrid.tape import Motion
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
 
 _COUNT = 16  # nodes in a segment, whose terms fall by a factor of ten and more

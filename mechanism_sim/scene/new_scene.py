@@ -11,9 +11,9 @@ from pydantic import Field, TypeAdapter
 from mechanism_sim import output
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.commented import commented
 from mechanism_sim.scene.files import as_given, check_scene, find_scene, overridden, read_yaml
 from mechanism_sim.scene.four_bar import FourBarScene
+from mechanism_sim.scene.scene_writer import commented
 from mechanism_sim.scene.schema import Scene
 
 TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
