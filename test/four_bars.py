@@ -90,7 +90,7 @@ def event_loop(machine, laws=None, degree=None):
 
 
 def audited(physics, motion, impacts):
-    """The books of a motion."""
+    """The energy balance of a motion."""
     audit = Audit(physics)
     audit.add(motion, impacts)
     return audit

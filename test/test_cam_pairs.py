@@ -18,7 +18,7 @@ from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.mechanism import rotate
-from mechanism_sim.planar.switched_functions import Known
+from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.files import check_scene
@@ -202,9 +202,9 @@ def test_expressions_of_a_law_are_the_law(name):
     jets = displacement(law, 'law', Jet(q, {'cam': 1.0}, frames.v['cam'], None), frames, 2)
     terms = [[x for jet in jets for x in (jet.value, jet.gradient['cam'], dense(jet.curvature))]]
     x = np.random.default_rng(2).uniform(-40.0, 40.0, 300)
-    u, u1, u2, v, v1, v2 = Known(frames, terms, [q, frames.v['cam']])(np.array([x, 1.0 + 0 * x]))[
-        0
-    ]
+    u, u1, u2, v, v1, v2 = SwitchedFunction(frames, terms, [q, frames.v['cam']])(
+        np.array([x, 1.0 + 0 * x])
+    )[0]
     expected = [law(x, k) for k in range(4)]
     for found, order in ((u, 0), (u1, 1), (u2, 2), (v, 1), (v1, 2), (v2, 3)):
         size = np.abs(expected[order]).max()

@@ -490,7 +490,7 @@ def test_static_forces_keep_what_depends_on_speed():
     assert drag.max() > 10.0
     load = {'loads.work': {'at': 'piston', 'force': ['-200*(1 + tanh(1000*vx))', '0 N']}}
     pump = ms.cycle(ms.load_scene('slider_crank', {'gravity': [0, 0], **load}), 36, static=True)
-    r, l, th, w = 0.05, 0.2, pump['position.crank'], 20.0 * np.pi  # noqa: E741 - as in the books
+    r, l, th, w = 0.05, 0.2, pump['position.crank'], 20.0 * np.pi  # noqa: E741 - as in the energy balance
     slope = -r * np.sin(th) - r * r * np.sin(th) * np.cos(th) / np.sqrt(
         l**2 - (r * np.sin(th)) ** 2
     )

@@ -1,4 +1,4 @@
-"""Forces between teeth against the geometry of the teeth in space, and the books of power."""
+"""Forces between teeth against the geometry of the teeth in space, and the balance of power."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def along_teeth(helix_angle):
     return math.cos(helix_angle) * Z + math.sin(helix_angle) * Y
 
 
-def books(pair, torque):
+def balance(pair, torque):
     """Power in, out and lost, at a speed of 1 rad/s of the driver."""
     return SimpleNamespace(into=torque, out=pair.torque / pair.ratio)
 
@@ -103,7 +103,7 @@ def test_worm_forces_balance_and_power_in_is_power_out_and_friction(wheel_drives
         into, out = (wheel_power, worm_power) if wheel_drives else (worm_power, wheel_power)
         assert into == pytest.approx(out + lost, rel=1e-12)
         assert pair.efficiency == pytest.approx(out / into, rel=1e-12)
-        account = books(pair, 11.0)
+        account = balance(pair, 11.0)
         assert account.out == pytest.approx(pair.efficiency * account.into, rel=1e-12)
 
 
@@ -113,7 +113,7 @@ def test_power_in_is_power_out_and_losses():
         helical(5.0, 0.02, PHI, 0.4, 3.0, 0.97),
         bevel(5.0, 0.02, PHI, 3.0, efficiency=0.97),
     ):
-        account = books(pair, 5.0)
+        account = balance(pair, 5.0)
         assert account.into == pytest.approx(account.out + 0.03 * account.into)
 
 

@@ -52,7 +52,7 @@ def scene(gears, **more):
     ids=['load', 'hard', 'motor', 'dead'],
 )
 def test_rattle_agrees_with_another_integrator(gears):
-    """All impacts faster than 1 mm/s: order, flank, time and impulse; both books close."""
+    """All impacts faster than 1 mm/s: order, flank, time and impulse; both balance close."""
     other = solve(gears.machine, *gears.start, 4.0 * CYCLE)
     solution = ms.simulate(scene(gears), duration=4.0 * CYCLE)
     times, impulses = apart(other, solution.impacts, WALLS, 1e-3)

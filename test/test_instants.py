@@ -138,7 +138,7 @@ def test_what_begins_with_the_run_acts_from_its_first_instant_on():
 
 
 def test_an_impact_at_the_end_of_a_motion_is_not_yet_in_its_samples():
-    """Its books are those of the velocities beside them."""
+    """Its balance are those of the velocities beside them."""
     machine = ms.load_scene('four_bar_clearance', {'start': 'centred'})
     first = ms.simulate(machine, duration=0.1).impacts[0]
     solution = ms.simulate(machine, duration=first.t)

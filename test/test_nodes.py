@@ -132,8 +132,8 @@ def test_recorded_samples_are_those_of_the_solution(recorded):
     work = np.array([m.drive_work for m in states])
     assert np.abs(work - columns['energy.drive_work']).max() < 1e-12
     total = columns['energy.kinetic'] + columns['energy.potential']
-    books = total - total[0] - work + np.array([m.dissipated for m in states])
-    assert np.abs(books).max() < 1e-11
+    balance = total - total[0] - work + np.array([m.dissipated for m in states])
+    assert np.abs(balance).max() < 1e-11
 
 
 def test_the_accelerometer_reads_what_differences_of_the_position_say(recorded):

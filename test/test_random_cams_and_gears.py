@@ -1,4 +1,4 @@
-"""Cams and gear trains made by chance: motion, forces and books by a second route each.
+"""Cams and gear trains made by chance: motion, forces and balance by a second route each.
 
 Many more of either kind were run when this was written; those with a comment broke
 something.
@@ -24,7 +24,7 @@ def made(scene):
     return build('by chance', Scene.model_validate(scene))
 
 
-def books(solution):
+def balance(solution):
     e = solution.energy
     scale = max(abs(e.initial), abs(e.drive_work), abs(e.dissipated), 1e-3)
     assert abs(e.residual) < 1e-10 * scale
@@ -101,7 +101,7 @@ def test_a_driven_cam_moves_and_presses_as_its_law_asks(seed):
     random = np.random.default_rng(seed)
     machine = made(cam(random))
     solution = ms.simulate(machine, revolutions=2.3)
-    books(solution)
+    balance(solution)
     o = solution.samples(np.sort(random.uniform(0.0, solution.duration, 7))).observed
     names, joints = machine.mechanism.coordinates, [j.name for j in machine.mechanism.joints]
     shaft, follower, contact = names.index('shaft'), names.index('follower'), -1
@@ -134,7 +134,7 @@ def test_followers_that_lift_off_keep_their_books(seed):
     if random.random() < 0.4:
         sense = math.copysign(0.02, scene['drive']['speed'])
         scene['drive']['torque'] = {'constant': sense, 'per_speed': -0.0005}
-    books(ms.simulate(made(scene), duration=0.3))
+    balance(ms.simulate(made(scene), duration=0.3))
 
 
 # laws whose acceleration jumps: so did the gap, by the play times the jump of curvature
@@ -144,7 +144,7 @@ def test_rollers_in_grooves_keep_their_books(seed):
     restitution = float(random.choice([0.0, 0.3, 0.6, 0.9]))
     clearance = float(10.0 ** random.uniform(-5.0, -3.5))
     scene = cam(random, {'groove': {'clearance': clearance, 'restitution': restitution}})
-    books(ms.simulate(made({**scene, 'start': 'seated'}), duration=0.3))
+    balance(ms.simulate(made({**scene, 'start': 'seated'}), duration=0.3))
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_rollers_in_grooves_keep_their_books(seed):
 def test_trains_turn_press_and_rattle_by_the_book(kind, seed):
     machine = made(train(np.random.default_rng(20_000 + seed), kind))
     solution = ms.simulate(machine, duration=0.2)
-    books(solution)
+    balance(solution)
     if kind == 'ideal':
         off, condition = differences(machine, solution, np.array([0.03, 0.11, 0.19]))
         assert (off < 1e-13 * np.maximum(condition, 1e4)).all()

@@ -1,4 +1,4 @@
-"""Mechanisms made by chance, by a second route: forces, books, clearance at any joint."""
+"""Mechanisms made by chance, by a second route: forces, balance, clearance at any joint."""
 
 import copy
 

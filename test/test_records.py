@@ -169,7 +169,7 @@ def test_turns_of_impacts_are_those_of_the_summary(bag):
 
 def test_wear_sums_to_friction_work_and_impulses(rough):
     bushing, pin = wear_maps(rough, JOINT)
-    friction = rough.piece.books.work.friction.sum()
+    friction = rough.piece.balance.work.friction.sum()
     impulses = sum(i.normal_impulse for i in rough.piece.impacts)
     assert friction > 1e-3
     for found in (bushing, pin):

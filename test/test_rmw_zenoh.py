@@ -281,17 +281,17 @@ from mechanism_sim.nodes.qos import RESULTS
 
 init()
 node = Node('listener')
-states, impacts, books = [], [], {}
+states, impacts, balance = [], [], {}
 
 def report(message):
     if message.node == 'linkage' and message.finished:
-        books.update(zip(message.topics, map(int, message.counts)))
+        balance.update(zip(message.topics, map(int, message.counts)))
 
 node.create_subscription(JointState, 'joint_states', states.append, RESULTS)
 node.create_subscription(Impact, 'impacts', lambda m: impacts.append(m.index), RESULTS)
 node.create_subscription(Progress, 'progress', report, RESULTS)
 print('listening', flush=True)
-while len(impacts) != books.get('/impacts') or len(states) != books.get('/joint_states'):
+while len(impacts) != balance.get('/impacts') or len(states) != balance.get('/joint_states'):
     spin_once(node, timeout_sec=0.1)
 print('heard', len(impacts), len(states), impacts == list(range(len(impacts))), flush=True)
 node.destroy_node()

@@ -74,8 +74,8 @@ def test_a_parallelogram_moved_by_a_torque_goes_through_its_change_points(angle,
     assert math.remainder(behind, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-11)
     assert end['position.crank'][0] == pytest.approx(exact[0], abs=1e-8)
     assert end['velocity.crank'][0] == pytest.approx(exact[1], abs=1e-7)
-    books = solution.energy
-    assert abs(books.residual) < 1e-10 * (abs(books.drive_work) + books.initial + 1.0)
+    balance = solution.energy
+    assert abs(balance.residual) < 1e-10 * (abs(balance.drive_work) + balance.initial + 1.0)
 
 
 INERTIA = 3e-4 + 0.5 * 0.04**2 + 4e-4 + 0.7 * 0.03**2 + 0.6 * ARM**2
@@ -299,11 +299,11 @@ def test_a_loose_third_bar_strikes_while_the_first_two_go_through_their_change_p
         start='centred',
     )
     solution = ms.simulate(machine, duration=1.0)
-    end, books = solution.sample(1.0), solution.energy
+    end, balance = solution.sample(1.0), solution.energy
     assert end['position.rod0'][0] > 4.0 * math.pi
     assert end['position.rod1'][0] == pytest.approx(end['position.rod0'][0], abs=1e-11)
     assert len(solution.impacts) > 50
-    assert abs(books.residual) < 1e-9 * (books.drive_work + books.dissipated)
+    assert abs(balance.residual) < 1e-9 * (balance.drive_work + balance.dissipated)
 
 
 def test_a_distance_touches_zero_where_its_series_does_and_not_above():

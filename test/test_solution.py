@@ -1,4 +1,4 @@
-"""Solutions: columns by name, the later side at events, books at any time."""
+"""Solutions: columns by name, the later side at events, balance at any time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.events import StopReason
-from mechanism_sim.hybrid.sampling import Books
+from mechanism_sim.hybrid.sampling import EnergyTerms
 
 JOINTS = ('ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground')
 MOTION = {f'{kind}.{k}' for kind in ('position', 'velocity', 'acceleration') for k in LINKS}
@@ -102,13 +102,13 @@ def test_energies_add_up_at_any_time(which, request):
     t = np.concatenate([even, at, np.nextafter(at, 0.0), np.nextafter(at, 9.0)])
     s = solution.sample(t)
     total = s['energy.kinetic'] + s['energy.potential']
-    books = total - s['energy.drive_work'] + s['energy.dissipated']
-    assert np.abs(books - books[0]).max() < 1e-12
+    balance = total - s['energy.drive_work'] + s['energy.dissipated']
+    assert np.abs(balance - balance[0]).max() < 1e-12
     assert np.ptp(total) > 0.1
     end = solution.sample(solution.duration)
     assert end['energy.drive_work'][0] == pytest.approx(solution.energy.drive_work, abs=1e-13)
     assert end['energy.dissipated'][0] == pytest.approx(solution.energy.dissipated, abs=1e-16)
-    assert solution.energy.initial == pytest.approx(books[0], rel=1e-14)
+    assert solution.energy.initial == pytest.approx(balance[0], rel=1e-14)
 
 
 def test_velocities_and_accelerations_are_derivatives_of_the_samples(seated):
@@ -166,7 +166,7 @@ def test_all_weights_and_inertias_reach_the_ground(seated):
 
 
 def test_books_of_a_later_part_start_where_the_earlier_ones_ended(run):
-    """A stream forgets what it has published; its books go on."""
+    """A stream forgets what it has published; its balance go on."""
     c, half = run.motion.curve, len(run.motion) // 2
     later = type(run.motion)(
         type(c)(*(x[half:] for x in (c.start, c.start_low, c.duration, c.turns, c.coefficients))),
@@ -177,12 +177,12 @@ def test_books_of_a_later_part_start_where_the_earlier_ones_ended(run):
     begin = c.start[half]
     so_far = run.sample(np.nextafter(begin, 0.0))
     impacts = [i for i in run.impacts if i.t >= begin]
-    work = type(run.books.work)(*(x[half:] for x in run.books.work))
-    books = Books(
+    work = type(run.balance.work)(*(x[half:] for x in run.balance.work))
+    balance = EnergyTerms(
         work, impacts, so_far['energy.drive_work'][0],
         so_far['energy.dissipated'][0],
     )  # fmt: skip
     t = np.linspace(begin, run.duration, 100)
-    part = type(run)(**(vars(run) | {'motion': later, 'books': books}))
+    part = type(run)(**(vars(run) | {'motion': later, 'balance': balance}))
     for name in ('energy.drive_work', 'energy.dissipated', 'position.rocker'):
         np.testing.assert_allclose(part.sample(t)[name], run.sample(t)[name], atol=1e-12)

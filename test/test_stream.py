@@ -122,7 +122,7 @@ def test_a_length_that_means_nothing_is_refused_before_anything_runs(machine, le
         ms.stream(machine, **length)
 
 
-# --- the books ----------------------------------------------------------------------------------
+# --- energy balance ---------------------------------------------------------------------------
 
 
 SCENES = {
@@ -162,7 +162,7 @@ def test_eight_nodes_a_step_are_as_good_as_twelve(name, monkeypatch):
 
 
 def test_books_are_what_the_observation_says(whole, machine):
-    """The small function of the books beside the whole one, at every eleventh step."""
+    """The small function of the energy balance beside the whole one, at every eleventh step."""
     segments = np.arange(0, len(whole.motion), 11)
     places = Nodes((0.1, 0.7))
     seen = machine.physics.observe(whole.motion, segments, places)

@@ -1,4 +1,4 @@
-"""The books: what the nodes say they sent against what the bag holds."""
+"""The record of deliveries: what the nodes say they sent against what the bag holds."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
-from mechanism_sim.hybrid.sampling import Books
+from mechanism_sim.hybrid.sampling import EnergyTerms
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.messages.events import described
 from mechanism_sim.messages.segments import motion_of
@@ -235,9 +235,11 @@ class Record:
         changes += [change for change in self.piece.modes if a < change.t <= b]
         audit = Audit(self.piece.physics)
         work = audit.add(motion, impacts)
-        books = Books(work, impacts, float(before.drive_work[0]), float(before.dissipated[0]))
+        balance = EnergyTerms(
+            work, impacts, float(before.drive_work[0]), float(before.dissipated[0])
+        )
         signals = {name: s for name, x in self.signals.items() if (s := x.between(a, b))}
-        piece = Piece(self.piece.physics, motion, books, impacts, changes)
+        piece = Piece(self.piece.physics, motion, balance, impacts, changes)
         return Record(
             self.machine, piece, signals, audit, complete=self.complete, whole=self.history
         )
@@ -345,7 +347,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     audit = Audit(machine.physics)
     impacts = _with_work(machine, motion, impacts)
     work = audit.add(motion, impacts)
-    piece = Piece(machine.physics, motion, Books(work, impacts), impacts, changes)
+    piece = Piece(machine.physics, motion, EnergyTerms(work, impacts), impacts, changes)
     signals = {name: s for name, c in sorted(sensors.items()) if (s := c.signal())}
     return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
 

@@ -11,7 +11,7 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
-from mechanism_sim.planar.switched_functions import Known
+from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ class _OnGround:
         ]
         self._outside = tuple(frames.outside)
         known = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
-        self._function = Known(frames, [terms], known)
+        self._function = SwitchedFunction(frames, [terms], known)
 
     def __call__(self, t: Array, o: Observation) -> Array:
         """Force x, y [N] and moment [N m], (3, N)."""

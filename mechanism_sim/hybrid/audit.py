@@ -1,4 +1,4 @@
-"""The books of a run: whether gaps are kept, and where the energy went.
+"""The energy balance of a run: whether gaps are kept, and where the energy went.
 
 Both are read from the finished polynomials, independently of the event loop that made them.
 """
@@ -52,12 +52,12 @@ _ROUNDING = 1e-14  # [m] deeper than what is measured already: not worth a close
 PULL = 1e-3
 """Pull in a contact relative to its largest force that a step's error may leave."""
 
-_MISSING = 0.01  # of the largest term of the energy books: more is no error of integration
+_MISSING = 0.01  # of the largest term of the energy balance: more is no error of integration
 
 
 @dataclass(frozen=True)
 class Energy:
-    """Energy books of a run [J]; `residual` is what does not add up."""
+    """Energy balance of a run [J]; `residual` is what does not add up."""
 
     initial: float
     final: float
@@ -78,7 +78,7 @@ class Work(NamedTuple):
 
 
 class Audit:
-    """Accumulates the books of a run, batch by batch.
+    """Accumulates the energy balance of a run, batch by batch.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Audit:
 
     @property
     def energy(self) -> Energy | None:
-        """The energy books so far; ``None`` where forces are not known."""
+        """The energy balance so far; ``None`` where forces are not known."""
         if self._initial is None or self._end is None:
             return None
         motion, made = self._end
@@ -124,8 +124,8 @@ class Audit:
     def judge(self, tolerance: float) -> None:
         """Fail if an open gap was violated by more than `tolerance` [m], or a closed one pulled.
 
-        Or if a hundredth of the energy is missing in the books: then steps were too long for what
-        happened in them.
+        Or if a hundredth of the energy is missing in the balance: then steps were too long for
+        what happened in them.
 
         Raises
         ------
@@ -141,12 +141,13 @@ class Audit:
                 f'{StopReason.TENSILE_CONTACT.value}: {self.min_normal_force:.3g} N; try a '
                 'smaller rtol, and report this scene'
             )
-        books = self.energy
-        if books and abs(books.residual) > _MISSING * max(
-            1e-9, *map(abs, (books.initial, books.final, books.drive_work, books.dissipated))
+        balance = self.energy
+        if balance and abs(balance.residual) > _MISSING * max(
+            1e-9,
+            *map(abs, (balance.initial, balance.final, balance.drive_work, balance.dissipated)),
         ):
             raise RunError(
-                f'{StopReason.ENERGY_UNBALANCED.value}: {books.residual:.3g} J missing; try a '
+                f'{StopReason.ENERGY_UNBALANCED.value}: {balance.residual:.3g} J missing; try a '
                 'smaller rtol, smoother formulas of loads, or less friction'
             )
 

@@ -58,7 +58,7 @@ class Physics(Protocol):
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
-        """What books are kept of; powers and forces count only where `has_forces`.
+        """Terms of the energy balance; powers and forces count only where `has_forces`.
 
         `closure_error` is the largest distance [m] from zero: of closed gaps, and of what is left
         open where loops close.
@@ -125,7 +125,7 @@ class DynamicPhysics:
         )
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
-        """What books are kept of."""
+        """Terms of the energy balance."""
         return self.system.account(*self._state(motion, segments, dt))
 
     def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:

@@ -16,7 +16,7 @@ from mechanism_sim.hybrid.system import Array
 from mechanism_sim.planar.inverse_dynamics import Observation
 
 
-class Books(NamedTuple):
+class EnergyTerms(NamedTuple):
     """Work and losses of a motion of m segments [J]."""
 
     work: Work  #: in each segment, without impulses
@@ -35,7 +35,7 @@ class Samples(NamedTuple):
     dissipated: Array  #: (N,) [J] since the start of the run
 
 
-def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
+def sample(physics: Physics, motion: Motion, balance: EnergyTerms, t: Array) -> Samples:
     """The machine at times `t` (N,) [s].
 
     All that is said of an instant belongs to one segment of the motion: where something changes,
@@ -50,14 +50,14 @@ def sample(physics: Physics, motion: Motion, books: Books, t: Array) -> Samples:
     curve = motion.curve
     k, dt = curve.find(t)
     observed = physics.observe(motion, k, dt)
-    work, lost = np.full(len(t), books.drive_work), np.full(len(t), books.dissipated)
+    work, lost = np.full(len(t), balance.drive_work), np.full(len(t), balance.dissipated)
     if physics.has_forces:
         since = _work_since_start(physics, motion, k, dt)
-        work += np.concatenate([[0.0], np.cumsum(books.work.drive)])[k] + since.drive
-        lost += np.concatenate([[0.0], np.cumsum(books.work.friction)])[k] + since.friction
-        passed = np.searchsorted(curve.begun_by([i.t for i in books.impacts]), k, side='right')
-        work += np.cumsum([0.0, *(i.drive_work for i in books.impacts)])[passed]
-        lost += np.cumsum([0.0, *(i.sudden_loss for i in books.impacts)])[passed]
+        work += np.concatenate([[0.0], np.cumsum(balance.work.drive)])[k] + since.drive
+        lost += np.concatenate([[0.0], np.cumsum(balance.work.friction)])[k] + since.friction
+        passed = np.searchsorted(curve.begun_by([i.t for i in balance.impacts]), k, side='right')
+        work += np.cumsum([0.0, *(i.drive_work for i in balance.impacts)])[passed]
+        lost += np.cumsum([0.0, *(i.sudden_loss for i in balance.impacts)])[passed]
     return Samples(t, motion.modes[k].T, observed, work, lost)
 
 

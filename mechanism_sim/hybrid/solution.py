@@ -1,4 +1,4 @@
-"""What a run leaves behind: motion as polynomials, events, and the books."""
+"""What a run leaves behind: motion as polynomials, events, and the energy balance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
-from mechanism_sim.hybrid.sampling import Books, Samples, sample, table
+from mechanism_sim.hybrid.sampling import EnergyTerms, Samples, sample, table
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.system import Array
 
@@ -37,20 +37,20 @@ class Piece:
     Attributes
     ----------
     motion : polynomials of all coordinates and the state of the gaps
-    books : work and losses of its segments, and what they were before
+    balance : work and losses of its segments, and what they were before
     impacts, modes : events in the order of time
     """
 
     physics: Physics
     motion: Motion
-    books: Books
+    balance: EnergyTerms
     impacts: list[Impact]
     modes: list[ModeChange]
 
     def samples(self, t: Array | float) -> Samples:
         """Everything at times `t` (N,) [s] in one structure."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
-        return sample(self.physics, self.motion, self.books, times)
+        return sample(self.physics, self.motion, self.balance, times)
 
     def sample(self, t: Array | float) -> Mapping[str, Array]:
         """Everything at times `t` [s], as arrays (N,) by name.
@@ -94,7 +94,7 @@ class Solution(Piece):
     Attributes
     ----------
     scene, level : names
-    energy : the books; ``None`` where masses are not part of the scene
+    energy : the energy balance; ``None`` where masses are not part of the scene
     max_penetration, max_closure_error : [m]
     snapshot : from where a longer run goes on, not later than the end
     """

@@ -26,7 +26,7 @@ from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
-from mechanism_sim.planar.switched_functions import Edges, Known
+from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 Array = NDArray[np.float64]
@@ -493,7 +493,7 @@ class System:
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps))]
         return list(hy.subs(found, {x: hy.relu(x) for x in depths}))
 
-    def _compiled(self, names: Sequence[str]) -> Known:
+    def _compiled(self, names: Sequence[str]) -> SwitchedFunction:
         """These terms as a function of what `_inputs` makes."""
         eq, d = self.equations, self.dynamics
         replace: dict[str | hy.expression, hy.expression] = {}
@@ -513,14 +513,14 @@ class System:
         symbols = [*frames.q.values(), *frames.v.values()]
         prescribed = [frames.a[c] for c in self.prescribed]
         variables = [*symbols, *prescribed, *variables, *frames.outside.values()]
-        return Known(frames, groups, variables)
+        return SwitchedFunction(frames, groups, variables)
 
     @cached_property
-    def _observe(self) -> Known:
+    def _observe(self) -> SwitchedFunction:
         return self._compiled(list(self._terms)[: -len(_OF_TOUCHES)])
 
     @cached_property
-    def _account(self) -> Known:
+    def _account(self) -> SwitchedFunction:
         return self._compiled(['gap', 'closure', 'normal_force', 'friction_power', 'drive_torque'])
 
     def observe(
@@ -578,7 +578,7 @@ class System:
         outside: Array | None = None,
         rows: Array | None = None,
     ) -> Account:
-        """What books are kept of, at the instants that `observe` would be given; far cheaper."""
+        """Terms of the energy balance at the instants of `observe`; far cheaper."""
         inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
         gap, closure, N, friction, prescribed = self._account(inputs, rows)
         drive_torque = np.concatenate([prescribed, torque])
@@ -590,7 +590,7 @@ class System:
         return Account(N, friction[0], power, float(left))
 
     @cached_property
-    def _touch(self) -> Known:
+    def _touch(self) -> SwitchedFunction:
         return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES])
 
     def touch(
@@ -640,18 +640,18 @@ class System:
         return np.array(rows).reshape(values.shape)
 
     @cached_property
-    def _gap_values(self) -> Known:
+    def _gap_values(self) -> SwitchedFunction:
         frames = self.equations.frames
         values = [jet.value for jet in self.dynamics.normal]
-        return Known(frames, [values], self._positions)
+        return SwitchedFunction(frames, [values], self._positions)
 
     @property
     def _positions(self) -> list[hy.expression]:
         return list(self.equations.frames.q.values())
 
     @cached_property
-    def _distance(self) -> Known:
-        return Known(self.equations.frames, [[self.dynamics.distance]], self._positions)
+    def _distance(self) -> SwitchedFunction:
+        return SwitchedFunction(self.equations.frames, [[self.dynamics.distance]], self._positions)
 
     def distance(self, q: Array) -> Array:
         """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
@@ -659,7 +659,7 @@ class System:
         return found
 
     @cached_property
-    def _gap_rates(self) -> Known:
+    def _gap_rates(self) -> SwitchedFunction:
         frames, normal = self.equations.frames, self.dynamics.normal
         groups = [
             [jet.rate for jet in normal],
@@ -667,7 +667,7 @@ class System:
             [jet.value for jet in normal],
             *([pair[k].rate for pair in self._normals] for k in (0, 1)),
         ]
-        return Known(frames, groups, [*frames.q.values(), *frames.v.values()])
+        return SwitchedFunction(frames, groups, [*frames.q.values(), *frames.v.values()])
 
     def gap_rates(self, q: Array, v: Array) -> Array:
         """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).

@@ -504,7 +504,7 @@ class NominalPhysics:
         return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
-        """What books are kept of, and how far the interpolated motion leaves the loops open."""
+        """Terms of the energy balance, and how far the interpolated loops are open."""
         limited = len(self.driven) > 1  # one drive's torque follows without
         seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)

@@ -235,7 +235,7 @@ class CrankDrive(SimulationNode):
         message = drive_law(self.law, number, until, final, self.announced, self.run, again)
         self.send(self._drive, message)
 
-    # --- books --------------------------------------------------------------------------------
+    # --- record of deliveries -------------------------------------------------------------------
 
     def diagnose(self) -> Diagnosis:
         """How fast time goes, and whether it keeps the pace asked for."""

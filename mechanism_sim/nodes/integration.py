@@ -13,7 +13,7 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
-from mechanism_sim.hybrid.sampling import Books, sample
+from mechanism_sim.hybrid.sampling import EnergyTerms, sample
 from mechanism_sim.messages import (
     DriveLaw,
     Impact,
@@ -84,9 +84,9 @@ class Integration:
         """What partners report does not matter here: the law of the drive says how far to go."""
 
     def diagnose(self) -> dict[str, object]:
-        """The books of the solver."""
+        """Statistics of the solver."""
         audit, energy = self._audit, self._audit.energy
-        books: dict[str, object] = {
+        balance: dict[str, object] = {
             'steps': self._run.steps if self._run else 0,
             'events': self._run.events if self._run else 0,
             'impacts': self._impact_count,
@@ -94,8 +94,8 @@ class Integration:
             'largest closure error [m]': audit.max_closure_error,
         }
         if energy:
-            books['missing in the energy books [J]'] = energy.residual
-        return books
+            balance['missing in the energy balance [J]'] = energy.residual
+        return balance
 
     def _take_machine(self) -> None:
         self._machine = self._node.machine
@@ -203,18 +203,18 @@ class Integration:
         ahead = self._run.preview(self._known)
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
         if seen:
-            self._publish_samples(MotionBatch.joined(seen), Books(work, impacts, *before))
+            self._publish_samples(MotionBatch.joined(seen), EnergyTerms(work, impacts, *before))
         if len(motion):
             self._also(motion)
         self._node.send_all(self._impacts, self._events.impacts(impacts, self._impact_count))
         self._impact_count += len(impacts)
 
-    def _publish_samples(self, motion: MotionBatch, books: Books) -> None:
+    def _publish_samples(self, motion: MotionBatch, balance: EnergyTerms) -> None:
         physics, curve, node = self._physics, motion.curve, self._node
         due = {topic: schedule.due(curve.end) for topic, schedule in self._schedules.items()}
         t, seen = due['linkage_state'], None
         if t.size:
-            samples = sample(physics, motion, books, t)
+            samples = sample(physics, motion, balance, t)
             seen = samples.observed
             node.send_all(self._linkage, self._write_linkage(samples))
         forces = physics.has_forces and self._machine.scene.outputs.forces

@@ -24,7 +24,7 @@ class Linkage(SimulationNode):
         self._integration.begin()
 
     def diagnose(self) -> Diagnosis:
-        """The books of the solver."""
+        """Statistics of the solver."""
         found = super().diagnose()
         found.values |= self._integration.diagnose()
         return found

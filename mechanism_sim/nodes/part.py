@@ -36,7 +36,7 @@ class Part(SimulationNode):
         self._role.look()
 
     def diagnose(self) -> Diagnosis:
-        """The books of the solver, if this node has one."""
+        """Statistics of the solver, if this node has one."""
         found = super().diagnose()
         if isinstance(self._role, Integration):
             found.values |= self._role.diagnose()

@@ -52,7 +52,7 @@ class Recorder(SimulationNode):
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
         self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'))
         self._now = 0
-        self._books: dict[str, Any] = {}  # reports by node whose messages may still be under way
+        self._reports: dict[str, Any] = {}  # reports by node whose messages may still be under way
         self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
         self._due: dict[str, int] = {}  # counts by topic at which to look again
         self._loss_deadline: float | None = None
@@ -81,7 +81,7 @@ class Recorder(SimulationNode):
         for topic, data in self._ahead:
             self.writer.write(topic, data, 0)
         self._ahead.clear()
-        self._books.clear()
+        self._reports.clear()
         self._complete.clear()
         self._due.clear()
         self._ended, self._loss_deadline = False, None
@@ -149,7 +149,7 @@ class Recorder(SimulationNode):
             self.begin_run(message.run)
         self._now = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
-        self._books.setdefault(message.node, message)
+        self._reports.setdefault(message.node, message)
         self._review()
         if self.partners_finished() and self._loss_deadline is None:
             self._loss_deadline = time.monotonic() + LOSS_TIMEOUT
@@ -167,15 +167,15 @@ class Recorder(SimulationNode):
     def _review(self) -> None:
         """See whose messages are all in the bag, and report if that is news."""
         self._due.clear()
-        for node, report in list(self._books.items()):
+        for node, report in list(self._reports.items()):
             current, missing = report, self._missing(report)
             while not missing:
                 self._complete[node] = current.time
                 newest = self.progress_of.get(node, current)
                 if newest is current:
-                    del self._books[node]
+                    del self._reports[node]
                     break
-                current = self._books[node] = newest
+                current = self._reports[node] = newest
                 missing = self._missing(current)
             for topic, n in missing.items():
                 self._due[topic] = self.writer.counts[topic] + n
@@ -191,7 +191,7 @@ class Recorder(SimulationNode):
         if self._ended:
             return
         missing = {
-            t: n for report in self._books.values() for t, n in self._missing(report).items()
+            t: n for report in self._reports.values() for t, n in self._missing(report).items()
         }
         if not missing:
             again = self.another_follows()

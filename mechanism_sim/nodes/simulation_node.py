@@ -1,4 +1,4 @@
-"""What all nodes of a simulation share: the scene, their partners, their books."""
+"""What all nodes of a simulation share: the scene, their partners, their record of deliveries."""
 
 from __future__ import annotations
 
@@ -244,7 +244,7 @@ class SimulationNode(DescribedNode):
         return self.run <= number <= self.run + 1
 
     def begin_run(self, number: int) -> None:
-        """All begins anew at time 0: the books, what is known of the partners, the machine."""
+        """Everything begins anew at time 0: records of deliveries, state of partners, machine."""
         self.run = number
         self.first_heard = time.monotonic()
         if self.value(OVERRIDES) != self._overrides:
@@ -277,15 +277,15 @@ class SimulationNode(DescribedNode):
         known = self.progress_of.get(partner)
         return known if known and known.run == self.run else None
 
-    # --- books --------------------------------------------------------------------------------
+    # --- record of deliveries -------------------------------------------------------------------
 
     def send(self, publisher: Any, message: Any) -> None:
-        """Publish, and enter it in the books."""
+        """Publish, and enter it in the energy balance."""
         publisher.publish(message)
         self.counts[publisher.topic_name] += 1
 
     def send_all(self, publisher: Any, messages: Sequence[bytes]) -> None:
-        """Publish serialised messages in their order, and enter them in the books."""
+        """Publish serialised messages in their order, and enter them in the energy balance."""
         publish_all(publisher, messages)
         self.counts[publisher.topic_name] += len(messages)
 

@@ -20,7 +20,7 @@ from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Gap, Relation
 from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
-from mechanism_sim.planar.switched_functions import Known
+from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 Array = NDArray[np.float64]
 
@@ -71,8 +71,10 @@ class JointImpulses:
         self.outside = tuple(frames.outside)
         at = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
         rows = [x for jet in jets for x in jet.row(eq.coordinates)]
-        self._equations = Known(frames, [generalized_forces(eq, a), rows], at)
-        self._wrenches = Known(frames, [[x for w in wrenches for x in w]], [*at, *sizes])
+        self._equations = SwitchedFunction(frames, [generalized_forces(eq, a), rows], at)
+        self._wrenches = SwitchedFunction(
+            frames, [[x for w in wrenches for x in w]], [*at, *sizes]
+        )
 
     def __call__(self, q: Array, step: Array, outside: Array) -> Array:
         """Impulses x, y [N s] and moments about the joint's point on the second link (j, 3, N).

@@ -17,7 +17,7 @@ from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
-from mechanism_sim.planar.switched_functions import Edges, Known
+from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class NoLimit(NamedTuple):
 
 
 class Account(NamedTuple):
-    """What books are kept of, at N instants: m joints with clearance."""
+    """Terms of the energy balance, at N instants: m joints with clearance."""
 
     normal_force: Array  #: (m, N) [N]
     friction_power: Array  #: (N,) [W] lost by sliding
@@ -112,7 +112,7 @@ class InverseDynamics:
         return Edges(frames) if frames.switches else None
 
     @cached_property
-    def _functions(self) -> tuple[Known, Known]:
+    def _functions(self) -> tuple[SwitchedFunction, SwitchedFunction]:
         """What must be supplied with the closure rows; and the joint forces from the closures'."""
         eq = self.equations
         frames, a = eq.frames, dict(eq.frames.a)
@@ -136,9 +136,9 @@ class InverseDynamics:
         potential = add(potential, *(e.energy(frames) for e in self.elements))
         lost = add(*(e.power_lost(frames) for e in self.elements))
         motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
-        first = Known(frames, [supplied, rows], motion)
-        books = [kinetic, potential, lost]
-        second = Known(frames, [forces, moments, books], [*motion, *closing])
+        first = SwitchedFunction(frames, [supplied, rows], motion)
+        balance = [kinetic, potential, lost]
+        second = SwitchedFunction(frames, [forces, moments, balance], [*motion, *closing])
         return first, second
 
     def __call__(
@@ -175,7 +175,7 @@ class InverseDynamics:
         matrix[singular] = np.eye(n)
         unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
         unknown[:, singular] = np.nan
-        forces, moments, books = second(np.concatenate([motion, unknown[:closures]]), rows)
+        forces, moments, balance = second(np.concatenate([motion, unknown[:closures]]), rows)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
@@ -186,13 +186,13 @@ class InverseDynamics:
             none,
             none,
             none,
-            books[2],
+            balance[2],
             forces.reshape(joints, 2, count),
             moments,
             torque,
             power(torque, v[self._driven]),
-            books[0],
-            books[1],
+            balance[0],
+            balance[1],
         )
 
     def required(

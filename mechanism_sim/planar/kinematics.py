@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import Relation
-from mechanism_sim.planar.switched_functions import Edges, Known
+from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 
 Array = NDArray[np.float64]
 
@@ -62,17 +62,19 @@ class Kinematics:
         return [name for name, count in counts for _ in range(count)]
 
     @cached_property
-    def _position(self) -> Known:
+    def _position(self) -> SwitchedFunction:
         eq = self._equations
         values = [jet.value for jet in eq.relation_jets]
         rows = [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)]
-        return Known(eq.frames, [values, rows], [*eq.frames.q.values()])
+        return SwitchedFunction(eq.frames, [values, rows], [*eq.frames.q.values()])
 
     @cached_property
-    def _curvature(self) -> Known:
+    def _curvature(self) -> SwitchedFunction:
         eq = self._equations
         curvatures = [jet.curvature for jet in eq.relation_jets]
-        return Known(eq.frames, [curvatures], [*eq.frames.q.values(), *eq.frames.v.values()])
+        return SwitchedFunction(
+            eq.frames, [curvatures], [*eq.frames.q.values(), *eq.frames.v.values()]
+        )
 
     @cached_property
     def edges(self) -> Edges | None:

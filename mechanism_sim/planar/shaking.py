@@ -21,7 +21,7 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.planar.switched_functions import Edges, Known
+from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class ShakingForce:
         self.edges = Edges(frames) if frames.switches else None
         motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
         terms = [add(*column) for column in zip(*parts, strict=True)]
-        self._function = Known(frames, [terms], [*motion, *frames.outside.values()])
+        self._function = SwitchedFunction(frames, [terms], [*motion, *frames.outside.values()])
 
     def __call__(
         self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None

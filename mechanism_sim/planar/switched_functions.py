@@ -17,7 +17,7 @@ from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, Table
 Array = NDArray[np.float64]
 
 
-class Known:
+class SwitchedFunction:
     """Groups of expressions at given instants; their switches are looked up, not computed.
 
     Where the instants belong to segments of a motion, so do their rows: see `Edges.within`.

@@ -13,7 +13,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit, Energy, Work
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import StopReason
-from mechanism_sim.hybrid.sampling import Books
+from mechanism_sim.hybrid.sampling import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.solution import Piece, Solution, Stats
 from mechanism_sim.hybrid.totals import Totals
@@ -147,7 +147,7 @@ class Stream:
         for found in physics.no_limits(motion):
             if not (self.no_limits and found.is_at(self.no_limits[-1].t)):
                 self.no_limits.append(found)
-        piece = Piece(physics, motion, Books(work, impacts, *before), impacts, changes)
+        piece = Piece(physics, motion, EnergyTerms(work, impacts, *before), impacts, changes)
         if len(motion):
             self._last = piece
         return piece
@@ -172,7 +172,7 @@ class Stream:
 
     @property
     def energy(self) -> Energy | None:
-        """The books so far; ``None`` where masses are not part of the scene."""
+        """The energy balance so far; ``None`` where masses are not part of the scene."""
         return self._audit.energy
 
     @property
@@ -250,11 +250,11 @@ def simulate(
     run = stream(machine, revolutions, duration, progress, resume)
     pieces = list(run)
     impacts = [impact for piece in pieces for impact in piece.impacts]
-    work = np.concatenate([piece.books.work for piece in pieces], axis=1)
+    work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
     return Solution(
         machine.physics,
         Motion.joined([piece.motion for piece in pieces]),
-        Books(Work(*work), impacts),
+        EnergyTerms(Work(*work), impacts),
         impacts,
         [change for piece in pieces for change in piece.modes],
         machine.name,

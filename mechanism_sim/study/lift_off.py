@@ -19,7 +19,7 @@ from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.switched_functions import Known
+from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
@@ -114,7 +114,9 @@ class _Cycle:
         """The contact force (N,) at times (N,), the drive being `factor` times as fast."""
         frames = Frames(self.mechanism.coordinates, Parameters())
         unit = pair.closure(self.mechanism).wrench(frames, [hy.expression(1.0)])
-        direction = Known(frames, [[dense(unit.x), dense(unit.y)]], [*frames.q.values()])
+        direction = SwitchedFunction(
+            frames, [[dense(unit.x), dense(unit.y)]], [*frames.q.values()]
+        )
         index = self.mechanism.joints.index(pair)
 
         def force(times: Array) -> Array:

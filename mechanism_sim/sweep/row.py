@@ -61,7 +61,7 @@ FIGURES = (
     Column('largest_impulse', 'N s', 'of an impact'),
     Column('largest_force', 'N', 'in any joint, between impacts'),
     Column('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
-    Column('energy_residual', 'J', 'what the energy books leave over, whole run'),
+    Column('energy_residual', 'J', 'what the energy balance leave over, whole run'),
 )
 """Numbers of a row, besides its steps, its digest and its status."""
 

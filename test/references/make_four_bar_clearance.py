@@ -12,7 +12,7 @@ branch, frictionless, point pin, Newton's restitution, crank at constant speed f
   isolated by a bound on its coefficients, so that no dip inside a step is missed. A root which
   is known to lie at the start (contact just made or lost) is divided out, not guessed away.
 * Chatter is followed to a rebound below 1e-30 m/s, far under any cut a program would use.
-* Books: energy, and closure of the loop at the end of every step of following; together they
+* EnergyTerms: energy, and closure of the loop at the end of every step of following; together they
   leave the equations no freedom. A second run with another order, precision and cut is compared.
 
 `python make_four_bar_clearance.py [NAME...]` writes `four_bar_NAME.json` to
@@ -311,7 +311,7 @@ class Run:
     modes: list = field(default_factory=list)
     states: list = field(default_factory=list)
     minima: list = field(default_factory=list)
-    books: dict = field(default_factory=dict)
+    balance: dict = field(default_factory=dict)
     closure: mpfr = ZERO
     steps: int = 0
 
@@ -413,7 +413,7 @@ def simulate(e, mode, start, revolutions, order=64, cut=CUT, samples=64):
         assert abs(energy(t, th3, th4, w3, w4) - before - w2 * l2 * kick + loss) < mpfr('1e-60')
         run.impacts.append((t, now.approach, impulse, now.eta, loss))
     e1 = energy(t, th3, th4, w3, w4)
-    run.books = {
+    run.balance = {
         'initial': e0,
         'final': e1,
         'drive_work': work,
@@ -521,7 +521,7 @@ def reference(name):
         'total_normal_impulse': text(sum(x[2] for x in run.impacts)),
         'modes': table('modes', run.modes),
         'contact_force_minima': table('contact_force_minima', run.minima),
-        'energy': {k: text(v) for k, v in run.books.items()},
+        'energy': {k: text(v) for k, v in run.balance.items()},
         'largest_closure_error': f'{run.closure:.1e}',
         'states': table('states', run.states),
     }
@@ -548,8 +548,8 @@ def main():
         data, seconds = reference(name)
         path = REFERENCES / f'four_bar_{name}.json'
         path.write_text(json.dumps(data, indent=1) + '\n')
-        counts, books = data['impacts_with_approach_speed_above'], data['energy']
-        print(f'{path.name}: {seconds:.1f} s, impacts {counts}, residual {books["residual"]} J')
+        counts, balance = data['impacts_with_approach_speed_above'], data['energy']
+        print(f'{path.name}: {seconds:.1f} s, impacts {counts}, residual {balance["residual"]} J')
 
 
 if __name__ == '__main__':

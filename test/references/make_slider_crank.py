@@ -295,7 +295,7 @@ class Run:
         while self.t < self.end:
             self.advance()
         last = self.model.energy(self.q, self.u)
-        self.books = {
+        self.balance = {
             'initial': first,
             'final': last,
             'friction_work': self.work[0],
@@ -829,7 +829,7 @@ def reference(case):
         'the_same_with_half_the_step_rtol_1e-13_cut_1e-5': spread(run, fine),
         'error_of_time_stepping_with_step': convergence(case, run),
         'growth_of_a_start_1e-9_rad_off': growth(case, run),
-        'energy': {k: f'{x:.15g}' for k, x in run.books.items()},
+        'energy': {k: f'{x:.15g}' for k, x in run.balance.items()},
         'modes': {
             't': text(m[0] for m in run.modes),
             'closed': [named(m[1]) for m in run.modes],

@@ -206,7 +206,7 @@ def _figures(machine: Machine, solution: Solution) -> dict[str, float]:
 
 def exchanged_energy(solution: Solution, kinetic: NDArray[np.float64]) -> float:
     """Work of drives and losses, each by its amount, and the largest kinetic energy [J]."""
-    work, impacts = solution.books.work, solution.impacts
+    work, impacts = solution.balance.work, solution.impacts
     return float(
         np.abs(work.drive).sum()
         + np.abs(work.friction).sum()

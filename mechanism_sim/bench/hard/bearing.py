@@ -34,15 +34,16 @@ def _first_loss(solution: Solution) -> float:
 @hard_case(
     'Nothing is lost in 100 revolutions of elastic impacts: an error of a part in a million would '
     'show as energy.',
-    'The books: final energy less initial is the work of the drive, by quadrature and impulses.',
+    'The energy balance: final energy less initial is the work of the drive, by quadrature and '
+    'impulses.',
 )
 def elastic_hundred_revolutions() -> list[Figure]:
-    """Books and gaps with e = 1."""
+    """EnergyTerms and gaps with e = 1."""
     solution = simulate(thesis(start='centred', e=1.0), revolutions=100)
-    books = solution.energy or Energy(math.nan, 0.0, 0.0, math.nan)
+    balance = solution.energy or Energy(math.nan, 0.0, 0.0, math.nan)
     return [
         Figure('relative energy residual', _residual(solution), 1e-11),
-        Figure('energy lost in impacts', books.dissipated, 1e-12, 'J'),
+        Figure('energy lost in impacts', balance.dissipated, 1e-12, 'J'),
         Figure('penetration', solution.max_penetration, 1e-12, 'm'),
         Figure('impacts', len(solution.impacts)),
     ]
@@ -132,11 +133,11 @@ def force_that_touches_zero() -> list[Figure]:
 
 @hard_case(
     'Clearances of 1 micrometre to 1 mm in a machine of 0.4 m.',
-    'The books; and while the pin follows, links deviate from the ideal mechanism in proportion '
-    'to the clearance.',
+    'The energy balance; and while the pin follows, links deviate from the ideal mechanism in '
+    'proportion to the clearance.',
 )
 def clearance_from_a_micrometre() -> list[Figure]:
-    """Books, gaps, and the exponent with which the motion approaches the ideal one."""
+    """EnergyTerms, gaps, and the exponent with which the motion approaches the ideal one."""
     residual = depth = closure = 0.0
     ideal = simulate(load_scene('four_bar_nominal'), revolutions=0.5)
     t = np.linspace(0.0, 0.5 * TURN, 400)
@@ -162,11 +163,11 @@ def clearance_from_a_micrometre() -> list[Figure]:
 
 @hard_case(
     'Crank speeds from 10 to 2500 rpm, both ways.',
-    'The books; and without gravity time scales with the speed: the same impacts at the same '
-    'crank angles.',
+    'The energy balance; and without gravity time scales with the speed: the same impacts at the '
+    'same crank angles.',
 )
 def speeds_from_10_to_2500_rpm() -> list[Figure]:
-    """Books and gaps over all speeds, and the scaling of impacts."""
+    """EnergyTerms and gaps over all speeds, and the scaling of impacts."""
     residual = depth = 0.0
     angles = []
     for rpm in (10.0, 100.0, 350.0, 1000.0, 2500.0):
@@ -190,10 +191,10 @@ def speeds_from_10_to_2500_rpm() -> list[Figure]:
 
 @hard_case(
     'Almost a change point: ground and crank in line leave the coupler and rocker almost in line.',
-    'The books of energy; margins of 1e-2 to 1e-4 of the ground.',
+    'The balance of energy; margins of 1e-2 to 1e-4 of the ground.',
 )
 def near_a_change_point() -> list[Figure]:
-    """Books and gaps beside the singular configuration."""
+    """EnergyTerms and gaps beside the singular configuration."""
     residual = depth = 0.0
     largest = 0.0
     for margin in (1e-2, 1e-3, 1e-4):

@@ -31,8 +31,8 @@ def bouncing_ball() -> list[Figure]:
         exact = v * (1.0 + e) / (1.0 - e)
         impulse = max(impulse, abs(total / exact - 1.0))
         depth = max(depth, ball.audit.max_penetration)
-        books = ball.audit.energy
-        energy = max(energy, abs(books.residual) if books else math.inf)
+        balance = ball.audit.energy
+        energy = max(energy, abs(balance.residual) if balance else math.inf)
     return [
         Figure('relative error of the time of rest', time, 1e-9),
         Figure('relative error of the sum of impulses', impulse, 1e-9),
@@ -111,8 +111,8 @@ def sliding_to_rolling() -> list[Figure]:
     t = v / (3.0 * mu * GRAVITY)
     stuck = [m.t for m in disc.modes if m.mode == Mode.STICKING]
     speed = float(disc.at(0.9, 1)[1])
-    books = disc.audit.energy
-    lost = books.dissipated if books else math.inf
+    balance = disc.audit.energy
+    lost = balance.dissipated if balance else math.inf
     return [
         Figure('changes to rolling', len(stuck) - 1, 0.0),
         Figure('time of rolling', stuck[0] - t if stuck else math.inf, 1e-12, 's'),

@@ -64,15 +64,15 @@ def valve(law: dict[str, Any], restitution: float = 0.3, **drive: Any) -> Machin
     )
 
 
-def _residual(books: Energy | None, scale: float = 1.0) -> float:
-    return books.residual / scale if books else math.nan
+def _residual(balance: Energy | None, scale: float = 1.0) -> float:
+    return balance.residual / scale if balance else math.nan
 
 
 def _exchanged(solution: Solution) -> float:
     """Energy at hand and through impacts [J]."""
-    books = solution.energy
+    balance = solution.energy
     through = sum(i.normal_impulse * i.approach_speed for i in solution.impacts)
-    return through + (abs(books.initial) + abs(books.drive_work) if books else math.nan)
+    return through + (abs(balance.initial) + abs(balance.drive_work) if balance else math.nan)
 
 
 @hard_case(
@@ -98,7 +98,7 @@ def edge_of_lift_off() -> list[Figure]:
 @hard_case(
     'A follower with a restitution of 0.95 just above the speed of its lift-off: some hundred and '
     'sixty bounces end in contact, twice a turn.',
-    'The books, and gaps from the finished polynomials.',
+    'The energy balance, and gaps from the finished polynomials.',
 )
 def floating_valve_that_bounces() -> list[Figure]:
     """Twenty turns."""
@@ -186,7 +186,7 @@ def turning_back_on_a_break() -> list[Figure]:
 
 @hard_case(
     'Gears that rattle in a backlash of 1 um, and of 1 mm.',
-    'The books; within the backlash the wheel is where the ideal pair has it.',
+    'The energy balance; within the backlash the wheel is where the ideal pair has it.',
 )
 def rattle_from_1_um_to_1_mm() -> list[Figure]:
     """Ten turns of the pinion each."""
@@ -211,21 +211,22 @@ def rattle_from_1_um_to_1_mm() -> list[Figure]:
 @hard_case(
     'Teeth of 1e9 N/m, stiffer where two pairs carry: a swing of five kilohertz whose '
     'frequency jumps about with the teeth.',
-    'The books; over the run the mesh turns the wheel as fast as its inertia and its brake say.',
+    'The energy balance; over the run the mesh turns the wheel as fast as its inertia and its '
+    'brake say.',
 )
 def stiff_teeth() -> list[Figure]:
     """Two turns of the pinion."""
     soft = {'stiffness': 1e9, 'damping': 500.0, 'variation': 'contact_ratio'}
     machine = load_scene('mesh_stiffness', {'joints.mesh.elasticity': soft})
     solution = simulate(machine, revolutions=2)
-    books = solution.energy
+    balance = solution.energy
     ends = solution.samples(np.array([0.0, solution.duration])).observed
     turned = float(np.diff(ends.position[1])[0])
     gained = 1500e-6 * float(np.diff(ends.velocity[1])[0])
     carried = _average(solution) * solution.duration
     return [
-        Figure('relative energy residual', _residual(books, books.drive_work if books else 1.0),
-               1e-11),
+        Figure('relative energy residual',
+               _residual(balance, balance.drive_work if balance else 1.0), 1e-11),
         Figure('moment on the wheel, relative', carried / (gained + 0.2 * turned) - 1.0, 1e-5),
         Figure('steps per turn', solution.stats.steps / 2.0),
     ]  # fmt: skip
@@ -240,7 +241,7 @@ def _average(solution: Solution) -> float:
 
 @hard_case(
     'Backlash and a loose bearing in one machine, each of which shakes the other.',
-    'The books, and gaps from the finished polynomials.',
+    'The energy balance, and gaps from the finished polynomials.',
 )
 def backlash_and_loose_bearing() -> list[Figure]:
     """Ten turns of the crank of the thesis four-bar behind a pair of gears."""
@@ -290,7 +291,7 @@ def hundred_thousand_revolutions() -> list[Figure]:
 
 @hard_case(
     'A Geneva wheel and a pair of gears on one shaft that a torque turns.',
-    'The books; the gear turns in its ratio, and the locked wheel stands at whole slots.',
+    'The energy balance; the gear turns in its ratio, and the locked wheel stands at whole slots.',
 )
 def geneva_and_gears_on_one_shaft() -> list[Figure]:
     """Thirty seconds."""
@@ -312,13 +313,13 @@ def geneva_and_gears_on_one_shaft() -> list[Figure]:
     still = np.cos(crank) < 0.5
     locked = np.abs(steps - np.round(steps))[still].max() * 0.5 * math.pi
     ratio = np.abs(fly - fly[0] + 2.0 * (crank - crank[0])).max()
-    books = solution.energy
+    balance = solution.energy
     return [
         Figure('indexings', round(abs(float(steps[-1] - steps[0])))),
         Figure('flywheel off its ratio', float(ratio), 1e-10, 'rad'),
         Figure('how far the locked wheel is off', float(locked), 1e-12, 'rad'),
         Figure('relative energy residual',
-               _residual(books, abs(books.drive_work) if books else 1.0), 1e-12),
+               _residual(balance, abs(balance.drive_work) if balance else 1.0), 1e-12),
     ]  # fmt: skip
 
 

@@ -61,18 +61,19 @@ def _one_freedom(torque: float, flywheel: float, until: float) -> Array:
 @hard_case(
     'A flywheel of 0.01 kg m^2 and a torque of 0.1 N m on the ideal mechanism, at a tolerance of '
     '1e-10: nothing holds the speed, so errors add up.',
-    'The books; and one equation for one freedom, by the reduced inertia, integrated by DOP853.',
+    'The energy balance; and one equation for one freedom, by the reduced inertia, integrated by '
+    'DOP853.',
 )
 def flywheel_and_torque() -> list[Figure]:
     """Energy residual over ten revolutions, and the crank after one of them."""
     machine = load_scene('four_bar_nominal', {'drive': FLYWHEEL, 'solver.rtol': 1e-10})
     solution = simulate(machine, duration=1.6)
-    books = solution.energy
+    balance = solution.energy
     turned = float(solution.sample(1.6)['position.crank'][0]) / (2.0 * math.pi)
     angle, speed = _one_freedom(0.1, 0.01, 0.2)
     at = solution.sample(0.2)
     return [
-        Figure('energy residual', books.residual if books else math.nan, 1e-9, 'J'),
+        Figure('energy residual', balance.residual if balance else math.nan, 1e-9, 'J'),
         Figure('revolutions', turned),
         Figure('closure error', solution.max_closure_error, 1e-12, 'm'),
         Figure('angle after 0.2 s', float(at['position.crank'][0]) - angle, 1e-8, 'rad'),
@@ -82,20 +83,20 @@ def flywheel_and_torque() -> list[Figure]:
 
 @hard_case(
     'The same with the loose bearing: impacts react on the crank.',
-    'The books: no impulse of a drive may enter them, and losses are those of the impacts.',
+    'The energy balance: no impulse of a drive enters it, and losses are those of the impacts.',
 )
 def flywheel_and_clearance() -> list[Figure]:
     """Energy residual over ten revolutions at 1e-10, and that of a free crank."""
     solution = simulate(thesis(drive=FLYWHEEL, solver__rtol=1e-10), duration=1.6)
     free = simulate(thesis(drive={'speed': SPEED, 'torque': {}}), duration=1.0)
-    books, others = solution.energy, free.energy
+    balance, others = solution.energy, free.energy
     jump = 0.0
     for i in free.impacts:
         if i.t < 1.0 - 1e-9:
             before, after = free.sample(np.array([i.t - 1e-9, i.t]))['velocity.crank']
             jump = max(jump, abs(after - before))
     return [
-        Figure('energy residual', books.residual if books else math.nan, 1e-9, 'J'),
+        Figure('energy residual', balance.residual if balance else math.nan, 1e-9, 'J'),
         Figure('residual of the free crank', others.residual if others else math.nan, 1e-11, 'J'),
         Figure('work of the free drive', others.drive_work if others else math.nan, 0.0, 'J'),
         Figure('impulses of drives', sum(abs(i.drive_impulse) for i in free.impacts), 0.0),
@@ -109,7 +110,7 @@ def flywheel_and_clearance() -> list[Figure]:
     'power of -1.',
 )
 def stiff_motor() -> list[Figure]:
-    """Order of the difference from constant speed, and the books with the loose bearing too."""
+    """Order of the difference from constant speed, and the energy balance, loose too."""
     fixed = simulate(load_scene('four_bar_nominal'), revolutions=0.9)
     t = np.linspace(0.1, 0.9, 200) * TURN
     reference = fixed.sample(t)['velocity.rocker']
@@ -123,8 +124,8 @@ def stiff_motor() -> list[Figure]:
         found = solution.sample(t)['velocity.rocker']
         differences.append(float(np.abs(found - reference).max()))
         loose = simulate(thesis(drive=drive), duration=2.0 * TURN)
-        for books in (solution.energy, loose.energy):
-            residual = max(residual, abs(books.residual) if books else math.inf)
+        for balance in (solution.energy, loose.energy):
+            residual = max(residual, abs(balance.residual) if balance else math.inf)
     order = float(np.polyfit(np.log(stalls), np.log(differences), 1)[0])
     return [
         Figure('order of the difference, plus 1', order + 1.0, 0.05),

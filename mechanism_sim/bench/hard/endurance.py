@@ -46,7 +46,7 @@ def ten_thousand_revolutions() -> list[Figure]:
         if n % 10 == 0:
             motion, struck, _ = run.drain()
             impacts += len(struck)
-            if n % 50 == 0:  # a fifth of the motion is enough for the books of gaps
+            if n % 50 == 0:  # a fifth of the motion is enough for the record of gaps
                 Audit.add(audit, motion, [])
         if n in (1000, 2000, turns):
             steps.append(run.steps)

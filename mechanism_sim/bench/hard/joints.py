@@ -31,16 +31,16 @@ def _gap(solution: Solution) -> float:
 
 @hard_case(
     'Two and four loose joints over 100 revolutions: every impact shakes all of them.',
-    'The books of energy, and gaps from the finished polynomials.',
+    'The balance of energy, and gaps from the finished polynomials.',
 )
 def four_loose_joints() -> list[Figure]:
-    """Gaps and books with two and with four loose joints."""
+    """Gaps and balance with two and with four loose joints."""
     figures = []
     for n in (2, 4):
         solution = simulate(loose(JOINTS[:n]), revolutions=100)
-        books = solution.energy
+        balance = solution.energy
         exchanged = sum(i.normal_impulse * i.approach_speed for i in solution.impacts)
-        residual = abs(books.residual) / (books.initial + exchanged) if books else math.inf
+        residual = abs(balance.residual) / (balance.initial + exchanged) if balance else math.inf
         figures += [
             Figure(f'deepest gap, {n} joints', _gap(solution), 1e-12, 'm'),
             Figure(f'relative energy residual, {n} joints', residual, 1e-9),
@@ -74,19 +74,19 @@ def other_clearances_vanish() -> list[Figure]:
 
 
 @hard_case(
-    'Friction in all four joints, sticking, sliding and letting go in turn.',
-    'The books, with the loss by sliding from a quadrature; energy never rises at an impact.',
+    'Friction in all four joints, sticking, sliding and detaching in turn.',
+    'The energy balance, loss by sliding from a quadrature; energy never rises at an impact.',
 )
 def friction_in_four_joints() -> list[Figure]:
-    """Books, gaps and changes of mode over 20 revolutions."""
+    """EnergyTerms, gaps and changes of mode over 20 revolutions."""
     machine = loose(JOINTS, friction=0.1, pin_radius=0.005, hypothesis='poisson')
     solution = simulate(machine, revolutions=20)
-    books = solution.energy
+    balance = solution.energy
     modes = {m.mode for m in solution.modes}
     made = max(0.0, *gains(solution.impacts))
     missing = set(Mode) - {*modes, Mode.UNKNOWN, Mode.FOLLOWING, Mode.RECOVERING}
     return [
-        Figure('energy residual', books.residual if books else math.nan, 1e-9, 'J'),
+        Figure('energy residual', balance.residual if balance else math.nan, 1e-9, 'J'),
         Figure('deepest gap', _gap(solution), 1e-12, 'm'),
         Figure('modes that never occurred', len(missing), 0.0),
         Figure('largest gain at an impact', made, 1e-14, 'J'),
@@ -114,8 +114,8 @@ def kane_in_a_bearing() -> list[Figure]:
             solution = simulate(machine, revolutions=1.0)
             made[law] = max([made[law], *gains(solution.impacts)])
             count[law] += len(solution.impacts)
-            books = solution.energy
-            residual = max(residual, abs(books.residual) if books else math.inf)
+            balance = solution.energy
+            residual = max(residual, abs(balance.residual) if balance else math.inf)
     return [
         Figure('largest gain by Poisson', made['poisson'], 1e-15, 'J'),
         Figure('largest gain by Stronge', made['stronge'], 1e-15, 'J'),

@@ -15,9 +15,9 @@ from mechanism_sim.scene import load_scene, simulate, stream
 QUARTER = 0.5 * math.pi
 
 
-def _residual(books: Energy | None) -> float:
-    """What is missing in the books [J]."""
-    return books.residual if books else math.nan
+def _residual(balance: Energy | None) -> float:
+    """What is missing in the energy balance [J]."""
+    return balance.residual if balance else math.nan
 
 
 @hard_case(
@@ -25,7 +25,7 @@ def _residual(books: Energy | None) -> float:
     'Two masses on two springs have two frequencies in closed form.',
 )
 def stiff_springs() -> list[Figure]:
-    """Places after a second, and the books."""
+    """Places after a second, and the energy balance."""
     spring = {'stiffness': '1e6 N/m', 'free_length': '1 m'}
     machine = linkage(
         links={'ground': {}, 'car': {'mass': 1.0}, 'trailer': {'mass': 2.0}},
@@ -103,10 +103,10 @@ def slider_on_a_fast_arm() -> list[Figure]:
 @hard_case(
     'A Geneva wheel under a torque, 1,000 indexings: locked and moving equations take turns 2,000 '
     'times, and nothing but them holds the wheel in its place.',
-    'Locked, the wheel stands at a whole number of slots; and the books.',
+    'Locked, the wheel stands at a whole number of slots; and the energy balance.',
 )
 def thousand_indexings() -> list[Figure]:
-    """Where the wheel stands, and what is missing in the books."""
+    """Where the wheel stands, and what is missing in the energy balance."""
     torque = {'constant': 2.0, 'per_speed': -0.1}
     machine = load_scene('geneva', {'drive': {'speed': 20.0, 'torque': torque,
                                               'start_angle': '180 deg'}})  # fmt: skip
@@ -133,7 +133,7 @@ def thousand_indexings() -> list[Figure]:
 
 @hard_case(
     'Ten links in four loops, two of their joints loose.',
-    'The books, and gaps and loops from the finished polynomials.',
+    'The energy balance, and gaps and loops from the finished polynomials.',
 )
 def ten_links_two_loose_joints() -> list[Figure]:
     """A quarter of a second of the walking leg."""
@@ -141,12 +141,12 @@ def ten_links_two_loose_joints() -> list[Figure]:
     joints = 'lower_rod_strut', 'shank_foot'
     machine = load_scene('ten_links', {f'joints.{j}.clearance': loose for j in joints})
     solution = simulate(machine, revolutions=0.25)
-    books = solution.energy
+    balance = solution.energy
     exchanged = sum(i.normal_impulse * i.approach_speed for i in solution.impacts)
-    scale = exchanged + (abs(books.initial) if books else math.nan)
+    scale = exchanged + (abs(balance.initial) if balance else math.nan)
     return [
         Figure('impacts', len(solution.impacts)),
-        Figure('relative energy residual', _residual(books) / scale, 1e-9),
+        Figure('relative energy residual', _residual(balance) / scale, 1e-9),
         Figure('penetration', solution.max_penetration, 1e-12, 'm'),
         Figure('closure error', solution.max_closure_error, 1e-12, 'm'),
     ]
@@ -196,12 +196,13 @@ def closure_after_five_thousand_revolutions() -> list[Figure]:
     for _ in run:
         first = first or run.max_closure_error
     turns = abs(float(run.final.position[0, 0])) / (2.0 * math.pi)
-    books = run.energy
+    balance = run.energy
     return [
         Figure('revolutions', turns),
         Figure('closure error', run.max_closure_error, 1e-14, 'm'),
         Figure('largest closure error over that of the first piece',
                run.max_closure_error / first, 10.0),
-        Figure('relative energy residual', _residual(books) / (books.initial if books else 1.0),
+        Figure('relative energy residual',
+               _residual(balance) / (balance.initial if balance else 1.0),
                5e-11),
     ]  # fmt: skip

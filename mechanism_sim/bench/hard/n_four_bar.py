@@ -61,13 +61,13 @@ def exact_n_four_bar(windows: int, until: float) -> tuple[float, float]:
 def _figures(windows: int) -> list[Figure]:
     solution = simulate(n_four_bar(windows), duration=DURATION)
     angle, rate = exact_n_four_bar(windows, DURATION)
-    end, books = solution.sample(DURATION), solution.energy
+    end, balance = solution.sample(DURATION), solution.energy
     apart = max(
         abs(float(end[f'position.rod{i}'][0] - end['position.rod0'][0]))
         for i in range(1, windows + 1)
     )
     label = f'N = {windows}: '
-    drift = books.residual / np.ptp([books.initial, 0.0]) if books else math.nan
+    drift = balance.residual / np.ptp([balance.initial, 0.0]) if balance else math.nan
     return [
         Figure(label + 'times in a line', abs(angle) // math.pi + 1.0),
         Figure(label + 'angle after 10 s', float(end['position.rod0'][0]) - angle, 1e-8, 'rad'),

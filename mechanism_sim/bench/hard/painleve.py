@@ -106,8 +106,8 @@ def rod_at_the_jamming_edge() -> list[Figure]:
         for a in path.y[0]:
             pivot, across, _ = _compliance(float(a))
             nearest = min(nearest, (pivot - mu * direction * across) / pivot)
-        books = rod.audit.energy
-        residual = max(residual, abs(books.residual) if books else math.inf)
+        balance = rod.audit.energy
+        residual = max(residual, abs(balance.residual) if balance else math.inf)
     return [
         Figure('difference from the other route', worst, 1e-8, 'm'),
         Figure('energy residual', residual, 1e-9, 'J'),

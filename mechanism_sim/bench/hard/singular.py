@@ -78,19 +78,20 @@ def _engine_at(angle: float, speed: float, until: float) -> tuple[float, float]:
 @hard_case(
     'A piston drives its crank through forty dead points: there it cannot move it at all, only '
     'inertia does.',
-    'The books; and one equation for one freedom, by the reduced inertia, integrated by DOP853.',
+    'The energy balance; and one equation for one freedom, by the reduced inertia, integrated by '
+    'DOP853.',
 )
 def through_dead_points() -> list[Figure]:
     """Closures, energy, and where the crank is after a second."""
     machine = _engine('-20*vx - 200*sin(crank)', torque={}, speed=30.0, start_angle=0.3)
     solution = simulate(machine, duration=1.0)
     angle, speed = _engine_at(0.3, 30.0, 1.0)
-    end, books = solution.sample(1.0), solution.energy
+    end, balance = solution.sample(1.0), solution.energy
     return [
         Figure('dead points passed', abs(angle) // math.pi),
         Figure('angle after 1 s', float(end['position.crank'][0]) - angle, 1e-9, 'rad'),
         Figure('speed after 1 s', float(end['velocity.crank'][0]) - speed, 1e-8, 'rad/s'),
-        Figure('energy residual', books.residual if books else math.nan, 1e-11, 'J'),
+        Figure('energy residual', balance.residual if balance else math.nan, 1e-11, 'J'),
         Figure('closure error', solution.max_closure_error, 1e-14, 'm'),
     ]
 

@@ -15,7 +15,7 @@ from mechanism_sim.scene import simulate
     'depth (F/K)^(2/3).',
 )
 def rigid_limit_of_hertz() -> list[Figure]:
-    """Exponent with which the difference falls, and the books."""
+    """Exponent with which the difference falls, and the energy balance."""
     t = np.linspace(0.05, 0.499, 300) * TURN
     rigid = simulate(thesis(), revolutions=0.5).sample(t)['position.rocker']
     stiffness = 10.0 ** np.arange(8, 15)

@@ -1,4 +1,4 @@
-"""The energy books of a run, and what its solver did."""
+"""The energy balance of a run, and what its solver did."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def energy(course: Course) -> Section | None:
     """Kinetic and potential energy, work of the drives, what was dissipated, what is missing."""
     if not course.record.machine.physics.has_forces:
         return None
-    lines = books(course)
+    lines = balance(course)
     figure = chart('time [s]', 'energy [J]')
     _add(figure, {name.replace('_', ' '): lines[name] for name in _TERMS}, course)
-    charts = [Chart('energy', 'Energy books', written(figure), 'time')]
+    charts = [Chart('energy', 'Energy balance', written(figure), 'time')]
     text = 'Kinetic and potential energy, less what the drives put in, plus what is dissipated'
     if np.isfinite(lines['missing'].values).all():
         figure = chart('time [s]', 'missing [J]', height=220, showlegend=False)
@@ -47,8 +47,8 @@ def energy(course: Course) -> Section | None:
     return Section('energy', 'Energy', text, tuple(charts))
 
 
-def books(course: Course) -> dict[str, Line]:
-    """The terms of the books by name, and what is ``missing`` [J], at every step and between."""
+def balance(course: Course) -> dict[str, Line]:
+    """Terms of the energy balance, and its residual ``missing`` [J], at and between steps."""
     record, window = course.record, course.run
     curve = record.piece.motion.curve
     first = int(curve.locate(np.array([window.start]))[0])
