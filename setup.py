@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 NAME = 'mechanism_sim'
 NODES = (
-    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
     'display', 'recorder',
 )  # fmt: skip
 

@@ -16,7 +16,7 @@ STYLE = {
 }  # fmt: skip
 HALF, HEIGHT = 0.72, 0.26
 NODES = {
-    'crank_drive': (0.9, 1.9), 'linkage': (4.3, 1.9), 'accelerometer': (6.6, 3.5),
+    'crank_drive': (0.9, 1.9), 'linkage': (4.3, 1.9), 'sensors': (6.6, 3.5),
     'recorder': (9.0, 1.9),
 }  # fmt: skip
 OTHERS = {'you': (0.9, 3.5), 'MCAP file': (11.2, 1.9)}
@@ -27,7 +27,7 @@ ARROWS = (
      'motion, joint_states, linkage_state,\njoint_reactions, impacts,\nmode_changes, /tf, scene',
      (6.65, 1.96), 'center', True),
     ([(4.3, 2.16), (4.3, 3.5), (5.88, 3.5)], 'motion', (4.4, 3.56), 'left', True),
-    ([(7.32, 3.5), (9.0, 3.5), (9.0, 2.16)], 'accelerometer/NAME, imu/NAME', (7.42, 3.56), 'left',
+    ([(7.32, 3.5), (9.0, 3.5), (9.0, 2.16)], 'KIND/NAME, imu/NAME', (7.42, 3.56), 'left',
      True),
     ([(9.72, 1.9), (10.48, 1.9)], '', (0.0, 0.0), 'left', True),
     ([(0.9, 3.24), (0.9, 2.16)], 'command/velocity, command/effort\nplay, pause, step, reset',

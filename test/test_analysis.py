@@ -137,12 +137,14 @@ def blocks():
     for size in (1, 999, 0, 2000, 3000):
         values = signal[first : first + size]
         yield make(
-            'AccelerometerBlock',
+            'SensorBlock',
             first / 10_000,
             sensor='s1',
             link='coupler',
             sample_rate=10_000.0,
-            acceleration=values,
+            quantity='acceleration',
+            unit='m/s^2',
+            samples=values,
         )
         first += size
 
@@ -170,7 +172,7 @@ def whole_run(**options):
         'mode_changes': list(changes()),
         'joint_reactions': list(reactions()),
         'linkage_state': list(states()),
-        'accelerometer': list(blocks()),
+        'sensors': list(blocks()),
         'progress': [
             progress('linkage', False, motion=1, impacts=2),
             progress('linkage', True, motion=2, impacts=7, linkage_state=3),
@@ -280,9 +282,9 @@ def test_vibration_of_a_sine(summary):
 
 
 def test_missing_samples_and_a_flat_signal(tmp_path):
-    run = {'accelerometer': [block for i, block in enumerate(blocks()) if i != 3]}
-    for _, block in run['accelerometer']:
-        block.acceleration = np.ones(len(block.acceleration))
+    run = {'sensors': [block for i, block in enumerate(blocks()) if i != 3]}
+    for _, block in run['sensors']:
+        block.samples = np.ones(len(block.samples))
     [sensor] = analyze(record(tmp_path / 'run.mcap', run)).vibration
     assert sensor.missing == 2000
     assert (sensor.rms, sensor.kurtosis) == (1.0, None)
@@ -442,7 +444,7 @@ def test_every_part_stands_alone(tmp_path, kept):
     run = {} if kept is None else {kept: whole[kept]}
     found = analyze(record(tmp_path / 'run.mcap', run))
     part = {'mode_changes': 'modes', 'joint_reactions': 'loads', 'linkage_state': 'energy'}
-    part |= {'accelerometer': 'vibration', 'progress': 'ledger'}
+    part |= {'sensors': 'vibration', 'progress': 'ledger'}
     own = part.get(kept, kept)
     for name in ('motion', 'impacts', 'modes', 'loads', 'energy', 'vibration', 'ledger'):
         assert (getattr(found, name) is not None) == (name == own)

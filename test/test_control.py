@@ -345,7 +345,7 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
     assert found['restitution'] == found['faster'] == [True, '']
     assert found['sim time'][:2] == [1, True]
     assert found['depth'] == [2, False, 50]
-    nodes = {'crank_drive', 'linkage', 'accelerometer', 'recorder', 'monitor'}
+    nodes = {'crank_drive', 'linkage', 'sensors', 'recorder', 'monitor'}
     assert set(found['statuses']) == nodes
     for level, message, scene, values in found['statuses'].values():
         assert (level, scene, values['run']) == (0, SCENE, '0')
@@ -474,7 +474,7 @@ def test_the_next_run_has_the_values_of_the_scene_that_are_asked_for(tmp_path):
         for topic in ('/markers', '/robot_description'):
             assert len(list(recorded.messages(topic))) == 1
         samples = [m for _, m, _ in recorded.messages('/accelerometer/rocker_accelerometer')]
-        assert sum(len(m.acceleration) for m in samples) == 1000
+        assert sum(len(m.samples) for m in samples) == 1000
 
 
 def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend, tmp_path):

@@ -9,7 +9,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.errors import InputError
-from mechanism_sim.messages import AccelerometerBlock, float64_array, serialize
+from mechanism_sim.messages import SensorBlock, float64_array, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.report.identification import render, unlike
 from mechanism_sim.scene.files import read_scene
@@ -107,12 +107,13 @@ def test_repeated_is_what_the_machine_is_heard_to_do():
 def bag(path, signal):
     """A bag of somebody else's: nothing but the samples of an accelerometer."""
     with BagWriter(path) as writer:
-        topic, kind = '/accelerometer/rocker', 'mechanism_sim/msg/AccelerometerBlock'
+        topic, kind = '/accelerometer/rocker', 'mechanism_sim/msg/SensorBlock'
         writer.add_topic(topic, kind, Qos('reliable', 'volatile', 'keep_all', 0))
         for k in range(0, len(signal.samples), 500):
-            block = AccelerometerBlock(
+            block = SensorBlock(
                 time=k / 1e4, sensor='rocker', link='rocker', sample_rate=1e4,
-                acceleration=float64_array(signal.samples[k : k + 500]),
+                quantity='acceleration', unit='m/s^2',
+                samples=float64_array(signal.samples[k : k + 500]),
             )  # fmt: skip
             writer.write(topic, serialize(block), round(k * 1e5))
     return str(path)
@@ -182,12 +183,13 @@ def test_gaps_are_refused(tmp_path):
     signal = recorded({}, {'drive': {'speed': '600 rpm'}}, 5000)
     path = tmp_path / 'gap.mcap'
     with BagWriter(path) as writer:
-        topic, kind = '/accelerometer/rocker', 'mechanism_sim/msg/AccelerometerBlock'
+        topic, kind = '/accelerometer/rocker', 'mechanism_sim/msg/SensorBlock'
         writer.add_topic(topic, kind, Qos('reliable', 'volatile', 'keep_all', 0))
         for k in (0, 3000):
-            block = AccelerometerBlock(
+            block = SensorBlock(
                 time=k / 1e4, sensor='rocker', link='rocker', sample_rate=1e4,
-                acceleration=float64_array(signal.samples[k : k + 2000]),
+                quantity='acceleration', unit='m/s^2',
+                samples=float64_array(signal.samples[k : k + 2000]),
             )  # fmt: skip
             writer.write(topic, serialize(block), round(k * 1e5))
     with pytest.raises(InputError, match='gaps'):

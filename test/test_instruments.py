@@ -63,13 +63,8 @@ def test_blocks_are_those_of_the_channel_in_one_process_and_in_many(bags):
             messages = [m for _, m, _ in bag.messages(f'/accelerometer/{name}')]
             assert len(messages) == len(blocks) > 1
             for message, block in zip(messages, blocks, strict=True):
-                filled = {
-                    key
-                    for key in ('acceleration', 'velocity', 'displacement')
-                    if len(getattr(message, key))
-                }
-                assert filled == {sensor.quantity}
-                assert np.array_equal(getattr(message, sensor.quantity), block.samples)
+                assert (message.quantity, message.unit) == (sensor.measures, sensor.unit)
+                assert np.array_equal(message.samples, block.samples)
                 assert (message.time, message.overloads, message.triggered) == (
                     block.time, block.overloads, block.triggered,
                 )  # fmt: skip

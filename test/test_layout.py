@@ -5,11 +5,11 @@ import pytest
 
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages import (
-    AccelerometerBlock,
     CamState,
     Imu,
     JointState,
     LinkageState,
+    SensorBlock,
     TFMessage,
     TransformStamped,
     Written,
@@ -116,13 +116,13 @@ def test_every_message_has_a_layout(name):
 
 
 def test_numbers_that_no_machine_has_are_left_to_be_judged_one_by_one():
-    layout, t = Layout(AccelerometerBlock(acceleration=np.zeros(3))), np.zeros(2)
+    layout, t = Layout(SensorBlock(samples=np.zeros(3))), np.zeros(2)
     good = np.ones((2, 3))
     for bad in (np.nan, np.inf, -np.inf, 1e61):
         some = good.copy()
         some[1, 1] = bad
-        assert not any(isinstance(d, Written) for d in layout.write(t, {'acceleration': some}))
-    assert all(isinstance(d, Written) for d in layout.write(t, {'acceleration': good}))
+        assert not any(isinstance(d, Written) for d in layout.write(t, {'samples': some}))
+    assert all(isinstance(d, Written) for d in layout.write(t, {'samples': good}))
     unknown = Layout(CamState()).write(t, {'cam_torque': np.full(2, np.nan)})
     assert all(isinstance(d, Written) for d in unknown)
 

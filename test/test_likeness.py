@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from mechanism_sim.messages import (
-    AccelerometerBlock,
     Impact,
     Imu,
     JointState,
     LinkageState,
     MessageError,
     Motion,
+    SensorBlock,
     String,
     TFMessage,
     TransformStamped,
@@ -22,7 +22,7 @@ from mechanism_sim.middleware.refusals import judged
 MESSAGES = [
     JointState(name=['crank', 'rocker'], position=np.ones(2), velocity=np.ones(2)),
     LinkageState(coordinates=['a'], joints=['x', 'yz'], modes=[2, 3], position=[0.5], gaps=[0, 1]),
-    AccelerometerBlock(sensor='s', link='rocker', acceleration=np.arange(256.0)),
+    SensorBlock(sensor='s', link='rocker', samples=np.arange(256.0)),
     Impact(joint='coupler_rocker', normal_impulse=0.1, index=7),
     TFMessage(transforms=[TransformStamped(child_frame_id='a'), TransformStamped()]),
     Imu(),

@@ -266,7 +266,7 @@ def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_state
         running.wait(20)
     kinds, nodes, joints = eval(foreign.splitlines()[-1])
     assert {'NN', 'MP', 'MS', 'SS'} <= set(kinds)
-    assert {'crank_drive', 'linkage', 'accelerometer'} <= set(nodes)
+    assert {'crank_drive', 'linkage', 'sensors'} <= set(nodes)
     for t, words, position in joints:
         assert words == ['crank', 'coupler', 'rocker']
         assert abs(position[0] - 36.6519 * t) < 1e-7

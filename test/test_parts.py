@@ -122,11 +122,11 @@ def fields_of(message, kind):
         ('film_advance', ['linkage']),
         ('quick_return', ['linkage']),  # a pin in a slot is no part
         ('pendulum', ['linkage']),
-        ('four_bar_clearance', ['linkage', 'accelerometer']),
+        ('four_bar_clearance', ['linkage', 'sensors']),
         ('valve_train', ['cam']),
         ('gear_pair', ['gear_train']),
         ('gear_four_bar', ['linkage', 'gear_train']),
-        ('whole_machine', ['linkage', 'cam', 'gear_train', 'accelerometer']),
+        ('whole_machine', ['linkage', 'cam', 'gear_train', 'sensors']),
         ('mixed', ['linkage', 'geneva']),
     ],
 )
@@ -494,7 +494,7 @@ def test_a_whole_machine_runs_as_six_nodes(tmp_path):
     run_json('run', 'whole_machine', '--duration', '0.1', '--processes', '--record', str(bag))
     found = analyze(bag)
     assert found.digest == digest_of('whole_machine', (), 0.1)
-    nodes = ('accelerometer', 'cam', 'crank_drive', 'gear_train', 'linkage')
+    nodes = ('cam', 'crank_drive', 'gear_train', 'linkage', 'sensors')
     assert found.ledger.finished == nodes
     assert not found.ledger.lost
     for name in ('cam', 'gear_train'):

@@ -85,12 +85,12 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
 
 
 def test_blocks_of_samples_are_spread_over_time(bag):
-    ((_, t, y),), words = drawn(bag, 'accelerometer/rocker_accelerometer.acceleration')
+    ((_, t, y),), words = drawn(bag, 'accelerometer/rocker_accelerometer.samples')
     blocks = foreign(bag, '/accelerometer/rocker_accelerometer')
-    np.testing.assert_array_equal(y, np.concatenate([m.acceleration for m in blocks]))
-    due = [m.time + k / m.sample_rate for m in blocks for k in range(len(m.acceleration))]
+    np.testing.assert_array_equal(y, np.concatenate([m.samples for m in blocks]))
+    due = [m.time + k / m.sample_rate for m in blocks for k in range(len(m.samples))]
     np.testing.assert_allclose(t, due, rtol=1e-15)
-    assert words == ['acceleration [m/s²]']
+    assert words == ['samples [m/s²]']
     ((_, again, same),), _ = drawn(bag, 'rocker_accelerometer')
     np.testing.assert_allclose(again, t, rtol=1e-12)
     np.testing.assert_array_equal(same, y)
@@ -182,7 +182,7 @@ def test_units_come_from_the_definitions():
     counts = {
         'overloads', 'triggered', 'mode', 'previous_mode', 'modes', 'engaged', 'index', 'run',
         'ends_chatter', 'segments', 'degree', 'turns', 'kind', 'law_id', 'final', 'again',
-        'finished', 'counts', 'value', 'coefficients', 'torque_laws',
+        'finished', 'counts', 'value', 'coefficients', 'torque_laws', 'samples',
     }  # fmt: skip
     for name in own_messages():
         kind = f'mechanism_sim/msg/{name}'

@@ -254,7 +254,7 @@ def engine(machine, terms, state, parameters=()):
     eq = equations_of(machine)
     symbols = [*eq.frames.q.values(), *eq.frames.v.values(), *eq.frames.a.values()]
     expressions = [*(dense(t) for t in terms), hy.expression(0.0)]
-    rows = present_rows(eq, state[0])
+    rows = present_rows(eq, state[0]) | dict.fromkeys(turns_of(eq), 0.0)
     expressions = list(hy.subs(expressions, {x: hy.expression(n) for x, n in rows.items()}))
     function = hy.cfunc(expressions, vars=symbols)
     values = np.array(eq.parameters.values)
@@ -263,11 +263,17 @@ def engine(machine, terms, state, parameters=()):
     return function(np.concatenate(state), pars=values[: function.nparams])[:-1]
 
 
+def turns_of(eq):
+    """Whole turns of coordinates, none here."""
+    return [x for name, x in eq.frames.outside.items() if name.endswith('.turns')]
+
+
 def present_rows(eq, q):
     """The numbers of all switches at coordinates q."""
     found = {}
     for switch in eq.frames.switches.values():
-        place = hy.cfunc([switch.place], vars=[*eq.frames.q.values()])
+        wound = hy.subs(switch.place, {x: hy.expression(0.0) for x in turns_of(eq)})
+        place = hy.cfunc([wound], vars=[*eq.frames.q.values()])
         (at,) = place(q, pars=np.array(eq.parameters.values)[: place.nparams])
         numbers = switch.values_at(np.array([at]))[:, 0]
         found |= zip(switch.symbols, numbers.tolist(), strict=True)
@@ -306,6 +312,7 @@ def reader_of(variant, state):
         if isinstance(table, Table):
             for k, symbol in enumerate(table.symbols):
                 given[f'c{k}_{name}'] = rows[symbol]
+    given |= {f'n_{x.rpartition(".")[0]}': 0.0 for x in eq.frames.outside if x != 'time'}
     return Reader(page, **given)
 
 

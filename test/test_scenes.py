@@ -39,7 +39,7 @@ def refusal(overrides, scene=LOOSE):
         ('joints.coupler_rocker.clearance.radail', 1, ["'radial'?", 'radial, restitution']),
         ('initial.position.crnk', 1, ["'crank'?", 'crank, coupler, rocker']),
         ('initial.velocity.crank', 1, ['initial.velocity.crank is 1', 'leave one']),
-        ('sensors.rocker_accelerometer.smaple_rate', 1, ["'sample_rate'?", 'kind, link, at']),
+        ('sensors.rocker_accelerometer.smaple_rate', 1, ["'sample_rate'?", 'kind, sample_rate, ']),
         ('sensors.mine.axes', 'along', ["unknown key 'sensors.mine.axes'", "'axis'?"]),
         ('outputs.force', True, ["'forces'?"]),
         ('solver.tol', 1e-9, ["unknown key 'solver.tol'", "'rtol'?"]),

@@ -14,13 +14,13 @@ from running import command, environment
 
 import mechanism_sim
 from mechanism_sim.messages import (
-    AccelerometerBlock,
     DriveLaw,
     Impact,
     JointState,
     Motion,
     ParameterValue,
     Progress,
+    SensorBlock,
     SetParameters,
     String,
     TFMessage,
@@ -295,7 +295,7 @@ def test_queues_are_bounded_in_bytes_and_memories_in_publishers(quick, stranger,
         (DriveLaw(), 'no kind 0 of laws'),
         (DriveLaw(kind=2, coefficients=[1.0]), 'has not 1 coefficients'),
         (DriveLaw(kind=1), 'has not 0 coefficients'),
-        (AccelerometerBlock(acceleration=[0.0] * 200 + [float('nan')]),
+        (SensorBlock(samples=[0.0] * 200 + [float('nan')]),
          'acceleration holds'),
     ],
 )  # fmt: skip
@@ -327,7 +327,7 @@ def test_a_partner_of_another_version_ends_the_run_in_a_sentence(tmp_path):
     shutil.copytree(source.parent / 'msg', other / 'msg')
     with (other / 'msg' / 'Motion.msg').open('a') as definition:
         definition.write('float64 novelty\n')
-    nodes = 'linkage', 'accelerometer'
+    nodes = 'linkage', 'sensors'
     scene = source.parent / 'config' / 'four_bar_clearance.yaml'
     env = environment()
     processes = [

@@ -24,12 +24,12 @@ def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None)
         If there is no such sensor, or there are several and none is named.
     """
     collectors: dict[str, SignalCollector] = {}
-    topics = find_topics(bag, namespace)['accelerometer']
+    topics = find_topics(bag, namespace)['sensors']
     for _, message, _ in bag.messages(topics) if topics else ():
         collectors.setdefault(message.sensor, SignalCollector()).add(message)
     known = ', '.join(sorted(collectors))
     if not collectors:
-        raise InputError(f'{bag.path} holds no signal of an accelerometer')
+        raise InputError(f'{bag.path} holds no signal of a sensor')
     if sensor is None and len(collectors) > 1:
         raise InputError(f'{bag.path} holds several sensors ({known}): choose one by --sensor')
     name = sensor or known
@@ -84,10 +84,10 @@ def _measurement(bag: Bag, machine: Machine, signal: Signal) -> Measurement:
             'add it with its chain to the scene'
         )
     scene = known[name]
-    if (scene.sample_rate, scene.quantity) != (signal.rate, signal.quantity):
+    if (scene.sample_rate, scene.measures) != (signal.rate, signal.quantity):
         raise InputError(
             f'{bag.path} has {signal.quantity} of {name} at {signal.rate:g} Hz, but '
-            f'{machine.name} says {scene.quantity} at {scene.sample_rate:g} Hz'
+            f'{machine.name} says {scene.measures} at {scene.sample_rate:g} Hz'
         )
     if len(signal.runs) > 1 or scene.trigger:
         raise InputError(

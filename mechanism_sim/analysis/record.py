@@ -61,7 +61,7 @@ class Record:
     Attributes
     ----------
     piece : its motion and events; sampled as a solution is
-    signals : of the accelerometers by name, as far as they are recorded or were asked for
+    signals : of the sensors by name, as far as they are recorded or were asked for
     audit : of the motion and its impacts, where the record was read from a bag
     wall_time : how long the run took to be recorded [s], where that is known
     complete : False if the bag was cut short
@@ -352,7 +352,7 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     return Record(machine, piece, signals, audit, bag.wall_time, bag.complete)
 
 
-_WANTED = 'motion', 'impacts', 'mode_changes', 'accelerometer'
+_WANTED = 'motion', 'impacts', 'mode_changes', 'sensors'
 
 
 def _mode_change(bag: Bag, message: Any) -> ModeChange:

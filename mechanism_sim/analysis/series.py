@@ -91,7 +91,7 @@ class _Collector:
     def __init__(self, path: MessagePath, origin: float) -> None:
         self._path, self._origin = path, origin
         self._found: dict[tuple[str, ...], tuple[list[Any], list[Any]]] = {}
-        self._type = ''
+        self._type, self._unit = '', ''
         self._passed = False
 
     def add(self, message: Any, logged: float) -> None:
@@ -101,6 +101,7 @@ class _Collector:
         time = self._time(message, logged)
         if _sampled(self._path, message) and values:
             ts, xs = self._found.setdefault((), ([], []))
+            self._unit = getattr(message, 'unit', '')
             ts.extend(time + np.arange(len(values)) / message.sample_rate)
             xs.extend(value for value, _ in values)
             return
@@ -127,7 +128,7 @@ class _Collector:
             filters = ' and '.join(str(step) for step in path.steps if isinstance(step, Filter))
             what = f' with {filters}' if filters else ''
             raise InputError(f"'{path.text}': {bag.path} has no value{what} on {path.topic}")
-        units = units_of(self._type, path.fields)
+        units = [self._unit] if self._unit else units_of(self._type, path.fields)
         return [
             Series(
                 _name(path, which), _unit(units, which, sliding), np.array(t), np.array(values),

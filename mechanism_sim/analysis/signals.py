@@ -1,4 +1,4 @@
-"""The signals of accelerometers, put together from their blocks."""
+"""The signals of sensors, put together from their blocks."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.instruments import carrier
 from mechanism_sim.scene.sensor_keys import QUANTITIES
 from mechanism_sim.sensing.orders import Turns, at_equal_angles
 
@@ -121,10 +122,9 @@ class SignalCollector:
         self._due: float | None = None
 
     def add(self, message: Any) -> Array:
-        """Add the AccelerometerBlock that follows, and return its samples (N,)."""
-        quantity = next((q for q in QUANTITIES if len(getattr(message, q))), 'acceleration')
-        samples = np.asarray(getattr(message, quantity), np.float64)
-        about = message.sensor, message.link, quantity, float(message.sample_rate)
+        """Add the SensorBlock that follows, and return its samples (N,)."""
+        samples = np.asarray(message.samples, np.float64)
+        about = message.sensor, message.link, message.quantity, float(message.sample_rate)
         self.add_samples(about, float(message.time), samples, bool(message.triggered))
         return samples
 
@@ -162,7 +162,7 @@ class SignalCollector:
 def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
     """The signal of a sensor of the scene, computed from a motion from the start of a run on.
 
-    It is what the node `accelerometer` publishes, to the last bit.
+    It is what the node `sensors` publishes, to the last bit.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
     collector = SignalCollector()
     channel.take(motion)
     for block in channel.blocks(final=True):
-        about = sensor, scene.link, scene.quantity, scene.sample_rate
+        about = sensor, carrier(machine, sensor), scene.measures, scene.sample_rate
         collector.add_samples(about, block.time, block.samples, block.triggered)
     signal = collector.signal()
     if signal is None:

@@ -92,7 +92,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         'mode_changes': run.modes.add,
         'joint_reactions': run.loads.add,
         'linkage_state': run.energy.add,
-        'accelerometer': run.vibration.add,
+        'sensors': run.vibration.add,
         **{topic: collector.add for topic, collector in run.parts.items()},
         'progress': run.ledger.add,
     }
@@ -129,7 +129,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
             for k, c in run.parts.items()
             if present[k]
         },
-        vibration=run.vibration.summary(crank.turned) if present['accelerometer'] else None,
+        vibration=run.vibration.summary(crank.turned) if present['sensors'] else None,
         ledger=run.ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
         digest=run.digest.hexdigest() if motion is not None else None,
         absent=(*_absent(present, run, moved), *unknown),
@@ -195,7 +195,7 @@ def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -
         'mode_changes': 'shares of the modes',
         'joint_reactions': 'forces and torque',
         'linkage_state': 'balance of energy',
-        'accelerometer': 'vibration',
+        'sensors': 'vibration',
         'progress': 'comparison of what was sent with what was recorded',
     }
     sentences = [f'no topic {kind}: no {what}' for kind, what in lost.items() if not present[kind]]

@@ -19,7 +19,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.instruments import source
-from mechanism_sim.scene.sensor_keys import Sensor
+from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, Source
 from mechanism_sim.sensing.turning import TurningLink
@@ -77,7 +77,7 @@ class Swing:
     severity_at_first: Severity
 
 
-def sensors_across(machine: Machine, link: str) -> dict[str, Sensor]:
+def sensors_across(machine: Machine, link: str) -> dict[str, SensorPart]:
     """Up to two sensors that read accelerations across a link, the outermost first.
 
     Ideal sensors are taken only if there are no others; the second one has the rate of the first,
@@ -91,7 +91,7 @@ def sensors_across(machine: Machine, link: str) -> dict[str, Sensor]:
     across = {
         name: sensor
         for name, sensor in machine.scene.sensors.items()
-        if (sensor.link, sensor.axis, sensor.quantity) == (link, 'across', 'acceleration')
+        if (sensor.link, sensor.axis, sensor.measures) == (link, 'across', 'acceleration')
         and _place_on(sensor)
     }
     real = {name: s for name, s in across.items() if s.chain().transfer().poles}
@@ -111,7 +111,7 @@ def sensors_across(machine: Machine, link: str) -> dict[str, Sensor]:
     return dict([found[0], *others[:1]])
 
 
-def _place_on(sensor: Sensor) -> float:
+def _place_on(sensor: SensorPart) -> float:
     """Distance from the joint [m]; 0 for a sensor beside the line of its link."""
     return 0.0 if isinstance(sensor.at, tuple) else float(sensor.at)
 

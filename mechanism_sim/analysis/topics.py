@@ -17,11 +17,11 @@ KINDS = {
     'gear_state': 'mechanism_sim/msg/GearState',
     'geneva_state': 'mechanism_sim/msg/GenevaState',
     'oscillator_state': 'mechanism_sim/msg/OscillatorState',
-    'accelerometer': 'mechanism_sim/msg/AccelerometerBlock',
+    'sensors': 'mechanism_sim/msg/SensorBlock',
     'progress': 'mechanism_sim/msg/Progress',
 }
 #: Kinds told by type alone: every sensor or node may have a topic of its own, of any name.
-SHARED = ('accelerometer', 'progress')
+SHARED = ('sensors', 'progress')
 
 
 def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, ...]]:

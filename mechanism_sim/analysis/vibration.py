@@ -1,4 +1,4 @@
-"""What the accelerometers heard, in the numbers of machine monitoring."""
+"""The signals of the sensors in the numbers of machine monitoring."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _KEPT = 2**18  # samples of each sensor, the last ones, of which the strongest o
 
 @dataclass(frozen=True)
 class SensorSummary:
-    """The signal of one accelerometer; its indicators are those of `Indicators`.
+    """The signal of one sensor; its indicators are those of `Indicators`.
 
     orders: the strongest lines over the crank's orders as (order, amplitude), of the last quarter
     of a million samples or fewer; empty where no whole turn is recorded.
@@ -47,7 +47,7 @@ class SensorSummary:
 
 
 class VibrationCollector:
-    """Gathers AccelerometerBlock messages by sensor."""
+    """Gathers SensorBlock messages by sensor."""
 
     def __init__(self) -> None:
         self._moments: dict[str, Moments] = {}

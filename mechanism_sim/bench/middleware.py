@@ -25,7 +25,7 @@ import numpy as np
 from mechanism_sim.errors import RunError
 
 SCENE = 'four_bar_clearance'
-BURSTS = {'bytes': 20_000, 'JointState': 10_000, 'AccelerometerBlock': 5_000, 'Motion': 2_000}
+BURSTS = {'bytes': 20_000, 'JointState': 10_000, 'SensorBlock': 5_000, 'Motion': 2_000}
 """Messages of each burst."""
 
 ROUNDS = 3_000

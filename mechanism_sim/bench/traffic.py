@@ -16,11 +16,11 @@ import numpy as np
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.messages import (
-    AccelerometerBlock,
     DriveLaw,
     JointState,
     Motion,
     Progress,
+    SensorBlock,
     String,
     float64_array,
     int64_array,
@@ -68,14 +68,14 @@ def motion(i: int, m: int = 64) -> Any:
 
 
 def block(i: int) -> Any:
-    """AccelerometerBlock of 256 samples, 2 kB."""
-    return AccelerometerBlock(time=float(i), acceleration=float64_array(np.full(256, float(i))))
+    """SensorBlock of 256 samples, 2 kB."""
+    return SensorBlock(time=float(i), samples=float64_array(np.full(256, float(i))))
 
 
 STREAMS: dict[str, tuple[Any, bool, Callable[[int], Any], Callable[[Any], int]]] = {
     'bytes': (JointState, True, lambda i: serialize(joint_states(i)), lambda _: -1),
     'JointState': (JointState, False, joint_states, lambda m: m.header.stamp.sec),
-    'AccelerometerBlock': (AccelerometerBlock, False, block, lambda m: int(m.time)),
+    'SensorBlock': (SensorBlock, False, block, lambda m: int(m.time)),
     'Motion': (Motion, False, motion, lambda m: int(m.run)),
 }
 """What is sent: type, whether both ends take bytes, how the ith is made, and its number."""

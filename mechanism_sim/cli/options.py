@@ -16,7 +16,7 @@ Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.Arg
 """Adds a command: its name, what runs it and returns the exit code, what its help says."""
 
 NODE_NAMES = (
-    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'accelerometer',
+    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
     'display', 'recorder',
 )  # fmt: skip
 """Nodes of a run, which `node` runs one by one."""

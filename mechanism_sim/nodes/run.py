@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
 from mechanism_sim.middleware import Parameter, backend
-from mechanism_sim.nodes.accelerometer import Accelerometer
 from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
@@ -22,6 +21,7 @@ from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import run_nodes, tell_end
 from mechanism_sim.nodes.recorder import Recorder
+from mechanism_sim.nodes.sensors import Sensors
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import read_bag, realtime_factor
 from mechanism_sim.scene import Machine
@@ -36,7 +36,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'gear_train': GearTrain,
     'geneva': Geneva,
     'oscillator': Oscillator,
-    'accelerometer': Accelerometer,
+    'sensors': Sensors,
     'display': Display,
     'recorder': Recorder,
 }
@@ -85,7 +85,7 @@ class Plan:
         parts = [name for name in kinds_of(self.machine) if name != integrator]
         names = ['crank_drive', integrator, *parts]
         names += ['oscillator'] if self.machine.scene.oscillators else []
-        names += ['accelerometer'] if self.machine.scene.sensors else []
+        names += ['sensors'] if self.machine.scene.sensors else []
         names += ['display'] if self.display else []
         return [*names, 'recorder'] if self.record else names
 

@@ -52,7 +52,9 @@ def _structure(machine: Machine) -> dict[str, list[str]]:
         'the joints with restitution': [n for n, p in plan.rigid.items() if p.contact is None],
         'the kinds of drives': [f'{c}: {type(laws[0]).__name__}' for c, laws in plan.laws.items()],
         'the commands to the drive': [f'up to {commands.fastest:g} rad/s'] if commands else [],
-        'the sensors': [f'{name}{" (imu)" * s.imu}' for name, s in scene.sensors.items()],
+        'the sensors': [
+            f'{name} ({s.kind}{", imu" * s.imu})' for name, s in scene.sensors.items()
+        ],
         'the frames on springs': [*scene.oscillators],
         'the joints': [f'{j.name} ({type(j).__name__})' for j in mechanism.joints],
         'the joints that close loops': [*mechanism.cut],

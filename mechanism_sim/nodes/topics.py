@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from mechanism_sim.messages import (
-    AccelerometerBlock,
     Clock,
     DriveLaw,
     Impact,
@@ -18,6 +17,7 @@ from mechanism_sim.messages import (
     Motion,
     OscillatorState,
     SceneChange,
+    SensorBlock,
     String,
     TFMessage,
 )
@@ -52,9 +52,9 @@ def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
         Topic('/tf', TFMessage, RESULTS),
         Topic('/clock', Clock, CLOCK),
     ]
-    topics += [Topic(f'accelerometer/{s}', AccelerometerBlock, RESULTS) for s in scene.sensors]
-    units = (name for name, sensor in scene.sensors.items() if sensor.imu)
-    topics += [Topic(f'imu/{name}', Imu, RESULTS) for name in units]
+    sensors = scene.sensors.items()
+    topics += [Topic(f'{sensor.kind}/{name}', SensorBlock, RESULTS) for name, sensor in sensors]
+    topics += [Topic(f'imu/{name}', Imu, RESULTS) for name, sensor in sensors if sensor.imu]
     topics += [Topic(k.topic, k.message, RESULTS) for k in kinds_of(machine).values()]
     if scene.oscillators:
         topics.append(Topic(OSCILLATOR_STATE, OscillatorState, RESULTS))

@@ -321,6 +321,13 @@ class Mechanism:
             place += s * np.array([[c * x - sn * y], [sn * x + c * y]]).reshape(2, -1)
         return place
 
+    def angle_all(self, link: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Angle (N,) [rad] of a link's frame in the world, likewise."""
+        frame, offset = self.frame(link)
+        if frame == GROUND:
+            return np.full(q.shape[1], offset)
+        return np.asarray(offset + q[self.coordinates.index(frame)])
+
     def velocity_all(
         self,
         link: str,

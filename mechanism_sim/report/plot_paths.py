@@ -11,7 +11,6 @@ from mechanism_sim.middleware.errors import InvalidNameError
 from mechanism_sim.middleware.names import resolve_namespace
 from mechanism_sim.nodes.parts import kinds_of
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.sensor_keys import QUANTITIES
 
 
 @dataclass(frozen=True)
@@ -125,9 +124,8 @@ def _of(topic: str, name: str, value: str, key: str = 'joint') -> str:
 
 def _sensors(machine: Machine) -> Iterator[Plot]:
     for name, sensor in machine.scene.sensors.items():
-        what = sensor.quantity
-        title = f'{name}: {what} [{QUANTITIES[what]}], latest samples'
-        yield Plot('Sensors', title, {name: f'accelerometer/{name}.{what}[:]'}, 'array')
+        title = f'{name}: {sensor.measures} [{sensor.unit}], latest samples'
+        yield Plot('Sensors', title, {name: f'{sensor.kind}/{name}.samples[:]'}, 'array')
         if sensor.imu:
             axes = {x: f'imu/{name}.linear_acceleration.{x}' for x in 'xy'}
             yield Plot('Sensors', f'{name} as inertial unit [m/s^2]', axes)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.gate import check_scenes_way
+from mechanism_sim.scene.instruments import check_sensors
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import check_oscillators
@@ -26,30 +27,7 @@ def build(name: str, scene: Scene) -> Machine:
     _check_freedom(machine)
     _check_joints(machine)
     check_oscillators(machine)
-    for sensor, placed in scene.sensors.items():
-        if not sensor.isidentifier():
-            raise InputError(f"{name}: the sensor name '{sensor}' must be letters, digits and _")
-        known = [*machine.links, *scene.oscillators]
-        if placed.link not in known:
-            raise InputError(
-                f"{name}: sensors.{sensor}.link: there is no moving link '{placed.link}'"
-                f'{nearest(placed.link, known)}; links: {", ".join(known)}'
-            )
-        if placed.imu and placed.link in scene.oscillators:
-            raise InputError(
-                f'{name}: sensors.{sensor}.imu is for sensors on links; {placed.link} is a frame '
-                'on springs'
-            )
-        if placed.trigger and machine.main in machine.mechanism.displacements:
-            raise InputError(
-                f'{name}: sensors.{sensor}.trigger needs a drive that turns; {machine.main} slides'
-            )
-        at = placed.at if isinstance(placed.at, tuple) else (placed.at, 0.0)
-        if placed.link in machine.links and math.hypot(*at) > 10.0 * machine.mechanism.size:
-            raise InputError(
-                f'{name}: sensors.{sensor}.at = {math.hypot(*at):g} m lies far off the '
-                f'{placed.link} (the longest link has {machine.mechanism.size:g} m)'
-            )
+    check_sensors(machine)
     return machine
 
 

@@ -214,6 +214,8 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
         return f"unknown key '{where}'{hint}; allowed here: {', '.join(known)}"
     if kind == 'missing':
         return f"'{where}' is missing"
+    if kind == 'missing_key':
+        return f"'{where}.{context['key']}' is missing"
     if kind == 'value_error':
         shown = where if isinstance(value, dict) else f'{where} = {quoted(value)}'
         return f'{shown} {context["error"]}'

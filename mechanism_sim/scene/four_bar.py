@@ -22,9 +22,9 @@ from mechanism_sim.scene.schema import (
     LinkPart,
     LoadPart,
     PointMass,
+    SensorPart,
     SpringPart,
 )
-from mechanism_sim.scene.sensor_keys import Sensor
 
 JOINTS = {
     'ground_crank': ['ground', 'crank'],
@@ -114,8 +114,8 @@ class FourBarScene(AnyScene):
     """Forces and torques on links, by name."""
     initial: InitialPart = InitialPart()
     """Coordinates of a loose machine that start elsewhere than `start` says."""
-    sensors: dict[str, Sensor] = Field({})
-    """Accelerometers, by name."""
+    sensors: dict[str, SensorPart] = Field({})
+    """Accelerometers, encoders and others, by name."""
 
     @model_validator(mode='after')
     def _driven_by_its_crank(self) -> FourBarScene:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.scene.dynamic_model import DynamicModel
-from mechanism_sim.scene.oscillators import forces_on, read_frame
-from mechanism_sim.scene.sensor_keys import QUANTITIES, Sensor
+from mechanism_sim.scene.schema import SensorPart
+from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.sensing.channel import Channel, Source
-from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.imu import InertialUnit
-from mechanism_sim.sensing.point import PointOnLink
+
+_SHOCKS = 'acceleration', 'force'
+"""What impacts make impulses of, which samples without a filter do not show."""
 
 
 def channel(machine: DynamicModel, name: str, beside: Channel | None = None) -> Channel:
@@ -40,14 +42,38 @@ def source(machine: DynamicModel, name: str) -> Source:
     InputError
         If it is on a frame, and what shakes that is not known.
     """
-    sensor, mechanism = machine.scene.sensors[name], machine.mechanism
-    transverse = sensor.transducer.transverse
-    if sensor.link in machine.scene.oscillators:
-        frame, forces = read_frame(machine, sensor.link), forces_on(machine, sensor.link)
-        at = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
-        gravity = mechanism.gravity if sensor.gravity else (0.0, 0.0)
-        return PointOnFrame(frame, forces, at, sensor.axis, gravity, transverse)
-    return PointOnLink(mechanism, sensor.link, sensor.at, sensor.axis, sensor.gravity, transverse)
+    sensor = machine.scene.sensors[name]
+    return SENSORS[sensor.kind].source(machine, sensor)
+
+
+def carrier(machine: DynamicModel, name: str) -> str:
+    """The link or frame that carries a sensor of the scene.
+
+    Raises
+    ------
+    KeyError
+        If there is no such sensor.
+    """
+    sensor = machine.scene.sensors[name]
+    return SENSORS[sensor.kind].carrier(machine, sensor)
+
+
+def check_sensors(machine: DynamicModel) -> None:
+    """Refuse sensors that are nowhere on this machine.
+
+    Raises
+    ------
+    InputError
+    """
+    for name, sensor in machine.scene.sensors.items():
+        where = f'{machine.name}: sensors.{name}'
+        if not name.isidentifier():
+            raise InputError(
+                f"{machine.name}: the sensor name '{name}' must be letters, digits and _"
+            )
+        SENSORS[sensor.kind].check(machine, sensor, where)
+        if sensor.trigger and machine.main in machine.mechanism.displacements:
+            raise InputError(f'{where}.trigger needs a drive that turns; {machine.main} slides')
 
 
 def inertial_unit(machine: DynamicModel, name: str) -> InertialUnit:
@@ -81,22 +107,17 @@ def sensor_notes(machine: DynamicModel) -> list[str]:
     """What the sensors of a scene are, and what lies between them and their samples."""
     notes = []
     for name, sensor in machine.scene.sensors.items():
-        x, y = sensor.at if isinstance(sensor.at, tuple) else (sensor.at, 0.0)
-        at = f'({x:g}, {y:g}) m' if y else f'{x:g} m'
-        if sensor.link in machine.links:
-            place = f'on the {sensor.link}, {at} from its origin, {sensor.axis} the link'
-        else:
-            way = 'x' if sensor.axis == 'along' else 'y'
-            place = f'on the oscillator {sensor.link}, at {at}, along {way}'
+        place = SENSORS[sensor.kind].place(machine, sensor)
         said = [f'{sensor.kind} {place}', f'{sensor.sample_rate:g} Hz', *_chain(sensor)]
         notes.append(f'sensor {name}: {", ".join(said)}')
     return notes
 
 
-def _chain(sensor: Sensor) -> list[str]:
+def _chain(sensor: SensorPart) -> list[str]:
     """What of a sensor is not ideal."""
     transducer, amplifier, adc = sensor.transducer, sensor.amplifier, sensor.adc
     integrated = sensor.quantity != 'acceleration'
+    ideal = ['ideal: no impacts in it'] if sensor.measures in _SHOCKS else ['ideal']
     lower = sensor.integrator.high_pass if sensor.integrator else None
     parts: tuple[tuple[Any, Callable[[Any], str]], ...] = (
         (transducer.natural_frequency, lambda f: f'transducer of {f:g} Hz'),
@@ -107,10 +128,10 @@ def _chain(sensor: Sensor) -> list[str]:
         (sensor.anti_alias, lambda a: f'anti-alias filter {a.frequency:g} Hz'),
         (sensor.impact_pulse, lambda s: f'impacts last {s:g} s'),
         (sensor.trigger, lambda t: f'triggered at {t.angle:g} rad'),
-        (adc.range, lambda r: f'range {r.value:g} {QUANTITIES[sensor.quantity]}'),
+        (adc.range, lambda r: f'range {r.value:g} {sensor.unit}'),
         (adc.bits, lambda n: f'{n} bits'),
         (adc.jitter, lambda s: f'jitter {s:g} s'),
-        (sensor.noise.rms.value, lambda x: f'noise {x:g} {QUANTITIES[sensor.quantity]}'),
+        (sensor.noise.rms.value, lambda x: f'noise {x:g} {sensor.unit}'),
         (sensor.noise.hum, lambda h: f'hum {h.amplitude.value:g} at {h.frequency:g} Hz'),
     )
-    return [say(value) for value, say in parts if value] or ['ideal: no impacts in it']
+    return [say(value) for value, say in parts if value] or ideal

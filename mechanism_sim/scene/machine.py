@@ -13,13 +13,16 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.planar.drive import Law
+from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.scene.dynamic_model import DynamicModel
 from mechanism_sim.scene.initial_conditions import initial_state
 from mechanism_sim.scene.instruments import channel, inertial_unit
-from mechanism_sim.scene.oscillators import forces_on, read_frame
+from mechanism_sim.scene.oscillators import forces_on, joint_impulses, read_frame
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
+from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
+from mechanism_sim.vibration.shaking import Forces
 
 
 class Run(Protocol):
@@ -80,7 +83,15 @@ class Machine(DynamicModel):
         InputError
             If there is none of that name, or what shakes it is not known.
         """
-        return ShakenFrame(read_frame(self, name), forces_on(self, name))
+        return ShakenFrame(*self.shaken_frame(name))
+
+    def shaken_frame(self, name: str) -> tuple[Frame, Forces]:
+        """A frame on springs, and the forces of the machine on it; raises as `oscillator`."""
+        return read_frame(self, name), forces_on(self, name)
+
+    def joint_impulses(self) -> JointImpulses:
+        """The impulses in all joints, from steps of the velocities."""
+        return joint_impulses(self)
 
     def start(self, law: Law | None = None) -> Run:
         """A new run of the machine, under the scene's laws or another of its main drive."""

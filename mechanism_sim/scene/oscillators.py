@@ -56,12 +56,15 @@ def forces_on(machine: DynamicModel, name: str) -> Forces:
         elements = machine.plan.elements(mechanism)
         applied = [element for element in elements if isinstance(element, AppliedForce)]
         return WholeMachine(ShakingForce(mechanism, applied), mechanism.coordinates)
+    return JointForces(mechanism, machine.physics, joint_impulses(machine), joints)
+
+
+def joint_impulses(machine: DynamicModel) -> JointImpulses:
+    """The impulses in all joints of a machine, from steps of its velocities."""
+    mechanism = machine.mechanism
     gaps, _ = gaps_and_films(mechanism, machine.clearances)
-    closing = [j for j in mechanism.cut if j not in machine.clearances]
-    impulses = JointImpulses(
-        mechanism, gaps, closures(mechanism, closing), machine.plan.prescribed
-    )
-    return JointForces(mechanism, machine.physics, impulses, joints)
+    closing = closures(mechanism, [j for j in mechanism.cut if j not in machine.clearances])
+    return JointImpulses(mechanism, gaps, closing, machine.plan.prescribed)
 
 
 def check_oscillators(machine: DynamicModel) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
 
+from mechanism_sim.errors import nearest
 from mechanism_sim.numerics import formula
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.joint_keys import Reference
@@ -34,7 +36,10 @@ from mechanism_sim.scene.quantities import (
     si,
     si_of,
 )
-from mechanism_sim.scene.sensor_keys import Sensor
+from mechanism_sim.scene.sensor_keys import QUANTITIES
+from mechanism_sim.scene.sensors import SENSORS
+from mechanism_sim.sensing import chain
+from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import Measure, to_si
 
 Place = Annotated[Measure, si_of('rad', 'm')]
@@ -168,6 +173,108 @@ class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
                 f'has a clearance of a {kind.name}, which has radial and restitution only'
             )
         return self
+
+
+class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[misc]
+    """A sensor: of one kind."""
+
+    @property
+    def measures(self) -> str:
+        """What its samples are, one of `QUANTITIES`."""
+        return SENSORS[self.kind].quantity(self)
+
+    @property
+    def unit(self) -> str:
+        """Of its samples."""
+        return QUANTITIES[self.measures]
+
+    @model_validator(mode='before')
+    @classmethod
+    def _preset(cls, data: Any) -> Any:
+        """Fill in what the instrument named here is like."""
+        name = data.get('instrument') if isinstance(data, dict) else None
+        if name is None:
+            return data
+        if name not in PRESETS:
+            raise ValueError(
+                f"has the unknown instrument '{name}': known are {', '.join(sorted(PRESETS))}"
+            )
+        return _merged(PRESETS[name], data)
+
+    @model_validator(mode='after')
+    def _sense(self) -> SensorPart:
+        if self.kind not in SENSORS:
+            raise ValueError(
+                f"has the unknown kind '{self.kind}'{nearest(self.kind, SENSORS)}: known are "
+                f'{", ".join(SENSORS)}'
+            )
+        kind = SENSORS[self.kind]
+        for key, field in type(self).model_fields.items():
+            if key not in kind.keys.model_fields and getattr(self, key) != field.default:
+                raise ValueError(f"has '{key}', which has no meaning for the kind {kind.name}")
+        for key in kind.needs:
+            if getattr(self, key) is None:
+                raise PydanticCustomError('missing_key', '{key} is missing', {'key': key})
+        if self.integrator and self.quantity == 'acceleration':
+            raise ValueError(
+                "has an integrator, but 'quantity' is acceleration: make it velocity or "
+                'displacement, or leave the integrator out'
+            )
+        if self.imu and self.quantity != 'acceleration':
+            raise ValueError(f"has 'imu', which shows acceleration, but measures {self.quantity}")
+        if self.adc.jitter * self.sample_rate > 0.1:
+            raise ValueError(
+                f'has adc.jitter = {self.adc.jitter:g} s: it must be at most a tenth of the '
+                f'sampling period, {0.1 / self.sample_rate:g} s'
+            )
+        if self.adc.bits and self.adc.range is None:
+            raise ValueError('has adc.bits without adc.range: the steps have no size')
+        hum = self.noise.hum
+        for name, reading in (
+            ('adc.range', self.adc.range),
+            ('noise.rms', self.noise.rms),
+            ('noise.hum.amplitude', hum.amplitude if hum else None),
+        ):
+            if reading and reading.unit not in ('', self.unit):
+                raise ValueError(
+                    f'has {name} in {reading.unit}, but its quantity is {self.measures}: '
+                    f'give it in {self.unit}'
+                )
+        if self.adc.range and not self.adc.range.value:
+            raise ValueError('has adc.range = 0: it must be more')
+        return self
+
+    def chain(self) -> chain.Instrument:
+        """The instrument in the terms of `mechanism_sim.sensing.chain`."""
+        adc, noise = self.adc, self.noise
+        limit = adc.range.value if adc.range else None
+        found = noise.hum
+        hum = chain.Hum(found.amplitude.value, found.frequency) if found else None
+        return chain.Instrument(
+            sample_rate=self.sample_rate,
+            transducer=chain.Transducer(**self.transducer.model_dump()),
+            amplifier=chain.Amplifier(**self.amplifier.model_dump()),
+            integrator=chain.Integrator(
+                ('acceleration', 'velocity', 'displacement').index(self.quantity),
+                self.integrator.high_pass if self.integrator else None,
+            ),
+            anti_alias=chain.AntiAlias(**self.anti_alias.model_dump())
+            if self.anti_alias
+            else None,
+            impact_pulse=self.impact_pulse or 0.0,
+            trigger=chain.Trigger(**self.trigger.model_dump()) if self.trigger else None,
+            converter=chain.Converter(limit, adc.bits, adc.jitter),
+            noise=chain.Noise(noise.rms.value, noise.seed, hum),
+        )
+
+
+def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """Keys of both, those of `given` first, level by level."""
+    merged = preset | given
+    for key, value in preset.items():
+        if isinstance(value, dict) and isinstance(given.get(key), dict):
+            merged[key] = _merged(value, given[key])
+    return merged
 
 
 class ProfilePart(Part):
@@ -311,5 +418,5 @@ class Scene(AnyScene):
     """Forces and torques on links, by name."""
     initial: InitialPart = InitialPart()
     """Coordinates that start elsewhere than drive and guess say."""
-    sensors: dict[str, Sensor] = Field({})
-    """Accelerometers, by name."""
+    sensors: dict[str, SensorPart] = Field({})
+    """Accelerometers, encoders and others, by name."""

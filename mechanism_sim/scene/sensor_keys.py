@@ -1,11 +1,17 @@
-"""What a scene file says of a sensor: where it sits, and the chain behind it."""
+"""What every kind of sensor registers: its keys, what it is mounted on, what can be said of it.
+
+A kind is a file in `mechanism_sim.scene.sensors`; whatever lists kinds or keys finds it there. The
+parts of the chain behind a sensor, which kinds share, are here.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from mechanism_sim.scene.quantities import (
     Angle,
@@ -17,14 +23,16 @@ from mechanism_sim.scene.quantities import (
     Time,
     si,
 )
-from mechanism_sim.sensing import chain
-from mechanism_sim.sensing.presets import PRESETS
+from mechanism_sim.sensing.channel import Source
 from mechanism_sim.units import Measure, to_si_of
 
 Order = Annotated[int, Field(strict=True, ge=1, le=12)]
 Vector = tuple[Position, Position]
-QUANTITIES = {'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm'}
-"""What a sensor can give, by how often acceleration is integrated, and its unit."""
+QUANTITIES = {
+    'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm', 'angular_velocity': 'rad/s',
+    'angle': 'rad', 'force': 'N',
+}  # fmt: skip
+"""What sensors measure, with units; the first three by how often acceleration is integrated."""
 
 
 class Transducer(Part):
@@ -77,7 +85,7 @@ class Trigger(Part):
 
 
 def _reading(value: Any) -> Measure:
-    """A quantity in the unit of what the sensor gives, which `Sensor` checks."""
+    """A quantity in the unit of what the sensor measures, which `SensorPart` checks."""
     measure = to_si_of(value, tuple(QUANTITIES.values()))
     if not 0.0 <= measure.value < math.inf:
         raise ValueError('must be at least 0 and finite')
@@ -91,7 +99,7 @@ class Converter(Part):
     """Analogue to digital."""
 
     range: Reading | None = None
-    """Largest magnitude, in the unit of `quantity`."""
+    """Largest magnitude, in the unit of what is measured."""
     bits: Annotated[int, Field(strict=True, ge=1, le=32)] | None = None
     """Of the samples; only with a range."""
     jitter: Time = 0.0
@@ -102,7 +110,7 @@ class Hum(Part):
     """What the mains add."""
 
     amplitude: Reading
-    """In the unit of `quantity`."""
+    """In the unit of what is measured."""
     frequency: Rate = 50.0
     """Of the mains."""
 
@@ -111,124 +119,97 @@ class Noise(Part):
     """White noise of the samples, and hum."""
 
     rms: Reading = Measure(0.0, '')
-    """Of white noise, in the unit of `quantity`."""
+    """Of white noise, in the unit of what is measured."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     """Of noise and jitter."""
     hum: Hum | None = None
     """What the mains add."""
 
 
-class Sensor(Part):
-    """An accelerometer on a link, with as much of its chain as matters."""
+class SensorKeys(Part):
+    """The keys of sensors of every kind."""
 
-    kind: Literal['accelerometer'] = 'accelerometer'
+    kind: str = 'accelerometer'
     """What it is."""
-    link: str
-    """The moving link, or the frame on springs, that carries it."""
-    at: Position | Vector = 0.0
-    """From the link's origin: along the link, or as [x, y] in its frame."""
-    axis: Literal['along', 'across'] = 'across'
-    """What it reads: along the link, or 90 degrees counterclockwise from that."""
     sample_rate: Rate = 10000.0
     """In simulated time."""
-    instrument: str | None = None
-    """A preset, of which what is given here replaces parts."""
-    gravity: bool = False
-    """Whether it reads acceleration less that of gravity."""
-    transducer: Transducer = Transducer()
-    """The seismic mass."""
-    amplifier: Amplifier = Amplifier()
-    """Its filters."""
-    quantity: Literal['acceleration', 'velocity', 'displacement'] = 'acceleration'
-    """What comes out: integrated never, once or twice."""
-    integrator: Integrator | None = None
-    """The integrating circuit; only where something is integrated."""
-    anti_alias: AntiAlias | None = None
-    """The filter before sampling."""
-    impact_pulse: Duration | None = None
-    """How long impacts last, as half a sine; without it they are impulses."""
     trigger: Trigger | None = None
     """Blocks that begin at an angle of the drive; {} is enough."""
+
+
+class AnalogueKeys(SensorKeys):
+    """A sensor with an amplifier, a filter and a converter behind it."""
+
+    amplifier: Amplifier = Amplifier()
+    """Its filters."""
+    anti_alias: AntiAlias | None = None
+    """The filter before sampling."""
     adc: Converter = Converter()
     """Analogue to digital."""
     noise: Noise = Noise()
     """What is added to the samples."""
-    imu: bool = False
-    """Whether it is published as sensor_msgs/Imu, too."""
-
-    @model_validator(mode='before')
-    @classmethod
-    def _preset(cls, data: Any) -> Any:
-        """Fill in what the instrument named here is like."""
-        name = data.get('instrument') if isinstance(data, dict) else None
-        if name is None:
-            return data
-        if name not in PRESETS:
-            raise ValueError(
-                f"has the unknown instrument '{name}': known are {', '.join(sorted(PRESETS))}"
-            )
-        return _merged(PRESETS[name], data)
-
-    @model_validator(mode='after')
-    def _sense(self) -> Sensor:
-        if self.integrator and self.quantity == 'acceleration':
-            raise ValueError(
-                "has an integrator, but 'quantity' is acceleration: make it velocity or "
-                'displacement, or leave the integrator out'
-            )
-        if self.imu and self.quantity != 'acceleration':
-            raise ValueError(f"has 'imu', which shows acceleration, but measures {self.quantity}")
-        if self.adc.jitter * self.sample_rate > 0.1:
-            raise ValueError(
-                f'has adc.jitter = {self.adc.jitter:g} s: it must be at most a tenth of the '
-                f'sampling period, {0.1 / self.sample_rate:g} s'
-            )
-        if self.adc.bits and self.adc.range is None:
-            raise ValueError('has adc.bits without adc.range: the steps have no size')
-        hum = self.noise.hum
-        for key, reading in (
-            ('adc.range', self.adc.range),
-            ('noise.rms', self.noise.rms),
-            ('noise.hum.amplitude', hum.amplitude if hum else None),
-        ):
-            unit = QUANTITIES[self.quantity]
-            if reading and reading.unit not in ('', unit):
-                raise ValueError(
-                    f'has {key} in {reading.unit}, but its quantity is {self.quantity}: '
-                    f'give it in {unit}'
-                )
-        if self.adc.range and not self.adc.range.value:
-            raise ValueError('has adc.range = 0: it must be more')
-        return self
-
-    def chain(self) -> chain.Instrument:
-        """The instrument in the terms of `mechanism_sim.sensing.chain`."""
-        adc, noise = self.adc, self.noise
-        limit = adc.range.value if adc.range else None
-        found = noise.hum
-        hum = chain.Hum(found.amplitude.value, found.frequency) if found else None
-        return chain.Instrument(
-            sample_rate=self.sample_rate,
-            transducer=chain.Transducer(**self.transducer.model_dump()),
-            amplifier=chain.Amplifier(**self.amplifier.model_dump()),
-            integrator=chain.Integrator(
-                list(QUANTITIES).index(self.quantity),
-                self.integrator.high_pass if self.integrator else None,
-            ),
-            anti_alias=chain.AntiAlias(**self.anti_alias.model_dump())
-            if self.anti_alias
-            else None,
-            impact_pulse=self.impact_pulse or 0.0,
-            trigger=chain.Trigger(**self.trigger.model_dump()) if self.trigger else None,
-            converter=chain.Converter(limit, adc.bits, adc.jitter),
-            noise=chain.Noise(noise.rms.value, noise.seed, hum),
-        )
 
 
-def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
-    """Keys of both, those of `given` first, level by level."""
-    merged = preset | given
-    for key, value in preset.items():
-        if isinstance(value, dict) and isinstance(given.get(key), dict):
-            merged[key] = _merged(value, given[key])
-    return merged
+class ShockKeys(AnalogueKeys):
+    """A sensor that impacts reach as impulses."""
+
+    impact_pulse: Duration | None = None
+    """How long impacts last, as half a sine; without it they are impulses."""
+
+
+class OnLinkKeys(SensorKeys):
+    """A sensor on a link."""
+
+    link: str | None = None
+    """Required: the moving link that carries it; of an accelerometer also a frame on springs."""
+
+
+class InJointKeys(SensorKeys):
+    """A sensor in a joint."""
+
+    joint: str | None = None
+    """Required: the joint it is in."""
+    direction: Angle = 0.0
+    """Of what it reads, in the frame of the joint's second link; 0: along that link."""
+
+
+@dataclass(frozen=True)
+class SensorKind:
+    """A kind of sensors.
+
+    Attributes
+    ----------
+    name : value of ``kind``
+    keys : all that a sensor of this kind may say
+    needs : keys that must be given
+    quantity : what such a sensor measures, one of `QUANTITIES`
+    source : from a machine, its sensor's keys and where they stand to what its chain is fed with
+    carrier : from a machine and keys to the link or frame that carries the sensor
+    place : likewise, where it is, in words
+    check : refuses, from the machine, keys and where they stand, what no machine has
+    """
+
+    name: str
+    keys: type[SensorKeys]
+    needs: tuple[str, ...]
+    quantity: Callable[[Any], str]
+    source: Callable[[Any, Any], Source]
+    carrier: Callable[[Any, Any], str]
+    place: Callable[[Any, Any], str]
+    check: Callable[[Any, Any, str], None]
+
+
+SENSORS: dict[str, SensorKind] = {}
+"""All kinds of sensors by name."""
+
+
+def sensor_keys_of(sensor: SensorKeys) -> list[str]:
+    """The keys that have a meaning in a sensor of this kind, those that must be given first."""
+    kind = SENSORS[sensor.kind]
+    own = kind.keys.__annotations__
+    return list(dict.fromkeys(['kind', *kind.needs, *own, *kind.keys.model_fields]))
+
+
+def register(kind: SensorKind) -> None:
+    """Make a kind of sensors known."""
+    SENSORS[kind.name] = kind

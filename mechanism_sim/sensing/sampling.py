@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -44,7 +45,7 @@ class Sampler:
 
     def __init__(self, instrument: Instrument, name: str, drive: int = 0) -> None:
         self._rate, self._trigger = instrument.sample_rate, instrument.trigger
-        self._passage = Passage(self._trigger, drive) if self._trigger else None
+        self._passage = Passage(self._trigger, {drive: 1.0}) if self._trigger else None
         self._start: float | None = None if self._trigger else 0.0
         self._count = 0
         self._jitter = instrument.converter.jitter
@@ -97,23 +98,26 @@ class Sampler:
 
 
 class Passage:
-    """When a coordinate passes an angle, in either direction; a run may begin on it.
+    """When a sum of coordinates passes an angle, in either direction; a run may begin on it.
 
     Parameters
     ----------
     trigger : its angle
-    index : of the coordinate
+    columns : whole factors of coordinates by their index: 1, and -1 of what an angle is seen from
     """
 
-    def __init__(self, trigger: Trigger, index: int) -> None:
-        self._angle, self._index = trigger.angle, index
+    def __init__(self, trigger: Trigger, columns: Mapping[int, float]) -> None:
+        self._angle, self._columns = trigger.angle, columns
         self._level: int | None = None  # whole turns beyond the angle
 
     def times(self, motion: Motion) -> list[float]:
         """Times [s] within a motion, which follows that of the last call."""
-        curve, i = motion.curve, self._index
-        turns, h = curve.turns[:, i], curve.duration
-        coefficients = curve.coefficients[:, i].copy()
+        curve, h = motion.curve, motion.curve.duration
+        turns = np.zeros(len(curve), curve.turns.dtype)
+        coefficients = np.zeros((len(curve), curve.coefficients.shape[2]))
+        for i, factor in self._columns.items():
+            turns += int(factor) * curve.turns[:, i]
+            coefficients += factor * curve.coefficients[:, i]
         coefficients[:, 0] -= self._angle
         coefficients *= np.vander(h, coefficients.shape[1], increasing=True) / TWO_PI
         levels = turns + _floor(polyval(1.0, coefficients.T))

@@ -224,7 +224,7 @@ class _Sensor:
             **shard.labels,
             'sensor': name,
             'sample_rate': scene.sample_rate,
-            'quantity': scene.quantity,
+            'quantity': scene.measures,
             'seed': scene.noise.seed,
         }
 

@@ -68,6 +68,26 @@ class WholeMachine:
         return outside(self._force.outside, self._coordinates, motion.curve, segments, dt)
 
 
+class VelocitySteps:
+    """Steps of the rates of the coordinates, for one listener, in the order of time."""
+
+    def __init__(self) -> None:
+        self._before: Array | None = None
+
+    def __call__(self, curve: PiecewisePolynomial) -> Array:
+        """Steps (coordinates, m) where the m pieces of a curve begin, which follows the last."""
+        every = np.arange(len(curve))
+        after = curve.local(every, np.zeros(len(curve)), 1)
+        ends = curve.local(every, curve.duration, 1)
+        first = after[:1] if self._before is None else self._before
+        before = np.concatenate([first, ends[:-1]])
+        self._before = ends[-1:]
+        step = after - before
+        small = _ROUNDING * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+        step[np.abs(step).max(axis=1) <= small] = 0.0
+        return np.asarray(step.T)
+
+
 class Shaking:
     """Forces on a frame, in its coordinates, for one listener.
 
@@ -86,7 +106,7 @@ class Shaking:
     def __init__(self, frame: Frame, forces: Forces) -> None:
         self.inputs = frame.freedom
         self._cog, self._forces = frame.cog, forces
-        self._before: Array | None = None
+        self._steps = VelocitySteps()
         self._start: Array | None = None
 
     def at_start(self, motion: Motion) -> Array:
@@ -129,19 +149,6 @@ class Shaking:
                 'the forces on a frame change too fast for the pieces of its motion: loads by '
                 'formulas must not be much faster than the machine'
             )
-
-    def _steps(self, curve: PiecewisePolynomial) -> Array:
-        """Steps (coordinates, m) of the rates where pieces begin."""
-        every = np.arange(len(curve))
-        after = curve.local(every, np.zeros(len(curve)), 1)
-        ends = curve.local(every, curve.duration, 1)
-        first = after[:1] if self._before is None else self._before
-        before = np.concatenate([first, ends[:-1]])
-        self._before = ends[-1:]
-        step = after - before
-        small = _ROUNDING * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
-        step[np.abs(step).max(axis=1) <= small] = 0.0
-        return np.asarray(step.T)
 
     def _about_cog(self, forces: Array) -> Array:
         x, y, moment = forces

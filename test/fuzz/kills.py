@@ -32,7 +32,7 @@ from running import command, environment
 from mechanism_sim.recording import read_bag, recover
 
 SCENE = 'four_bar_clearance'
-NODES = 'recorder', 'linkage', 'crank_drive', 'accelerometer'
+NODES = 'recorder', 'linkage', 'crank_drive', 'sensors'
 GONE, LOST = 2.0, 0.5  # [s] until no process is left; of recording that may be lost
 STATES = 'joint_states'
 MARK = 'KILLED_TOGETHER'

@@ -1,4 +1,4 @@
-"""What accelerometers heard: over time, and by frequency, order and frequency of shocks."""
+"""Signals of sensors: over time, and by frequency, order and frequency of shocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The accelerometers of a scene: measure the published motion, in blocks."""
+"""The sensors of a scene: measure the published motion, in blocks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.messages import AccelerometerBlock, Imu, float64_array
+from mechanism_sim.messages import Imu, SensorBlock, float64_array
 from mechanism_sim.messages.layout import Layout
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
@@ -18,14 +18,19 @@ from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.instruments import carrier
 
 
 class _Sensor:
     """One sensor: its channel, and what its messages say beside the samples."""
 
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
-        self._name, self._scene = name, machine.scene.sensors[name]
-        self._frame = frame
+        sensor = machine.scene.sensors[name]
+        self._message = SensorBlock(
+            sensor=name, link=carrier(machine, name), quantity=sensor.measures, unit=sensor.unit,
+            sample_rate=sensor.sample_rate,
+        )  # fmt: skip
+        self._message.header.frame_id = frame
         self._layouts: dict[int, Layout] = {}
         self._channel = machine.channel(name)
 
@@ -41,7 +46,7 @@ class _Sensor:
             columns: dict[str, ArrayLike] = {
                 'triggered': [block.triggered for block in blocks],
                 'overloads': [block.overloads for block in blocks],
-                self._scene.quantity: [block.samples for block in blocks],
+                'samples': [block.samples for block in blocks],
             }
             t = np.array([block.time for block in blocks])
             found += self._layout(size).write(t, columns)
@@ -50,13 +55,8 @@ class _Sensor:
     def _layout(self, size: int) -> Layout:
         """That of blocks of so many samples; most have the same."""
         if size not in self._layouts:
-            scene = self._scene
-            message = AccelerometerBlock(
-                sensor=self._name, link=scene.link, sample_rate=scene.sample_rate
-            )
-            setattr(message, scene.quantity, float64_array(np.zeros(size)))
-            message.header.frame_id = self._frame
-            self._layouts = {size: Layout(message)}
+            self._message.samples = float64_array(np.zeros(size))
+            self._layouts = {size: Layout(self._message)}
         return self._layouts[size]
 
 
@@ -95,14 +95,14 @@ class _Unit:
         return found
 
 
-class Accelerometer(SimulationNode):
-    """Publishes every sensor of the scene on ``accelerometer/NAME``, if asked on ``imu/NAME``."""
+class Sensors(SimulationNode):
+    """Publishes every sensor of the scene on ``KIND/NAME``, if asked on ``imu/NAME``."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
-        super().__init__('accelerometer', parameters)
+        super().__init__('sensors', parameters)
         self._outlets = {}
         for name, scene in self.machine.scene.sensors.items():
-            blocks = self.create_publisher(AccelerometerBlock, f'accelerometer/{name}', RESULTS)
+            blocks = self.create_publisher(SensorBlock, f'{scene.kind}/{name}', RESULTS)
             imu = self.create_publisher(Imu, f'imu/{name}', RESULTS) if scene.imu else None
             self._outlets[name] = blocks, imu
         self._start_over()
@@ -112,7 +112,7 @@ class Accelerometer(SimulationNode):
     def _start_over(self) -> None:
         self._sensors: list[tuple[_Sensor | _Unit, Any]] = []
         for name, (blocks, imu) in self._outlets.items():
-            frame = self.frame(self.machine.scene.sensors[name].link)
+            frame = self.frame(carrier(self.machine, name))
             self._sensors.append((_Sensor(self.machine, name, frame), blocks))
             if imu:
                 self._sensors.append((_Unit(self.machine, name, frame), imu))
@@ -136,7 +136,7 @@ class Accelerometer(SimulationNode):
 
 def main(args: list[str] | None = None) -> None:
     """Run this node by itself."""
-    main_of(Accelerometer, args)
+    main_of(Sensors, args)
 
 
 if __name__ == '__main__':

@@ -1,0 +1,143 @@
+"""Incremental encoders: the angle of a link in counts of their lines."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
+from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.scene.quantities import Angle
+from mechanism_sim.scene.sensor_keys import OnLinkKeys, SensorKind, register
+from mechanism_sim.scene.sensors._places import check_link
+from mechanism_sim.sensing.chain import Trigger
+from mechanism_sim.sensing.sampling import Passage
+
+EDGES = 4
+"""Counts of a line: both edges of two tracks that are a quarter of a line apart."""
+
+
+class EncoderKeys(OnLinkKeys):
+    """An incremental encoder with two tracks, sampled as often as `sample_rate` says."""
+
+    relative_to: str = GROUND
+    """The link that carries its head."""
+    lines: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 1024
+    """In a turn; four counts each."""
+    index: Angle | None = None
+    """Angle of the index line: counts are from there once it has passed, else from the start."""
+
+
+class Encoder:
+    """A source of samples: the angle of a link on another, rounded down to whole counts.
+
+    Parameters
+    ----------
+    mechanism : the machine
+    link, relative_to : the angle of the first on the second is counted
+    lines : in a turn
+    index : angle [rad] of the index line; counting begins anew where it passes for the first time
+    """
+
+    inputs = 1
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        link: str,
+        relative_to: str,
+        lines: int,
+        index: float | None = None,
+    ) -> None:
+        self._columns: dict[int, float] = {}
+        self._offset, self._step = 0.0, TWO_PI / (EDGES * lines)
+        for sign, name in ((1.0, link), (-1.0, relative_to)):
+            frame, offset = mechanism.frame(name)
+            self._offset += sign * offset
+            if frame != GROUND:
+                self._columns[mechanism.coordinates.index(frame)] = sign
+        self._index, self._passage = index, None
+        if index is not None:
+            self._passage = Passage(Trigger(index - self._offset), self._columns)
+        self._zero: float | None = None
+        self._passed = math.inf, 0.0  # when, and the angle that is counted from then on
+        self._seen: Motion | None = None
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from what is read here to what comes out of a chain."""
+        return chain.modes()
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Counted angle (1, N) [rad] at instants as those of ``motion.curve.at(segments, dt)``."""
+        if motion is not self._seen:
+            self._seen = motion
+            self._look_for_index(motion)
+        angle = self._angle(motion, segments, dt)
+        assert self._zero is not None  # noqa: S101 - set where the first motion begins
+        t = motion.curve.start[segments] + np.asarray(dt)
+        since = np.where(t >= self._passed[0], self._passed[1], self._zero)
+        return np.asarray(self._step * np.floor((angle - since) / self._step)[None])
+
+    def impulses(self, motion: Motion) -> Array:
+        """None (m, 1): an angle has no impulses."""
+        return np.zeros((len(motion), 1))
+
+    def _angle(self, motion: Motion, segments: NDArray[np.intp], dt: Any) -> Array:
+        q = motion.curve.at(segments, dt).T
+        return np.asarray(self._offset + sum(sign * q[i] for i, sign in self._columns.items()))
+
+    def _look_for_index(self, motion: Motion) -> None:
+        """Keep where counting begins, and when the index passes for the first time."""
+        if self._zero is None:
+            self._zero = float(self._angle(motion, np.zeros(1, np.intp), np.zeros(1))[0])
+        if self._passage is None or math.isfinite(self._passed[0]):
+            return
+        if times := self._passage.times(motion):
+            assert self._index is not None  # noqa: S101 - there is a passage
+            k, dt = motion.curve.find(np.array(times[:1]))
+            angle = float(self._angle(motion, k, dt)[0])
+            turns = round((angle - self._index) / TWO_PI)
+            self._passed = times[0], self._index + TWO_PI * turns
+
+
+def _source(machine: Any, sensor: Any) -> Encoder:
+    return Encoder(machine.mechanism, sensor.link, sensor.relative_to, sensor.lines, sensor.index)
+
+
+def _check(machine: Any, sensor: Any, where: str) -> None:
+    check_link(machine, where, sensor.link)
+    known = [GROUND, *machine.links]
+    if sensor.relative_to not in known:
+        raise InputError(
+            f"{where}.relative_to: there is no link '{sensor.relative_to}'; links: "
+            f'{", ".join(known)}'
+        )
+    frames = [machine.mechanism.frame(x)[0] for x in (sensor.link, sensor.relative_to)]
+    if frames[0] == frames[1]:
+        raise InputError(
+            f'{where}: {sensor.link} does not turn on {sensor.relative_to}: an encoder counts the '
+            'angle between two links'
+        )
+
+
+register(
+    SensorKind(
+        'encoder',
+        EncoderKeys,
+        needs=('link',),
+        quantity=lambda sensor: 'angle',  # noqa: ARG005
+        source=_source,
+        carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
+        place=lambda machine, sensor: (  # noqa: ARG005
+            f'of the {sensor.link} on the {sensor.relative_to}, {sensor.lines} lines'
+        ),
+        check=_check,
+    )
+)

@@ -1,0 +1,25 @@
+"""Gyroscopes: the angular velocity of a link."""
+
+from __future__ import annotations
+
+from mechanism_sim.scene.sensor_keys import AnalogueKeys, OnLinkKeys, SensorKind, register
+from mechanism_sim.scene.sensors._places import check_link
+from mechanism_sim.sensing.imu import Attitude
+
+
+class GyroscopeKeys(OnLinkKeys, AnalogueKeys):
+    """A gyroscope; at an impact what it reads jumps."""
+
+
+register(
+    SensorKind(
+        'gyroscope',
+        GyroscopeKeys,
+        needs=('link',),
+        quantity=lambda sensor: 'angular_velocity',  # noqa: ARG005
+        source=lambda machine, sensor: Attitude(machine.mechanism, sensor.link, 1),
+        carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
+        place=lambda machine, sensor: f'on the {sensor.link}',  # noqa: ARG005
+        check=lambda machine, sensor, where: check_link(machine, where, sensor.link),
+    )
+)

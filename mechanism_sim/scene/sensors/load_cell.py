@@ -1,0 +1,111 @@
+"""Load cells: the force in a joint along a direction, impacts included."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.physics import Physics, outside
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.rational import Array, Modes, Rational
+from mechanism_sim.planar.impulses import JointImpulses
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.scene.sensor_keys import InJointKeys, SensorKind, ShockKeys, register
+from mechanism_sim.scene.sensors._places import check_joint
+from mechanism_sim.vibration.shaking import VelocitySteps
+
+
+class LoadCellKeys(InJointKeys, ShockKeys):
+    """A load cell between a joint and its second link."""
+
+
+class LoadCell:
+    """A source: the force of the first on the second link of a joint, along a direction.
+
+    Parameters
+    ----------
+    mechanism : the machine
+    physics : what follows from its motion, with forces
+    impulses : likewise from steps of its velocities
+    joint : name
+    direction : [rad] in the frame of the joint's second link
+    """
+
+    inputs = 1
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        physics: Physics,
+        impulses: JointImpulses,
+        joint: str,
+        direction: float,
+    ) -> None:
+        self._mechanism, self._physics, self._impulses = mechanism, physics, impulses
+        self._row = [j.name for j in mechanism.joints].index(joint)
+        self._link, self._direction = mechanism.joint(joint).second, direction
+        self._steps = VelocitySteps()
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from what is read here to what comes out of a chain."""
+        return chain.modes()
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Force (1, N) [N] at instants as those of ``motion.curve.at(segments, dt)``."""
+        q = motion.curve.local(segments, dt).T
+        return self._along(q, self._physics.observe(motion, segments, dt).reaction)[None]
+
+    def impulses(self, motion: Motion) -> Array:
+        """Its integrals (m, 1) [N s] over the instants at which the m pieces begin."""
+        steps = self._steps(motion.curve)
+        found = np.zeros((len(motion), 1))
+        sudden = np.flatnonzero(steps.any(axis=0))
+        if sudden.size:
+            dt, names = np.zeros(len(sudden)), self._mechanism.coordinates
+            q = motion.curve.local(sudden, dt).T
+            known = outside(self._impulses.outside, names, motion.curve, sudden, dt)
+            found[sudden, 0] = self._along(q, self._impulses(q, steps[:, sudden], known))
+        return found
+
+    def _along(self, q: Array, wrenches: Array) -> Array:
+        angle = self._direction + self._mechanism.angle_all(self._link, q)
+        x, y = wrenches[self._row, :2]
+        return np.asarray(x * np.cos(angle) + y * np.sin(angle))
+
+
+def _source(machine: Any, sensor: Any) -> LoadCell:
+    return LoadCell(
+        machine.mechanism,
+        machine.physics,
+        machine.joint_impulses(),
+        sensor.joint,
+        sensor.direction,
+    )
+
+
+def _check(machine: Any, sensor: Any, where: str) -> None:
+    known = [joint.name for joint in machine.mechanism.joints]
+    check_joint(where, sensor.joint, known, 'joint')
+    if not (machine.dynamic or machine.scene.outputs.forces):
+        raise InputError(f"{where}: a load cell needs 'outputs.forces: true'")
+
+
+register(
+    SensorKind(
+        'load_cell',
+        LoadCellKeys,
+        needs=('joint',),
+        quantity=lambda sensor: 'force',  # noqa: ARG005
+        source=_source,
+        carrier=lambda machine, sensor: str(machine.mechanism.joint(sensor.joint).second),
+        place=lambda machine, sensor: (
+            f'in {sensor.joint}, at {sensor.direction:g} rad in the frame of the '
+            f'{machine.mechanism.joint(sensor.joint).second}'
+        ),
+        check=_check,
+    )
+)
