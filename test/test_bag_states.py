@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.writer import MCAP0_MAGIC
+from mcap.writer import MCAP0_MAGIC, Writer
 from mcap_ros2.decoder import DecoderFactory
 from running import run as command
 from running import run_json
@@ -157,6 +157,25 @@ def test_a_type_that_was_another_names_what_reads_it(simulated, tmp_path, monkey
     path = written(tmp_path / 'older.mcap', machine, [solution.motion])
     with pytest.raises(InputError, match=r'another type when this.*mechanism_sim 0\.0\.9 reads'):
         list(read_bag(path).messages('/motion'))
+
+
+def test_signals_of_before_one_block_for_all_sensors_name_what_reads_them(tmp_path):
+    """A bag of version 1, as another author's writer makes it."""
+    path = tmp_path / 'first.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_metadata('mechanism_sim', {'version': '1', 'package': '0.0.9'})
+        name = 'mechanism_sim/msg/AccelerometerBlock'
+        schema = writer.register_schema(name, 'ros2msg', b'float64[] acceleration')
+        channel = writer.register_channel('/accelerometer/rocker', 'cdr', schema)
+        writer.add_message(channel, 0, bytes(8), 0)
+        writer.finish()
+    assert info(path).version == '1'
+    with pytest.raises(InputError, match=r'bags before version 2 .*mechanism_sim 0\.0\.9 reads'):
+        read_record(path)
+    done = command('analyze', str(path))
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
 
 
 # --- every command that reads bags --------------------------------------------------------------

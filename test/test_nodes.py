@@ -139,7 +139,7 @@ def test_recorded_samples_are_those_of_the_solution(recorded):
 def test_the_accelerometer_reads_what_differences_of_the_position_say(recorded):
     bag, _ = recorded
     blocks = [m for _, m, _ in read_bag(bag).messages(['/accelerometer/rocker_accelerometer'])]
-    reading = np.concatenate([np.asarray(b.acceleration) for b in blocks])
+    reading = np.concatenate([np.asarray(b.samples) for b in blocks])
     assert blocks[0].time == 0.0
     solution = ms.simulate(ms.load_scene(SCENE), revolutions=float(TURNS))
     n = len(reading)

@@ -193,7 +193,7 @@ def test_sensors_that_cannot_be_are_refused(sensor, said):
 
 
 def test_a_load_cell_needs_forces():
-    with pytest.raises(InputError, match="'outputs.forces: true'"):
+    with pytest.raises(InputError, match=r"'outputs\.forces: true'"):
         ms.load_scene(
             'slider_crank',
             {'outputs.forces': False, 'sensors.f': {'kind': 'load_cell', 'joint': 'crank_rod'}},

@@ -296,7 +296,7 @@ def test_queues_are_bounded_in_bytes_and_memories_in_publishers(quick, stranger,
         (DriveLaw(kind=2, coefficients=[1.0]), 'has not 1 coefficients'),
         (DriveLaw(kind=1), 'has not 0 coefficients'),
         (SensorBlock(samples=[0.0] * 200 + [float('nan')]),
-         'acceleration holds'),
+         'samples holds'),
     ],
 )  # fmt: skip
 def test_messages_that_contradict_themselves_are_refused(message, said):

@@ -22,6 +22,8 @@ KINDS = {
 }
 #: Kinds told by type alone: every sensor or node may have a topic of its own, of any name.
 SHARED = ('sensors', 'progress')
+#: What is no longer read, with the version of bags that ended it.
+RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
 
 
 def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, ...]]:
@@ -32,9 +34,16 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
         namespace: Of the machine, as '/left'; needed where a bag holds several.
 
     Raises:
-        InputError: There are several and none was chosen, or nothing is in that namespace.
+        InputError: There are several and none was chosen, nothing is in that namespace, or the bag is
+            of a version that is no longer read.
 
     """
+    for topic in bag.topics.values():
+        if topic.type in RETIRED:
+            raise InputError(
+                f'{bag.path}: {topic.name} holds {topic.type.rpartition("/")[2]}, as bags before '
+                f'version {RETIRED[topic.type]} did; {bag.writer} reads it.'
+            )
     prefix = f'{(namespace or "").rstrip("/")}/'
     found: dict[str, tuple[str, ...]] = {}
     for kind, type_name in KINDS.items():

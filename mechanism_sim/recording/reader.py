@@ -144,7 +144,7 @@ class Bag:
         if schema.name.startswith('mechanism_sim/') and self.version not in READABLE:
             raise InputError(
                 f'{self.path} is a bag of version {self.version}; this version of mechanism_sim '
-                f'reads those up to {VERSION}; {self._writer} reads it.'
+                f'reads those up to {VERSION}; {self.writer} reads it.'
             )
         recorded = channel.metadata.get('topic_type_hash', '')
         try:
@@ -154,12 +154,12 @@ class Bag:
         if recorded.startswith('RIHS') and recorded != known:
             raise InputError(
                 f'{where}: {schema.name} was another type when this was recorded; '
-                f'{self._writer} reads it.'
+                f'{self.writer} reads it.'
             )
         return schema.name
 
     @property
-    def _writer(self) -> str:
+    def writer(self) -> str:
         """Which version of the package reads the bag for sure."""
         return f'mechanism_sim {self.package}' if self.package else 'the version that wrote it'
 

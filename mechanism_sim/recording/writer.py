@@ -29,8 +29,11 @@ from mechanism_sim.recording.rosbag2 import (
     qos_profile,
 )
 
-VERSION = 1
-"""Of what bags hold: topics, their types, their times. A reader refuses a later one."""
+VERSION = 2
+"""Of what bags hold: topics, their types, their times. A reader refuses a later one.
+
+2: samples of every kind of sensor are SensorBlock; of accelerometers it was AccelerometerBlock.
+"""
 
 LIBRARY = 'mechanism_sim'
 RECORDING = 'mechanism_sim'
