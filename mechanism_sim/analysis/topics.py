@@ -34,8 +34,8 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
         namespace: Of the machine, as '/left'; needed where a bag holds several.
 
     Raises:
-        InputError: There are several and none was chosen, nothing is in that namespace, or the bag is
-            of a version that is no longer read.
+        InputError: There are several and none was chosen, nothing is in that namespace, or the
+            bag is of a version that is no longer read.
 
     """
     for topic in bag.topics.values():
