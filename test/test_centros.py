@@ -6,8 +6,8 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from centros import Centre, centre, centres, velocities, velocity_ratio
 
-from mechanism_sim.linkages.centros import Centre, centre, centres, velocities, velocity_ratio
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.configuration import Constraints

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from coupler_curve import cognates, coupler_curve, coupler_point
 from numpy.polynomial import polynomial
 from scipy.signal import convolve2d
 
-from mechanism_sim.linkages.coupler_curve import cognates, coupler_curve, coupler_point
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.grashof import classify, crank_limits, crank_turns
 

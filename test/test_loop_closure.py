@@ -6,19 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from closure_series import Motion
 from four_bars import reference
 from hypothesis import assume, given
 from hypothesis import strategies as st
-
-from mechanism_sim.linkages.closure_series import Motion
-from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.loop_closure import (
+from loop_closure import (
     close_length_and_angle,
     close_tied_directions,
     close_two_angles,
     close_two_lengths,
     close_vector,
 )
+
+from mechanism_sim.linkages.four_bar import FourBar
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 97)
 lengths = st.floats(0.2, 3.0)

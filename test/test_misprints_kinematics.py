@@ -11,8 +11,7 @@ from types import SimpleNamespace
 import mpmath as mp
 import numpy as np
 import pytest
-
-from mechanism_sim.linkages.loop_closure import close_two_angles
+from loop_closure import close_two_angles
 
 mp.mp.dps = 40
 AT = mp.mpf('0.3')

@@ -29,8 +29,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
 from mechanism_sim.linkages.closure_series import (
     Array,
     Complex,
@@ -43,6 +41,7 @@ from mechanism_sim.linkages.closure_series import (
     series,
     vector_series,
 )
+from numpy.typing import NDArray
 
 #: [-] the sine below which a position counts as singular. At a distance s from a dead point the
 #: rates solved for are wrong by eps/s^2, and those of the dead point by s: both small at eps^(1/3)
