@@ -29,7 +29,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from mechanism_sim.linkages.closure_series import (
+from closure_series import (
     Array,
     Complex,
     LeftSide,
