@@ -101,6 +101,8 @@ class EventLoop:
         limit = _DEFECT * rtol * STEP_SCALE * fastest
         self._quickest = _QUICKEST * fastest
         self._check = StepCheck(system, self._ta, limit) if steep else None
+        quick = (system.lone or not system.guards) and not system.timed
+        self._quick = quick and self._check is None
         f, width = len(system.free), self._ta.order + 1
         self._state, self._pars = self._ta.state[: 2 * f], floats(self._ta.pars)
         series = floats(self._ta.tc)
@@ -207,126 +209,139 @@ class EventLoop:
             If the state becomes infinite, events repeat without progress in time, or a law
             jumps in angle or speed.
         """
-        contacts, output, ta, step = self._contacts, self._output, self._ta, self._step
-        coefficients, pars, fired = self._coefficients, self._pars, self._system.fired_index
-        slots, lengths = output.slots, output.lengths
-        enter_tau, enter_length = output.taus.append, lengths.append
-        timed, lone = self._system.timed, self._system.lone
-        watch, overlaps = self._guard_values, self._system.compliant
-        near, stride = self._nearness, self._singular.stride
-        quick = (lone or not watch) and not timed and self._check is None
-        stabilisation, alpha = self._stabilisation, pars[self._stabilisation]
-        quickest = self._quickest
-        longest, reach = self._max_step, min(self._max_step, contacts.horizon)
-        limit, next_base, pending = self._base.local(until), self._next_base, self._pending
-        tau, count = ta.time, len(lengths)
-        last = count + most if most is not None else sys.maxsize
-        while count < last:
-            if pending is None:
-                if self._since >= _ROW:
-                    self._turn(tau)
-                if quick and reach is longest and not self._coming:
-                    # The innermost of all loops: steps that just follow each other.
-                    stop = min(limit, next_base)
-                    row = min(count + _ROW - self._since, last, len(slots) - 1)
-                    for slot in slots[count:row]:
-                        h = step(longest, True)[1]
-                        end = tau + h
-                        if pars[fired] or not end <= stop:
-                            break
-                        if lone and watch[0] < _BARELY:
-                            break
-                        if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
-                            break
-                        slot[:] = coefficients
-                        enter_tau(tau)
-                        enter_length(h)
-                        tau, alpha = end, min(1.0 / h, quickest)
-                        pars[stabilisation] = alpha
-                    else:
-                        self._since += row - count
-                        count = row
-                        if count == len(slots) - 1:
-                            output.grow()
-                        continue
-                    self._since += len(lengths) - count
-                    count = len(lengths)
-                else:
-                    if timed:
-                        ta.time = tau
-                    h = step(reach, True)[1]
-                    if self._check is not None:
-                        h = self._checked(tau, h, self._check)
-                taken = (alpha, reach, stride)
-                guard = self._system.fired(pars) if pars[fired] else None
-                if lone:
-                    if watch[0] < _BARELY:
-                        if watch[0] < 0.0 and not contacts.flying:
-                            # it let go within the error of the last step's end
-                            self._back_to(tau)
-                            h, guard = 0.0, 0
-                        else:
-                            h, guard = self._look_again(tau, h, guard)
-                elif overlaps or (watch and min(watch) < _BARELY):
-                    h, guard = self._look_again(tau, h, guard)
-                crossing = origin = None
-                if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
-                    h, guard, crossing = self._singular.approach(tau, h, guard)
-                    stride = self._singular.stride
-                    origin = crossing.origin if crossing else None
-                if not h > 0.0 and guard is None:
-                    raise self._breakdown(tau)
-                slots[count][:] = crossing.terms if crossing else coefficients
-                if guard is None and (h < reach or reach is longest):
-                    alpha = pars[stabilisation] = min(1.0 / h, quickest)
-                if reach is not longest:
-                    reach, contacts.horizon = longest, math.inf
-            else:
-                tau, h, guard, taken, origin = pending
-            end = tau + h
+        ta, lengths = self._ta, self._output.lengths
+        last = len(lengths) + most if most is not None else sys.maxsize
+        limit, tau = self._base.local(until), ta.time
+        while len(lengths) < last:
+            step = self._pending
+            if step is None:
+                tau, h = self._follow(tau, limit, last)
+                if h is None:
+                    continue
+                step = self._locate(tau, h)
+            end = step.tau + step.h
             if end > limit or self._coming:
-                if pending is None:
-                    pending = self._pending = _Pending(tau, h, guard, taken, origin)
-                change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
-                if change <= limit and change < end:
-                    self._cut(change)
-                    self._switch_law(self._coming.popleft())
-                    tau, count, pending = 0.0, len(lengths), None
-                    if self._leave_singular(BESIDE):
-                        pending = self._pending
-                    limit, next_base = self._base.local(until), self._next_base
+                self._pending = step
+                if self._change_law(min(limit, end)):
+                    limit, tau = self._base.local(until), 0.0
                     continue
                 if end > limit:
                     if final:
                         self._cut(limit)
                     return
-            if pending is not None:
-                pending = self._pending = None
-            if h > 0.0:
-                enter_tau(tau)
-                enter_length(h)
-                self._since += 1
-                count += 1
-                if count == len(slots) - 1:
-                    output.grow()
-            tau = end
-            if guard is not None:
-                ta.time = end
-                self._count_event(end)
-                status = contacts.status
-                contacts.handle(guard)
-                ta.reset_cooldowns()
-                if contacts.status is not status:
-                    output.mark(self._base, contacts.status)
-                if contacts.horizon < longest:
-                    reach = contacts.horizon
-            if end > next_base:
+            self._pending = None
+            tau = self._enter(step)
+            if end > self._next_base:
                 ta.time = end
                 self._rebase()
-                tau, limit, next_base = 0.0, self._base.local(until), self._next_base
-            if guard is not None and origin is not None and self._leave_singular(BESIDE):
-                pending = self._pending
+                limit, tau = self._base.local(until), 0.0
+            if step.guard is not None and step.origin is not None:
+                self._leave_singular(BESIDE)
         ta.time = tau
+
+    def _follow(self, tau: float, limit: float, last: int) -> tuple[float, float | None]:
+        """Take steps from `tau` on, as long as they just follow each other: at most a row.
+
+        Returns where it came to, and the length of a further step that something happened in, if
+        any.
+        """
+        contacts, output, ta, step = self._contacts, self._output, self._ta, self._step
+        if self._since >= _ROW:
+            self._turn(tau)
+        longest = self._max_step
+        if not self._quick or self._coming or contacts.horizon < longest:
+            if self._system.timed:
+                ta.time = tau
+            h = step(min(longest, contacts.horizon), True)[1]
+            return tau, h if self._check is None else self._checked(tau, h, self._check)
+        coefficients, pars, fired = self._coefficients, self._pars, self._system.fired_index
+        slots, lengths, lone = output.slots, output.lengths, self._system.lone
+        enter_tau, enter_length = output.taus.append, lengths.append
+        watch, near, stride = self._guard_values, self._nearness, self._singular.stride
+        stabilisation, quickest = self._stabilisation, self._quickest
+        count, stop = len(lengths), min(limit, self._next_base)
+        row = min(count + _ROW - self._since, last, len(slots) - 1)
+        for slot in slots[count:row]:
+            h = step(longest, True)[1]
+            end = tau + h
+            if pars[fired] or not end <= stop:
+                break
+            if lone and watch[0] < _BARELY:
+                break
+            if near[1] + AHEAD * max(h, stride) * near[2] < 0.0:
+                break
+            slot[:] = coefficients
+            enter_tau(tau)
+            enter_length(h)
+            tau = end
+            pars[stabilisation] = min(1.0 / h, quickest)
+        else:
+            self._since += row - count
+            if row == len(slots) - 1:
+                output.grow()
+            return tau, None
+        self._since += len(lengths) - count
+        return tau, h
+
+    def _locate(self, tau: float, h: float) -> _Pending:
+        """What a step from `tau` of length `h` [s], just taken, is to end with."""
+        contacts, singular, pars = self._contacts, self._singular, self._pars
+        watch, near, longest = self._guard_values, self._nearness, self._max_step
+        reach = min(longest, contacts.horizon)
+        taken = (pars[self._stabilisation], reach, singular.stride)
+        guard = self._system.fired(pars) if pars[self._system.fired_index] else None
+        if self._system.lone:
+            if watch[0] < _BARELY:
+                if watch[0] < 0.0 and not contacts.flying:
+                    # it let go within the error of the last step's end
+                    self._back_to(tau)
+                    h, guard = 0.0, 0
+                else:
+                    h, guard = self._look_again(tau, h, guard)
+        elif self._system.compliant or (watch and min(watch) < _BARELY):
+            h, guard = self._look_again(tau, h, guard)
+        crossing = None
+        if near[1] + AHEAD * max(h, singular.stride) * near[2] < 0.0:
+            h, guard, crossing = singular.approach(tau, h, guard)
+        if not h > 0.0 and guard is None:
+            raise self._breakdown(tau)
+        slot = self._output.slots[len(self._output.lengths)]
+        slot[:] = crossing.terms if crossing else self._coefficients
+        if guard is None and (h < reach or reach == longest):
+            pars[self._stabilisation] = min(1.0 / h, self._quickest)
+        if reach < longest:
+            contacts.horizon = math.inf
+        return _Pending(tau, h, guard, taken, crossing.origin if crossing else None)
+
+    def _change_law(self, end: float) -> bool:
+        """Cut the pending step where the next law begins, if it does before `end`."""
+        change = self._base.local(self._coming[0].valid_from) if self._coming else math.inf
+        pending = self._pending
+        if pending is None or not (change <= end and change < pending.tau + pending.h):
+            return False
+        self._cut(change)
+        self._switch_law(self._coming.popleft())
+        self._leave_singular(BESIDE)
+        return True
+
+    def _enter(self, step: _Pending) -> float:
+        """Make a step part of the solution, and handle the event that ends it; return its end."""
+        output, contacts, end = self._output, self._contacts, step.tau + step.h
+        if step.h > 0.0:
+            output.taus.append(step.tau)
+            output.lengths.append(step.h)
+            self._since += 1
+            if len(output.lengths) == len(output.slots) - 1:
+                output.grow()
+        if step.guard is not None:
+            self._ta.time = end
+            self._count_event(end)
+            status = contacts.status
+            contacts.handle(step.guard)
+            self._ta.reset_cooldowns()
+            if contacts.status is not status:
+                output.mark(self._base, contacts.status)
+        return end
 
     def preview(self, until: float) -> Motion | None:
         """How the solution goes on up to `until` [s], of what `advance` to there held back.
