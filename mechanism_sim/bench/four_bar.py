@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.peers.tree import Tree
 from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, nothing_missing
+from mechanism_sim.bench.tree import Tree
 from mechanism_sim.scene import load_scene
 
 

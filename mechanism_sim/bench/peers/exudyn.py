@@ -24,8 +24,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mechanism_sim.bench.four_bar import Peer
-from mechanism_sim.bench.peers.tree import Link, Tree
 from mechanism_sim.bench.problem import Answer, Outcome, Run, without
+from mechanism_sim.bench.tree import Link, Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.mechanism import GROUND, Vector2
 

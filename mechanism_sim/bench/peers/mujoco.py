@@ -15,8 +15,8 @@ from math import ceil, sqrt
 import numpy as np
 
 from mechanism_sim.bench.four_bar import Peer
-from mechanism_sim.bench.peers.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
 from mechanism_sim.bench.problem import Outcome, Run, without
+from mechanism_sim.bench.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.mechanism import GROUND
 
