@@ -12,6 +12,7 @@ import mechanism_sim as ms
 import mechanism_sim.bench
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.bearing import BearingClearance
@@ -86,7 +87,7 @@ def event_loop(machine, laws=None, degree=None):
     run = EventLoop(
         system, laws, machine.initial_state(), machine.scene.solver.rtol, 0.0, TURN / 8.0
     )
-    return run, DynamicPhysics(system)
+    return run, DynamicPhysics(Observer(system))
 
 
 def audited(physics, motion, impacts):

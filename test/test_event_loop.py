@@ -29,6 +29,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
@@ -662,7 +663,7 @@ def six_bar(coupled, e):
         q, v = (*one.q, float(third), float(fourth)), (*one.v, -3.0, -3.0)
     state = State(Fraction(0), (0,) * 4, q, v, (False, False))
     run = EventLoop(system, [constant_speed(0.0, SPEED)], state, 1e-12, 0.0, TURN / 8.0)
-    return run, DynamicPhysics(system)
+    return run, DynamicPhysics(Observer(system))
 
 
 def test_two_loose_loops_on_one_crank_do_not_know_of_each_other():

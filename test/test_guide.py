@@ -10,6 +10,7 @@ from four_bars import reference
 
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
@@ -44,7 +45,7 @@ def slider_crank(name):
         laws, q, v = [DriveLaw('crank', (q[0], v[0]))], q[1:], v[1:]
     state = State(Fraction(0), (0,) * len(q), q, v, (False,) * 4)
     run = EventLoop(system, laws, state, 1e-12, 0.0, 1e-3, compact=True, fastest=150.0)
-    return run, DynamicPhysics(system)
+    return run, DynamicPhysics(Observer(system))
 
 
 #: name, until [s], allowed difference of angles [rad]; modes of the reference begin with the last

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.audit import RECOVERY
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
+from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
@@ -45,7 +46,7 @@ class Touches:
 
     def __init__(self, system: System) -> None:
         self._system = system
-        self._physics = DynamicPhysics(system)
+        self._physics = DynamicPhysics(Observer(system))
         self.restart()
 
     def restart(self) -> None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.crossings import Crossings
 from mechanism_sim.hybrid.dense_output import Motion, instants
-from mechanism_sim.hybrid.system import Array, System, TouchTerms
+from mechanism_sim.hybrid.observer import Observer, TouchTerms
+from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.switched_functions import Edges
@@ -73,8 +74,9 @@ class DynamicPhysics:
 
     has_forces = True
 
-    def __init__(self, system: System) -> None:
-        self.system = system
+    def __init__(self, observer: Observer) -> None:
+        self.observer = observer
+        self.system = system = observer.system
         self.coordinates = system.coordinates
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.driven = (*system.prescribed, *system.powered)
@@ -96,7 +98,7 @@ class DynamicPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The same without whole turns; near singular positions with the limits of forces."""
-        seen = self.system.observe(*self._state(motion, segments, dt))
+        seen = self.observer.observe(*self._state(motion, segments, dt))
         crossings = self._crossings(motion, segments)
         if not crossings or not crossings.segments.size:
             return seen
@@ -104,7 +106,7 @@ class DynamicPhysics:
         near = np.flatnonzero(crossings.near(each, since))
         if near.size:
             found = crossings.limits(each[near], since[near], lambda k, t: _stacked(
-                self.system.observe(*self._state(motion, k, t))
+                self.observer.observe(*self._state(motion, k, t))
             ))  # fmt: skip
             sizes = [np.size(x[..., 0]) for x in _limited(seen)]
             for field, rows in zip(
@@ -121,16 +123,16 @@ class DynamicPhysics:
             return None
         free = [system.coordinates.index(c) for c in system.free]
         return Crossings(
-            motion, segments, free, lambda k, t: system.distance(motion.curve.local(k, t).T)
+            motion, segments, free, lambda k, t: self.observer.distance(motion.curve.local(k, t).T)
         )
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance."""
-        return self.system.account(*self._state(motion, segments, dt))
+        return self.observer.account(*self._state(motion, segments, dt))
 
     def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
         """Compliant contacts then."""
-        return self.system.touch(*self._state(motion, segments, dt))
+        return self.observer.touch(*self._state(motion, segments, dt))
 
     def _state(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -168,8 +170,8 @@ class DynamicPhysics:
             q, _ = curve.at_nodes(segments, dt)
         else:
             q = curve.local(segments, dt).T
-        values = self.system.gap_values(q, rows(self.system.edges, curve, segments, dt))
-        gaps = self.system.distances(values)
+        values = self.observer.gap_values(q, rows(self.system.edges, curve, segments, dt))
+        gaps = self.observer.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:

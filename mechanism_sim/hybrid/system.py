@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -18,15 +18,11 @@ from numpy.typing import NDArray
 
 from mechanism_sim.contact.problem import Layout
 from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
-from mechanism_sim.planar.inverse_dynamics import Account, Observation
-from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
-from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
-from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
+from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import SWITCH_MARGIN
 
 Array = NDArray[np.float64]
@@ -55,23 +51,6 @@ JAMMED = 1e-4
 
 JAMMED_ROUGH = 0.1
 """The same for rough contacts, which jam a little earlier than those of a large coefficient."""
-
-
-class TouchTerms(NamedTuple):
-    """The m compliant contacts at N instants."""
-
-    normal_force: Array  #: (m, N) [N]
-    friction_force: Array  #: (m, N) [N]
-    loss: Array  #: (m, N) [W] by damping and friction
-    rate: Array  #: (m, N) [m/s] of the gap
-    normal_angle: Array  #: (m, N) [rad]
-
-
-_OF_TOUCHES = 'contact_loss', 'gap_rate', 'normal_angle'
-
-
-_CENTRAL = 1e-6
-"""Of the clearance: a pin so near to the centre is in it, but for rounding."""
 
 
 class Guard(NamedTuple):
@@ -137,7 +116,7 @@ class System:
         self.equations = self.dynamics.equations
         p = self.equations.parameters
         # all that is looked at in a run must have its parameters before they are counted
-        self._normals = [gap.normal(self.equations.frames) for gap in self.gaps]
+        self.normals = [gap.normal(self.equations.frames) for gap in self.gaps]
         self._laws = {
             c: [p.reserve(f'drives:{c}.law.{k}') for k in range(degree + 1)]
             for c in self.prescribed
@@ -365,14 +344,15 @@ class System:
             *(x for W in d.response for x in W),
             *(x for row in d.compliance for x in row),
             *(x for row in d.drive_response for x in row),
-            *self._normal_angles,
+            *self.normal_angles,
             *(d.relief(i) for i in range(len(self.gaps) if d.compliant else 0)),
         ]
-        return self._on_now(self._unpulled(terms))
+        return self._on_now(self.unpulled(terms))
 
     @property
-    def _normal_angles(self) -> list[Term]:
-        return [hy.atan2(dense(y.value), dense(x.value)) for x, y in self._normals]
+    def normal_angles(self) -> list[Term]:
+        """Directions [rad] of the normals of the gaps, from bushing to pin."""
+        return [hy.atan2(dense(y.value), dense(x.value)) for x, y in self.normals]
 
     @cached_property
     def contact_layout(self) -> Layout:
@@ -417,72 +397,7 @@ class System:
             ]
         return self._on_now([*outputs, *(d.distances if d.relation else [])])
 
-    @cached_property
-    def _terms(self) -> dict[str, list[Term]]:
-        """What `observe` and `account` say, as expressions."""
-        eq, d = self.equations, self.dynamics
-        solved = d.exact
-        a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
-        a |= {c: eq.frames.a[c] if self.degree > 1 else None for c in self.prescribed}
-        cut: dict[str, Wrench] = {}
-        for gap, N, T in zip(self.gaps, solved.N, solved.T, strict=True):
-            pressed = gap.wrench(eq.frames, N, T)
-            before = cut.get(gap.joint)
-            cut[gap.joint] = together(before, pressed) if before else pressed
-        loads = []
-        for element in self.elements:
-            if isinstance(element, JointForce):
-                cut[element.name] = element.wrench(eq.frames)
-                loads += element.loads(eq.frames)[2:]
-            else:
-                loads += element.loads(eq.frames)
-        forces = list(solved.closing_forces)
-        for relation in self.relations:
-            count = len(relation.values(eq.frames))
-            cut[relation.name] = relation.wrench(eq.frames, forces[:count])
-            forces = forces[count:]
-        reactions = tree_reactions(eq, a, cut, loads)
-        supplied = generalized_forces(eq, a)
-        torques = [
-            add(supplied[self.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
-            for k, c in enumerate(self.prescribed)
-        ]
-        friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
-        friction += [element.power_lost(eq.frames) for element in self.elements]
-        kinetic, potential = energies(eq)
-        potential = add(potential, *(element.energy(eq.frames) for element in self.elements))
-        forces_N = list(solved.N)
-        losses: list[Term] = []
-        for i, law in enumerate(d.laws):
-            if law is not None:
-                depth, rate, stretch = d.compressed(i)
-                push = mul(solved.N[i], stretch)
-                lost = push - d.closed[i] * law.normal_force(depth, hy.expression(0.0), 1.0)
-                friction.append(lost * rate)
-                potential = add(potential, d.closed[i] * law.elastic_energy(depth))
-                forces_N[i] = push
-                slides = mul(solved.T[i], d.tangent[i].rate) if i in d.tangent else None
-                losses.append(add(lost * rate, neg(slides)))
-        return {
-            'acceleration': [a[c] for c in self.coordinates],
-            'gap': [jet.value for jet in d.normal],
-            'closure': [jet.value for jet in d.relation],
-            'normal_force': forces_N,
-            'friction_force': list(solved.T),
-            'friction_power': [add(*friction)],
-            'drive_torque': torques,
-            'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
-            'moment': [w.moment for w in reactions.values()],
-            'energy': [kinetic, potential],
-            'contact_loss': losses,
-            'gap_rate': [
-                dense(jet.rate) / gap.stretch(jet.value)
-                for gap, jet in zip(self.gaps, d.normal, strict=True)
-            ],
-            'normal_angle': self._normal_angles,
-        }
-
-    def _unpulled(self, terms: Sequence[Term]) -> list[hy.expression]:
+    def unpulled(self, terms: Sequence[Term]) -> list[hy.expression]:
         """The terms for states that may be a rounding beyond the depth zero of a contact.
 
         No power of a negative number is real; where a series is wanted, there is no such clip.
@@ -492,196 +407,3 @@ class System:
             return found
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps))]
         return list(hy.subs(found, {x: hy.relu(x) for x in depths}))
-
-    def _compiled(self, names: Sequence[str]) -> SwitchedFunction:
-        """These terms as a function of what `_inputs` makes."""
-        eq, d = self.equations, self.dynamics
-        replace: dict[str | hy.expression, hy.expression] = {}
-        flags = (*d.closed, *d.sticks.values(), *d.slips.values(), *d.approach, *d.presses)
-        for k, flag in enumerate(flags):
-            replace[flag] = hy.make_vars(f'flag{k}')
-        variables = list(replace.values())
-        for k in range(len(self.powered)):
-            constant, *others = d.torques[3 * k : 3 * k + 3]
-            replace[constant] = hy.make_vars(f'torque{k}')
-            variables.append(replace[constant])
-            replace |= dict.fromkeys(others, hy.expression(0.0))
-        groups = [self._unpulled(self._terms[name]) for name in names]
-        if replace:
-            groups = [list(hy.subs(group, replace)) for group in groups]
-        frames = eq.frames
-        symbols = [*frames.q.values(), *frames.v.values()]
-        prescribed = [frames.a[c] for c in self.prescribed]
-        variables = [*symbols, *prescribed, *variables, *frames.outside.values()]
-        return SwitchedFunction(frames, groups, variables)
-
-    @cached_property
-    def _observe(self) -> SwitchedFunction:
-        return self._compiled(list(self._terms)[: -len(_OF_TOUCHES)])
-
-    @cached_property
-    def _account(self) -> SwitchedFunction:
-        return self._compiled(['gap', 'closure', 'normal_force', 'friction_power', 'drive_torque'])
-
-    def observe(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None = None,
-        approach: Array | None = None,
-        outside: Array | None = None,
-        rows: Array | None = None,
-    ) -> Observation:
-        """Accelerations, forces and energies at N instants.
-
-        Parameters
-        ----------
-        q, v : (n, N) of all coordinates
-        a_p : (p, N) prescribed accelerations
-        modes : (m, N) of the gaps
-        torque : (k, N) [N m] on the powered coordinates
-        approach : (m, N) [m/s] of the first touch of compliant contacts
-        outside : (k, N) what is named by the attribute `outside`
-        rows : values of the switches, if not those at these places
-        """
-        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
-        (
-            a, gap, _, N, T, friction, prescribed, reaction, moment, energy,
-        ) = self._observe(inputs, rows)  # fmt: skip
-        drive_torque = np.concatenate([prescribed, torque])
-        return Observation(
-            q,
-            v,
-            a,
-            self.distances(gap),
-            N,
-            T,
-            friction[0],
-            reaction.reshape(-1, 2, q.shape[1]),
-            moment,
-            drive_torque,
-            (drive_torque * v[self.driven_index]).sum(axis=0),
-            energy[0],
-            energy[1],
-        )
-
-    def account(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None = None,
-        approach: Array | None = None,
-        outside: Array | None = None,
-        rows: Array | None = None,
-    ) -> Account:
-        """Terms of the energy balance at the instants of `observe`; far cheaper."""
-        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
-        gap, closure, N, friction, prescribed = self._account(inputs, rows)
-        drive_torque = np.concatenate([prescribed, torque])
-        closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
-        ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
-        farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
-        left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
-        power = (drive_torque * v[self.driven_index]).sum(axis=0)
-        return Account(N, friction[0], power, float(left))
-
-    @cached_property
-    def _touch(self) -> SwitchedFunction:
-        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES])
-
-    def touch(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None = None,
-        approach: Array | None = None,
-        outside: Array | None = None,
-        rows: Array | None = None,
-    ) -> TouchTerms:
-        """Compliant contacts at the instants that `observe` would be given."""
-        inputs, _ = self._inputs(q, v, a_p, modes, torque, approach, outside)
-        return TouchTerms(*self._touch(inputs, rows))
-
-    def _inputs(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None,
-        approach: Array | None,
-        outside: Array | None,
-    ) -> tuple[Array, Array]:
-        """One array of all inputs, and the torques."""
-        d, count = self.dynamics, q.shape[1]
-        torque = np.zeros((len(self.powered), count)) if torque is None else torque
-        flags: list[NDArray[Any]] = [modes > Mode.FREE_FLIGHT]
-        if d.frictional:
-            frictional = modes[d.frictional]
-            forward = frictional == Mode.SLIDING_FORWARD
-            backward = frictional == Mode.SLIDING_BACKWARD
-            flags += [frictional == Mode.STICKING, forward * 1.0 - backward]
-        if self.compliant:
-            flags.append(np.ones_like(modes, float) if approach is None else approach)
-            flags.append((modes > Mode.FREE_FLIGHT) & (modes < Mode.RECOVERING))
-        given = np.zeros((len(self.outside), count)) if outside is None else outside
-        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, given)
-        return np.concatenate(rows), torque
-
-    def distances(self, values: Array) -> Array:
-        """The gaps (m, N) [m] that belong to values in their own measure."""
-        rows = [g.distance(row) for g, row in zip(self.gaps, values, strict=True)]
-        return np.array(rows).reshape(values.shape)
-
-    @cached_property
-    def _gap_values(self) -> SwitchedFunction:
-        frames = self.equations.frames
-        values = [jet.value for jet in self.dynamics.normal]
-        return SwitchedFunction(frames, [values], self._positions)
-
-    @property
-    def _positions(self) -> list[hy.expression]:
-        return list(self.equations.frames.q.values())
-
-    @cached_property
-    def _distance(self) -> SwitchedFunction:
-        return SwitchedFunction(self.equations.frames, [[self.dynamics.distance]], self._positions)
-
-    def distance(self, q: Array) -> Array:
-        """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
-        found: Array = self._distance(q)[0][0]
-        return found
-
-    @cached_property
-    def _gap_rates(self) -> SwitchedFunction:
-        frames, normal = self.equations.frames, self.dynamics.normal
-        groups = [
-            [jet.rate for jet in normal],
-            [g.stretch(jet.value) for g, jet in zip(self.gaps, normal, strict=True)],
-            [jet.value for jet in normal],
-            *([pair[k].rate for pair in self._normals] for k in (0, 1)),
-        ]
-        return SwitchedFunction(frames, groups, [*frames.q.values(), *frames.v.values()])
-
-    def gap_rates(self, q: Array, v: Array) -> Array:
-        """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).
-
-        From the centre of its bushing a pin comes nearer in every direction, as fast as it moves:
-        there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.
-        """
-        rates, stretch, value, nx, ny = self._gap_rates(np.concatenate([q, v]))
-        central = ~(stretch >= _CENTRAL)  # by rounding it may be the root of less than zero
-        opening: Array = np.where(
-            central, -2.0 * value * np.hypot(nx, ny), rates / np.where(central, 1.0, stretch)
-        )
-        return opening
-
-    def gap_values(self, q: Array, rows: Array | None = None) -> Array:
-        """The gaps (m, N) [m] in their own measure at coordinates q (n, N); `rows` as above."""
-        return self._gap_values(q, rows)[0] if self.gaps else np.zeros((0, q.shape[1]))

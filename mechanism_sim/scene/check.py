@@ -145,12 +145,12 @@ def _starts(machine: Machine) -> dict[str, Start]:
     """How all gaps start."""
     if not machine.dynamic:
         return {}
-    system, state = machine.system, machine.initial_state()
+    system, state, seen = machine.system, machine.initial_state(), machine.observer
     place = dict(zip(system.free, zip(state.q, state.v, strict=True), strict=True))
     place |= {c: machine.held[c] for c in system.prescribed}
     q, v = np.array([place[c] for c in system.coordinates]).T[:, :, None]
-    opened = system.distances(system.gap_values(q))[:, 0].tolist()
-    closed = (-system.gap_rates(q, v)[:, 0]).tolist() if system.gaps else []
+    opened = seen.distances(seen.gap_values(q))[:, 0].tolist()
+    closed = (-seen.gap_rates(q, v)[:, 0]).tolist() if system.gaps else []
     size = machine.mechanism.size
     pace = max(1.0, float(np.abs(v).max(initial=0.0)))
     return {

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.nominal import NominalPhysics
@@ -47,10 +48,15 @@ class DynamicModel(NominalModel):
         return self._compiled(mechanism, gaps, closing, films)
 
     @cached_property
-    def ideal_system(self) -> System:
-        """The equations of motion of the mechanism without clearance."""
+    def observer(self) -> Observer:
+        """What is seen of `system` in a given state."""
+        return Observer(self.system)
+
+    @cached_property
+    def ideal_observer(self) -> Observer:
+        """The same of the mechanism without clearance."""
         ideal = self.plan.ideal
-        return self._compiled(ideal, [], closures(ideal, ideal.cut), [])
+        return Observer(self._compiled(ideal, [], closures(ideal, ideal.cut), []))
 
     def _compiled(
         self,
@@ -71,7 +77,7 @@ class DynamicModel(NominalModel):
     def physics(self) -> Physics:
         """What follows from a motion of this machine."""
         if self.dynamic:
-            return DynamicPhysics(self.system)
+            return DynamicPhysics(self.observer)
         forces = self.inverse_dynamics if self.level is Level.INVERSE_DYNAMICS else None
         return NominalPhysics(self.ideal, self.mechanism, forces)
 

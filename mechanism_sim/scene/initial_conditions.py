@@ -233,7 +233,7 @@ def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
 
 
 def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:
-    for gap, value in zip(machine.system.gaps, machine.system.gap_values(q), strict=True):
+    for gap, value in zip(machine.system.gaps, machine.observer.gap_values(q), strict=True):
         clearance = machine.clearances[gap.joint].radial
         distance = float(gap.distance(value)[0])
         rounding = 1e-12 * machine.mechanism.size

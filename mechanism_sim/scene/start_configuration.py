@@ -77,7 +77,8 @@ def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:
                 "'start: centred', or start beside it"
             )
         return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
-    system = machine.ideal_system
+    observer = machine.ideal_observer
+    system = observer.system
     rows = []
     for c in machine.plan.powered:
         i = system.coordinates.index(c)
@@ -85,5 +86,5 @@ def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:
         constant, per_angle, per_speed = law.coefficients
         rows.append(constant + per_angle * q[i] + per_speed * v[i])
     none, modes = np.zeros((len(machine.plan.prescribed), 1)), np.zeros((0, 1), np.uint8)
-    seen = system.observe(q, v, none, modes, np.reshape(rows, (-1, 1)))
+    seen = observer.observe(q, v, none, modes, np.reshape(rows, (-1, 1)))
     return seen.reaction[:, :, 0]

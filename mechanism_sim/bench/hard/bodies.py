@@ -14,6 +14,7 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact, ModeChange
+from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array, System
@@ -130,7 +131,7 @@ class Thrown:
         mechanism = Mechanism((Body('body', 1.0, inertia, (SIZE, 0.0)),), (), (), gravity)
         system = System(mechanism, floors, (), 1)
         state = State(Fraction(0), (0, 0, 0), q, v, (closed,) * len(floors))
-        self.physics = DynamicPhysics(system)
+        self.physics = DynamicPhysics(Observer(system))
         self.run = EventLoop(system, (), state, rtol, 0.0, longest)
         self.impacts: list[Impact] = []
         self.modes: list[ModeChange] = []
