@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from running import environment, ros_found, run_json, script, start
+from running import FOLLOW, TIMEOUT, environment, ros_found, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
@@ -43,14 +43,14 @@ init()
 node = Node('operator')
 
 def wait(future):
-    spin_until_future_complete(node, future, timeout_sec=60)
+    spin_until_future_complete(node, future, timeout_sec=300)
     return future.result()
 
 clients = {}
 def call(short, name, **fields):
     kind = service_class(f'{PACKAGE}/srv/{short}')
     client = clients.setdefault(name, node.create_client(kind, name))
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     return wait(client.call_async(kind.Request(**fields)))
 
 def step(n):
@@ -67,7 +67,7 @@ def state():
 def set_(owner, name, value):
     kind = service_class('rcl_interfaces/srv/SetParameters')
     client = node.create_client(kind, f'{owner}/set_parameters')
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     request = kind.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
     answer = wait(client.call_async(request)).results[0]
     return [answer.successful, answer.reason]
@@ -90,7 +90,7 @@ found['reset'] = call('ResetSimulation', 'reset_simulation', scope=0).result.res
 found['half a reset'] = call('ResetSimulation', 'reset_simulation', scope=1).result.result
 kind = action_class(f'{PACKAGE}/action/SimulateSteps')
 action = ActionClient(node, kind, 'simulate_steps')
-assert action.wait_for_server(60)
+assert action.wait_for_server(300)
 heard = []
 goal = wait(action.send_goal_async(
     kind.Goal(steps=30),
@@ -118,10 +118,10 @@ def operate(tmp_path: Path, text: str, *args: str, given: Sequence[str] = ()) ->
     try:
         operator = subprocess.run(
             [sys.executable, str(script(tmp_path / 'operate.py', text)), *given],
-            env=env, capture_output=True, text=True, timeout=150, check=False,
+            env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False,
         )  # fmt: skip
         assert operator.returncode == 0, operator.stderr
-        assert running.wait(60) == 0, running.communicate()[1]
+        assert running.wait(TIMEOUT) == 0, running.communicate()[1]
     finally:
         running.kill()
         running.communicate()
@@ -197,7 +197,7 @@ for paused, short, name, fields in (
         executor.spin_once(timeout_sec=0.1)
     steady = drive.law.degree == 1
     executor.remove_node(drive)  # as where it has a process of its own
-    executor.spin_until_future_complete(answer, timeout_sec=5)
+    executor.spin_until_future_complete(answer, timeout_sec=300)
     result = answer.result().result if answer.done() else None
     found.append(result and [result.result, result.error_message, steady])
     executor.remove_node(partner)
@@ -221,7 +221,7 @@ steps = ask.call_async(step.Request(steps=5000))
 while drive.announced < 3.0:
     executor.spin_once(timeout_sec=0.1)
 second = ask.call_async(step.Request(steps=1))
-executor.spin_until_future_complete(second, timeout_sec=20)
+executor.spin_until_future_complete(second, timeout_sec=300)
 request = state.Request()
 request.state.state = 2
 paused = stop.call_async(request)
@@ -230,7 +230,7 @@ for _ in range(20):
 early = [steps.done(), paused.done()]
 progress.publish(Progress(node='linkage', time=3.0))
 for answer in (steps, paused):
-    executor.spin_until_future_complete(answer, timeout_sec=20)
+    executor.spin_until_future_complete(answer, timeout_sec=300)
 found.append([early] + [
     [a.result().result.result, a.result().result.error_message] for a in (second, steps, paused)
 ] + [drive.announced])
@@ -241,7 +241,7 @@ reset = partner.create_client(kind, 'reset_simulation')
 while not reset.service_is_ready():
     executor.spin_once(timeout_sec=0.1)
 answer = reset.call_async(kind.Request())
-executor.spin_until_future_complete(answer, timeout_sec=20)
+executor.spin_until_future_complete(answer, timeout_sec=300)
 result = answer.result().result
 found.append([result.result, result.error_message, drive.announced, drive.run])
 for node in (partner, drive):
@@ -260,7 +260,7 @@ def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
     """
     ended = subprocess.run(
         [sys.executable, str(script(tmp_path / 'end.py', END))],
-        env=environment(), capture_output=True, text=True, timeout=60, check=False,
+        env=environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
     reset, steps, paused, refused = json.loads(ended.stdout.splitlines()[-1])
@@ -304,7 +304,7 @@ found['statuses'] = json.loads(json.dumps(statuses))  # later ones say more
 def parameter(owner, name):
     kind = service_class('rcl_interfaces/srv/GetParameters')
     client = node.create_client(kind, f'{owner}/get_parameters')
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     (value,) = wait(client.call_async(kind.Request(names=[name]))).values
     return [int(value.type), bool(value.bool_value), int(value.integer_value)]
 found['sim time'] = parameter(linkage, 'use_sim_time')
@@ -399,7 +399,7 @@ def ask(*values):
 def get(owner, name):
     kind = service_class('rcl_interfaces/srv/GetParameters')
     client = node.create_client(kind, f'{owner}/get_parameters')
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     (value,) = wait(client.call_async(kind.Request(names=[name]))).values
     return value.string_value or value.double_value
 def reset():
@@ -477,12 +477,14 @@ def test_the_next_run_has_the_values_of_the_scene_that_are_asked_for(tmp_path):
         assert sum(len(m.samples) for m in samples) == 1000
 
 
+@pytest.mark.deep
 def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend, tmp_path):
     """PI control of the crank, one command for each sample, against the same loop by hand."""
     if backend == 'zenoh' and ros_found():
         pytest.skip('the controller takes rclpy where that is installed')
     env, program = environment(), Path(__file__).parents[1] / 'docs' / 'speed_controller.py'
-    controller = subprocess.Popen([sys.executable, str(program)], env=env)
+    text = f"{FOLLOW}from runpy import run_path; run_path({str(program)!r}, run_name='__main__')"
+    controller = subprocess.Popen([sys.executable, '-c', text], env=env)
     args = ['--duration', '0.5', '--ros-args', '-p', 'crank_drive:command_period:=0.005', '--']
     try:
         bags = [tmp_path / 'first.mcap', tmp_path / 'second.mcap']
@@ -490,7 +492,7 @@ def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend,
             run_json('run', 'four_bar_governed', '--record', str(bag), *args, env=env)
     finally:
         controller.send_signal(signal.SIGTERM)
-        assert controller.wait(20) == 0
+        assert controller.wait(TIMEOUT) == 0
     first, second = (analyze(bag).digest for bag in bags)
     assert first == second
     states = [m for _, m, _ in read_bag(bags[0]).messages('/joint_states')]

@@ -57,6 +57,7 @@ def test_a_case_is_the_same_in_any_part_of_the_grid():
     assert other.draft() != few[0].draft()
 
 
+@pytest.mark.deep
 def test_the_noise_of_a_gap_does_not_rule_the_steps():
     """A rough pin that starts to roll: errors were taken back faster with every shorter step."""
     rough = {'radial': 2e-3, 'restitution': 0.05, 'friction': 'rough', 'pin_radius': 5e-3}
@@ -87,6 +88,7 @@ def test_every_scene_of_the_grid_can_be_written(tmp_path):
         assert yaml.safe_load((tmp_path / f'{case.name}.yaml').read_text()) == case.draft().scene
 
 
+@pytest.mark.deep
 def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
     """The run is told that nothing keeps the contact; the second route finds what does."""
     machine = ms.load_scene('four_bar_clearance', {

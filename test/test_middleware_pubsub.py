@@ -42,8 +42,7 @@ COLLECT = """
     node.create_subscription(Impact, 'last', lambda _: None, keep_all)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    end = time.monotonic() + 30
-    while len(got) < count and time.monotonic() < end:
+    while len(got) < count:
         executor.spin_once(0.1)
     print('got', len(got), got == list(range(count)))
     shutdown()
@@ -82,6 +81,7 @@ def spin_until(node, condition):
         spin_once(node, timeout_sec=0.1)
 
 
+@pytest.mark.deep
 def test_twenty_thousand_messages_reach_a_slow_subscriber_in_order(joined):
     collector = joined.start(COLLECT, 20_000, 50e-6)
     node = Node('source')
@@ -122,7 +122,9 @@ def test_a_publisher_that_ends_at_once_loses_nothing(either):
     collector.finish()
 
 
-@pytest.mark.parametrize('router', ['embedded', 'third process'])
+@pytest.mark.parametrize(
+    'router', [pytest.param('embedded', marks=pytest.mark.deep), 'third process']
+)
 def test_who_sees_the_last_endpoint_reaches_every_earlier_one(joined, router):
     if router == 'third process':
         shutdown()
@@ -421,6 +423,6 @@ def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):
         done.set()
 
     threading.Thread(target=flood, daemon=True).start()
-    assert not done.wait(1.0)
+    assert not done.wait(1.0)  # were it not held up, it would be done by then
     stalled.kill()
-    assert done.wait(20.0)
+    assert done.wait(PATIENCE)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from running import environment, run, run_json, start
+from running import TIMEOUT, environment, run, run_json, start
 
 import mechanism_sim as ms
 from mechanism_sim import cli
@@ -368,8 +368,17 @@ def test_without_masses_forces_are_unknown():
     assert np.isfinite(r.driven_velocity).all()
 
 
-def test_a_motion_message_carries_all_that_forces_need(mixed):
-    machine = ms.load_scene(str(mixed))
+SOFT = {
+    'drive': {'speed': '350 rpm', 'torque': {'constant': '0.1 N m'}},
+    'joints.coupler_rocker.clearance.contact': {'law': 'flores', 'stiffness': 1.0e8},
+}
+
+
+@pytest.mark.parametrize(
+    'scene', ['four_bar_clearance', pytest.param('mixed', marks=pytest.mark.deep)]
+)
+def test_a_motion_message_carries_all_that_forces_need(mixed, scene):
+    machine = ms.load_scene(str(mixed)) if scene == 'mixed' else ms.load_scene(scene, SOFT)
     motion = ms.simulate(machine, duration=0.02).motion
     names = machine.physics.coordinates, machine.physics.clearances
     message = pack(motion, *names, motion.curve.end)
@@ -447,6 +456,7 @@ def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
         assert np.abs(published - columns[column]).max() <= 1e-9 * np.abs(published).max()
 
 
+@pytest.mark.deep
 def test_integrating_and_following_say_the_same(tmp_path, alone):
     """The user starts a linkage beside the node of a scene that needs none."""
     beside = tmp_path / 'beside.mcap'
@@ -458,7 +468,7 @@ def test_integrating_and_following_say_the_same(tmp_path, alone):
         )
     ]  # fmt: skip
     for node in nodes:
-        _, stderr = node.communicate(timeout=60)
+        _, stderr = node.communicate(timeout=TIMEOUT)
         assert node.returncode == 0, stderr
     kind = KINDS['geneva']
     one, other = (
