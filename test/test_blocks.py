@@ -17,7 +17,7 @@ NOT_RUN = [block for found in PAGES.values() for block in found if block.mark ==
 DEEP = {
     *(
         f'docs/{page}.md'
-        for page in ('analysis', 'animation', 'faq', 'mechanisms', 'plot', 'report')
+        for page in ('analysis', 'faq', 'looking', 'mechanisms')
     ),
     *(
         f'docs/{page}.md'
