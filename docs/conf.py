@@ -27,7 +27,9 @@ extensions = [
     'sphinx_design',
     'commands',
     'docstrings',
+    'keys',
     'mathml',
+    'messages',
 ]
 root_doc = 'docs/index'
 include_patterns = ['README.md', 'CHANGELOG.md', 'docs/**']
