@@ -29,6 +29,7 @@ extensions = [
     'docstrings',
     'keys',
     'mathml',
+    'measurements',
     'messages',
 ]
 root_doc = 'docs/index'
