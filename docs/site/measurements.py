@@ -1,4 +1,4 @@
-"""Long tables of measurements: made from docs/pictures when the site is built, committed nowhere."""
+"""Long tables of measurements: made from docs/pictures when the site is built."""
 
 from __future__ import annotations
 
