@@ -1,7 +1,7 @@
 """How loose is the bearing? Windows of a sweep, figures of each, and a random forest.
 
 ``python docs/classify_clearance.py FOLDER`` reads the windows that ``mechanism-sim sweep
-bearing_wear`` wrote, prints the tables of condition_monitoring.md and, with ``--plot``, draws its
+bearing_wear`` wrote, prints the tables of analysis.md and, with ``--plot``, draws its
 picture. Needs scikit-learn: ``pip install 'mechanism_sim[examples]'``.
 """
 

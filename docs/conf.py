@@ -27,7 +27,10 @@ extensions = [
     'sphinx_design',
     'commands',
     'docstrings',
+    'keys',
     'mathml',
+    'measurements',
+    'messages',
 ]
 root_doc = 'docs/index'
 include_patterns = ['README.md', 'CHANGELOG.md', 'docs/**']

@@ -1,7 +1,7 @@
 """Trials of `mechanism-sim identify`: bags of machines that are known, and what is found in them.
 
 Records ten run-ups of the scene `bearing_run_up` as nodes, each with another restitution,
-friction, clearance and noise, identifies them, and puts the table into docs/identification.md. The
+friction, clearance and noise, identifies them, and puts the table into docs/analysis.md. The
 first round of simulations knows nothing of a signal yet, so it is made once and serves all trials;
 everything else is what the command does.
 """
@@ -21,7 +21,7 @@ from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.study.identification import ROUNDS, Identification
 from mechanism_sim.study.parameters import OF_JOINT, parameters
 
-PAGE = Path(__file__).with_suffix('.md')
+PAGE = Path(__file__).with_name('analysis.md')
 BEGIN, END = '<!-- trials -->\n', '<!-- end of trials -->\n'
 SCENE = 'bearing_run_up'
 LIMITS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 import xml.etree.ElementTree as ET
@@ -480,13 +481,18 @@ def test_bench_without_a_name_lists_what_there_is():
     assert 'middleware' in text
 
 
-def test_every_hard_case_is_on_its_page():
-    page = Path(__file__).parents[1] / 'docs' / 'hard_cases.md'
-    lines = page.read_text(encoding='utf-8').splitlines()
+def test_every_hard_case_is_in_the_site_with_figures_that_keep_their_bounds(monkeypatch):
+    docs = Path(__file__).parents[1] / 'docs'
+    monkeypatch.syspath_prepend(str(docs / 'site'))
+    site = importlib.import_module('measurements')
+    lines = site.hard_cases().splitlines()
     shown = [line.removeprefix('## ') for line in lines if line.startswith('## ')]
     assert shown == [case.name for case in cases()]
     for case in cases():
         assert {case.hard, f'*Truth:* {case.truth}'} <= {*lines}
+    rows = json.loads(site.HARD.read_text(encoding='utf-8'))['cases']
+    assert {row['name'] for row in rows} == set(shown)
+    assert all(row['bound'] is None or abs(row['figure']) <= row['bound'] for row in rows)
 
 
 @pytest.mark.parametrize(

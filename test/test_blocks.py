@@ -15,10 +15,7 @@ NOT_RUN = [block for found in PAGES.values() for block in found if block.mark ==
 
 
 DEEP = {
-    *(
-        f'docs/{page}.md'
-        for page in ('analysis', 'animation', 'faq', 'mechanisms', 'plot', 'report')
-    ),
+    *(f'docs/{page}.md' for page in ('analysis', 'faq', 'looking', 'mechanisms')),
     *(
         f'docs/{page}.md'
         for page in ('reproducibility', 'studies', 'howto/machine_learning', 'howto/my_mechanism')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import yaml
 from running import run
 
 import mechanism_sim as ms
+from mechanism_sim.cli.entry import make_parser
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Level
 from mechanism_sim.scene.check import check
@@ -73,6 +75,47 @@ def test_a_mistake_in_ten_links_is_answered_as_the_documentation_says(command, s
     # where an open loop is nearest to closing, the last digits may differ between processors
     answers = [re.sub('nearest with [^;]*;', ';', text) for text in (said, str(caught.value))]
     assert answers[0] == answers[1]
+
+
+@pytest.fixture
+def site(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS / 'site'))
+    yield
+    for name in ('commands', 'keys', 'messages'):
+        sys.modules.pop(name, None)
+
+
+@pytest.mark.usefixtures('site')
+def test_the_reference_of_keys_has_every_key_of_every_part():
+    import keys  # noqa: PLC0415 - of the site
+
+    sections = dict(re.findall(r'^## ([^\n]*)\n(.*?)(?=^## |\Z)', keys.reference(), re.M | re.S))
+    parts = keys.parts()
+    assert len(sections) == len(parts) > 30
+    for part in parts:
+        rows = re.findall(r'^\| `(\w+)` \| .* \|$', sections[keys.title(part)], re.MULTILINE)
+        assert sorted({*rows}) == sorted(f.alias or n for n, f in part.model_fields.items()), part
+    assert '| `radial` | m, > 0 | required |' in sections['Clearance']
+
+
+@pytest.mark.usefixtures('site')
+def test_the_reference_of_messages_has_every_field():
+    import messages  # noqa: PLC0415 - of the site
+
+    text = messages.reference()
+    for file in (DOCS.parent / 'msg').glob('*.msg'):
+        section = text.partition(f'\n## {file.stem}\n')[2].partition('\n## ')[0]
+        lines = file.read_text(encoding='utf-8').splitlines()
+        fields = [line for line in lines if line.strip() and not line.startswith('#')]
+        assert section.count('\n| `') == len(fields), file.name
+
+
+@pytest.mark.usefixtures('site')
+def test_the_reference_of_commands_has_every_command():
+    import commands  # noqa: PLC0415 - of the site
+
+    named = re.findall(r'^## (\S+)$', commands.reference(), re.MULTILINE)
+    assert named == list(make_parser().commands().choices)
 
 
 def test_three_mistakes_are_shown():

@@ -43,7 +43,7 @@ def markdown(outcomes: Sequence[Outcome]) -> str:
         '# Hard cases',
         '',
         'Where simulators of machines and of contact break. Made by',
-        '`mechanism-sim bench hard --markdown docs/hard_cases.md`; `test/hard` runs the same.',
+        '`mechanism-sim bench hard --markdown FILE`; `test/hard` runs the same.',
         '',
     ]
     for o in outcomes:
