@@ -356,3 +356,12 @@ def test_the_command_line_says_the_same_in_text_json_and_pictures(bag, tmp_path,
     text = said()
     for words in ('Y6', 'I_n', 'sliding work', 'alpha over four_bar_clearance: 1 by RMS'):
         assert words in text
+
+
+def test_turns_of_a_drive_that_starts_from_rest_have_their_times():
+    machine = ms.load_scene('belt_drive')
+    record = Record(machine, ms.simulate(machine, duration=0.2), {})
+    turns = np.array([0.0, 1e-6, 0.5, 2.0])
+    t = record.times_at(turns)
+    assert t[0] == 0.0
+    np.testing.assert_allclose(record.turned(t), turns, atol=1e-12)

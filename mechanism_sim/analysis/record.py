@@ -210,7 +210,9 @@ class Record:
         for _ in range(_NEWTON):
             k, dt = curve.find(t)
             off = per_turn * curve.at(k, dt)[:, self._drive] - turns
-            step = off / (per_turn * curve.at(k, dt, 1)[:, self._drive])
+            rate = per_turn * curve.at(k, dt, 1)[:, self._drive]
+            # where it starts from rest, its angle of the start is reached at rate zero
+            step = np.divide(off, rate, out=np.zeros_like(off), where=(off != 0.0) & (rate != 0.0))
             t = np.clip(t - step, self.start, self.end)
             if np.abs(step).max(initial=0.0) <= 4.0 * np.spacing(self.end):
                 break
