@@ -58,7 +58,7 @@ What nodes add, on each middleware found (rclpy where [ROS 2](ros2.md) is): real
 loopback, quality of service of results (reliable, keep all), one executor in each process.
 
 * Throughput: bursts of 20,000 `bytes` (a JointState that is serialised already, taken in as
-  bytes), 10,000 JointState, 5,000 AccelerometerBlock and 2,000 Motion, made by one process and
+  bytes), 10,000 JointState, 5,000 SensorBlock and 2,000 Motion, made by one process and
   unpacked by the other. The rate is the median of the bursts, at the receiving end; CPU times are
   the least.
 * Latency: 200 B to another process and back; and one round of credit, from a law of the drive
