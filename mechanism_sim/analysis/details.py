@@ -11,11 +11,11 @@ from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
 from mechanism_sim.analysis.signals import Signal
-from mechanism_sim.analysis.summary import plain
 from mechanism_sim.analysis.wear import WearMap, wear_maps
 from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.orders import Turns, order_spectrum
 from mechanism_sim.sensing.spectra import Spectrum, envelope_spectrum, power, shock_band
+from mechanism_sim.strict_json import plain
 
 _FEWEST = 16  # samples of a spectrum
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
+from mechanism_sim import text_table
 from mechanism_sim.analysis.delivery_audit import Ledger
 from mechanism_sim.analysis.impacts import ImpactSummary
 from mechanism_sim.analysis.loads import EnergySummary, LoadSummary, Peak
@@ -12,6 +13,7 @@ from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.parts import PARTS, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
+from mechanism_sim.text_table import Cell
 
 ROWS = 12  # of a table of revolutions, before its middle is left out
 
@@ -195,14 +197,6 @@ def _at_angle(angle: float | None) -> str:
     return '' if angle is None else f', crank at {math.degrees(angle):.4g} deg'
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str | int | float]]) -> Iterator[str]:
-    """Yield indented lines: the first column to the left, the others to the right."""
-    cells = [list(head)]
-    cells += [[f'{x:.6g}' if isinstance(x, float) else str(x) for x in row] for row in rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    for row in cells:
-        first, *rest = (
-            text.ljust(width) if i == 0 else text.rjust(width)
-            for i, (text, width) in enumerate(zip(row, widths, strict=True))
-        )
-        yield '  ' + '  '.join([first, *rest]).rstrip()
+def table(head: Sequence[str], rows: Iterable[Sequence[Cell]]) -> list[str]:
+    """Lines of a table with a head."""
+    return text_table.lines([head, *rows])

@@ -220,7 +220,7 @@ def _layout(options: argparse.Namespace) -> int:
 def _profile(options: argparse.Namespace) -> int:
     from mechanism_sim.report import profile  # noqa: PLC0415
 
-    file = profile.check_file(options.output) if options.output else None
+    file = options.output and output.check_path('--output', options.output, *profile.WRITERS)
     machine = read_machine(options)
     sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
     if file:

@@ -6,16 +6,14 @@ import base64
 import gzip
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from mechanism_sim import output, strict_json
+from mechanism_sim import strict_json
 from mechanism_sim.catalogue import installed_version
-from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
 from mechanism_sim.pages.charts import Section
 from mechanism_sim.pages.recorded import Recorded
@@ -62,33 +60,6 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
         charts=embedded(charts),
         plotly=_packed(get_plotlyjs()) if charts else '',
     )
-
-
-def check_file(file: str) -> Path:
-    """A path that a page can be written to, checked before anything is computed.
-
-    Raises
-    ------
-    InputError
-        If it does not end in .html, or its folder is not there.
-    """
-    path = Path(file)
-    if path.suffix not in ('.html', '.htm'):
-        raise InputError(f'--output {file}: the ending must be .html')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
-    return path
-
-
-def write(text: str, file: Path) -> None:
-    """Write a page.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written there.
-    """
-    output.write_text(file, text)
 
 
 def _turn(run: Recorded) -> float | None:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim import output, strict_json
+from mechanism_sim import output, strict_json, text_table
 from mechanism_sim.bench.loose_joints import LooseCost, StretchCost
 from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
@@ -37,13 +37,7 @@ def render(found: Measurement, machine: Mapping[str, Any]) -> str:
         'method', 'setting', f'CPU per {p.unit}', 'median', f'error [{p.error_unit}]', 'steps',
         'impacts', 'prepared in',
     )  # fmt: skip
-    lines = [head, *(_cells(row) for row in found.rows)]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-    table = [
-        '  '.join(cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(pairs))
-        for pairs in (list(zip(line, widths, strict=True)) for line in lines)
-    ]
-    table.insert(1, '  '.join('-' * w for w in widths))
+    table = text_table.lines([head, *map(_cells, found.rows)], 2, '', rule=True)
     failed = [
         f'{row.method.name} at {row.tolerance:g} failed: {row.failure}'
         for row in found.rows
@@ -160,10 +154,7 @@ class Pages:
         """Add costs of loose joints, and write loose_joints.json and loose_joints.txt."""
         self._loose = {
             'loose_joints': [asdict(c) | {'cpu_per_event': c.cpu_per_event} for c in costs],
-            'stretches': [
-                {k: _number(x) if isinstance(x, float) else x for k, x in asdict(c).items()}
-                for c in stretches
-            ],
+            'stretches': strict_json.plain(list(stretches)),
         }
         left_out = [f'{name} left out: {reason}' for name, reason in (skipped or {}).items()]
         parts = [render_loose_joints(costs), render_stretches(stretches), '\n'.join(left_out)]
@@ -306,15 +297,15 @@ def to_json(
 
 
 def _row(found: Measurement, row: Row) -> dict[str, object]:
-    return {
+    own = {
         'problem': found.problem.name,
         'method': row.method.name,
         'setting': row.method.setting,
         'tolerance': row.tolerance,
-        'cpu_per_unit': _number(row.fastest),
-        'cpu_per_unit_median': _number(row.median),
+        'cpu_per_unit': row.fastest,
+        'cpu_per_unit_median': row.median,
         'repeats': len(row.times),
-        'error': _number(row.error),
+        'error': row.error,
         'error_unit': found.problem.error_unit,
         'unit': found.problem.unit,
         'steps': row.steps,
@@ -322,10 +313,7 @@ def _row(found: Measurement, row: Row) -> dict[str, object]:
         'compile_time': row.compile_time,
         'failure': row.failure,
     }
-
-
-def _number(x: float) -> float | None:
-    return x if math.isfinite(x) else None
+    return {key: strict_json.plain(value) for key, value in own.items()}
 
 
 def _pyplot() -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from mechanism_sim import strict_json, text_table
 from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
@@ -47,7 +48,7 @@ def render(cycle: Cycle) -> str:
     )
 
 
-def _extremes(cycle: Cycle) -> Iterator[str]:
+def _extremes(cycle: Cycle) -> list[str]:
     rows = []
     for name, ends in cycle.extremes().items():
         if part_of(name) in _COMPONENTS:
@@ -64,14 +65,7 @@ def _extremes(cycle: Cycle) -> Iterator[str]:
                 (name, shown, low, where(cycle, ends.least), high, where(cycle, ends.greatest))
             )
     head = ('', 'unit', 'least', f'at {cycle.drive}', 'greatest', f'at {cycle.drive}')
-    table = [head, *rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(head))]
-    for row in table:
-        cells = (
-            cell.ljust(width) if i < 2 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        yield '  ' + '  '.join(cells).rstrip()
+    return text_table.lines([head, *rows], 2)
 
 
 def _swings(cycle: Cycle) -> Iterator[str]:
@@ -116,25 +110,16 @@ def to_json(cycle: Cycle) -> dict[str, object]:
             for name, ends in cycle.extremes().items()
         },
         'swings': {
-            name: {
-                'size': s.size,
-                'turns': s.turns,
-                'rising': s.rising,
-                'falling': s.falling,
-                'time_ratio': s.time_ratio,
-            }
+            name: {k: getattr(s, k) for k in ('size', 'turns', 'rising', 'falling', 'time_ratio')}
             for name, s in cycle.swings().items()
         },
-        'rms': {name: _number(cycle.rms(name)) for name in cycle.drive_torques},
-        'mean_power': _number(cycle.mean_power) if forces else None,
+        'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},
+        'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
         'unbounded': sorted(cycle.unbounded),
     }
 
 
 def _extreme(extreme: Extreme) -> dict[str, float | None]:
-    return {'value': _number(extreme.value), 't': extreme.t, 'drive': extreme.drive}
-
-
-def _number(x: float) -> float | None:
-    return x if math.isfinite(x) else None
+    value = strict_json.plain(extreme.value)
+    return {'value': value, 't': extreme.t, 'drive': extreme.drive}

@@ -40,22 +40,6 @@ class Sound:
         return asdict(self)
 
 
-def check_file(file: str) -> Path:
-    """Refuse what cannot be written before anything is computed.
-
-    Raises
-    ------
-    InputError
-        If it is no WAV file, or in no directory.
-    """
-    path = Path(file)
-    if path.suffix != '.wav':
-        raise InputError(f'--output {file}: the ending must be .wav')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
-    return path
-
-
 def write(
     train: Sequence[Strike],
     end: float,

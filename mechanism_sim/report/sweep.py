@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.report.figures import save
+from mechanism_sim.report.figures import check_picture, save
 from mechanism_sim.sweep.plan import REPEAT, Plan
 from mechanism_sim.sweep.row import DONE, Value
 from mechanism_sim.sweep.run import Summary
@@ -91,11 +91,8 @@ def chart_of(plan: Plan, file: str | None, over: str | None) -> Chart | None:
         if over is not None:
             raise InputError('--over needs --plot FILE')
         return None
-    path, swept = Path(file), [c for c in plan.columns if c != REPEAT]
-    if path.suffix not in ('.svg', '.pdf', '.png'):
-        raise InputError(f'--plot {file}: the ending must be .svg, .pdf or .png')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--plot {file}: there is no directory '{path.parent}'")
+    path = check_picture('--plot', file)
+    swept = [c for c in plan.columns if c != REPEAT]
     if over is not None and over not in swept:
         raise InputError(
             f'--over {over}: this is not swept{nearest(over, swept)}; swept are: '

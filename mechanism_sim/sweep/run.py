@@ -9,6 +9,7 @@ from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.row import DONE, Task, Value, compute
@@ -78,7 +79,7 @@ def sweep(
     Interrupted
         At SIGINT and SIGTERM.
     """
-    check_table(table)
+    output.check_path('-o', table, '.parquet')
     if workers is not None and (workers < 1 or dask):
         raise InputError(
             '--workers must be at least 1'
@@ -185,19 +186,6 @@ def _made(what: str, folder: Path) -> Path:
             f"the {what}' folder '{folder.resolve()}' cannot be made: {error.strerror}"
         ) from error
     return folder.resolve()
-
-
-def check_table(table: Path) -> None:
-    """Refuse a table that cannot be written.
-
-    Raises
-    ------
-    InputError
-    """
-    if table.suffix != '.parquet':
-        raise InputError(f'-o {table}: the ending must be .parquet')
-    if not table.resolve().parent.is_dir():
-        raise InputError(f"-o {table}: there is no directory '{table.parent}'")
 
 
 def _failed(row: dict[str, Value]) -> bool:
