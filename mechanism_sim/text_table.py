@@ -25,11 +25,9 @@ def lines(
     ahead = range(left) if isinstance(left, int) else left
     if rule:
         cells.insert(1, ['-' * width for width in widths])
+    sides = ['<' if i in ahead else '>' for i in range(len(widths))]
     aligned = (
-        [
-            x.ljust(w) if i in ahead else x.rjust(w)
-            for i, (x, w) in enumerate(zip(row, widths, strict=True))
-        ]
+        '  '.join(f'{x:{s}{w}}' for x, s, w in zip(row, sides, widths, strict=True))
         for row in cells
     )
-    return [indent + '  '.join(row).rstrip() for row in aligned]
+    return [indent + line.rstrip() for line in aligned]

@@ -20,12 +20,9 @@ def render(found: Sequence[Choice]) -> str:
         exact = str(choice.ratio) if choice.ratio.denominator > 1 else ''
         rows.append((stages, f'{float(choice.ratio):.9g}', exact, error, str(choice.teeth)))
     trains = f'{len(found)} train{"s" if len(found) > 1 else ""} found'
-    return '\n'.join(
-        [
-            *text_table.lines(rows, 3, ''),
-            f'{trains}, the first {SHOWN} are shown' if found[SHOWN:] else trains,
-        ]
-    )
+    if found[SHOWN:]:
+        trains += f', the first {SHOWN} are shown'
+    return '\n'.join([*text_table.lines(rows, 3, ''), trains])
 
 
 def to_json(found: Sequence[Choice]) -> dict[str, object]:
