@@ -6,15 +6,20 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from importlib.resources import files
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim.bench.peers.tree import Tree
-from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, nothing_missing
+from mechanism_sim.bench.problem import (
+    Answer,
+    Method,
+    Outcome,
+    Run,
+    found_in,
+    nothing_missing,
+)
 from mechanism_sim.scene import load_scene
 
 
@@ -169,9 +174,4 @@ class Peer:
 @cache
 def peers() -> tuple[Peer, ...]:
     """All peers of the modules in `mechanism_sim.bench.peers`, in the order of their files."""
-    package = import_module('mechanism_sim.bench.peers')
-    found: list[Peer] = []
-    for module in iter_modules(package.__path__):
-        content = vars(import_module(f'{package.__name__}.{module.name}'))
-        found += [thing for thing in content.values() if isinstance(thing, Peer)]
-    return tuple(found)
+    return tuple(found_in('mechanism_sim.bench.peers', Peer))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run
+from mechanism_sim.bench.problem import Outcome, Run, whole
 
 Array = NDArray[np.float64]
 Rates = tuple[float, float, float, float]
@@ -159,15 +159,7 @@ def simulate(four_bar: LooseFourBar, method: str, rtol: float) -> Outcome:
 
 def by(method: str) -> Callable[[LooseFourBar, float], Run]:
     """Prepare a run by a method of `solve_ivp`."""
-
-    def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
-        def run() -> Callable[[], Outcome]:
-            outcome = simulate(four_bar, method, rtol)
-            return lambda: outcome
-
-        return run
-
-    return prepare
+    return lambda four_bar, rtol: whole(lambda: simulate(four_bar, method, rtol))
 
 
 HOW = (

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import bilinear_zpk, lsim, sosfilt, zpk2sos
 
 from mechanism_sim.bench.accelerometer_chain import SENSOR, Array, Measured
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run
+from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, whole
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.sensing.channel import Channel
@@ -24,12 +24,7 @@ NODES = Nodes(tuple(chebyshev_nodes(14).tolist()))
 
 def timed(measure: Callable[[], Array]) -> Run:
     """A run whose answer are the samples."""
-
-    def run() -> Callable[[], Outcome]:
-        samples = measure()
-        return lambda: Outcome(samples)
-
-    return run
+    return whole(lambda: Outcome(measure()))
 
 
 def ours(_: float) -> Run:

@@ -10,10 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mechanism_sim.bench.integration import event_loop
 from mechanism_sim.bench.peers import rattling_scipy
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, without
+from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, without
 from mechanism_sim.bench.rattling import GEARS, VALVE, Rattling
-from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.scene import load_scene
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
@@ -23,26 +25,12 @@ def ours(rattling: Rattling) -> Callable[[float], Run]:
     """The event loop of this package, by tolerance."""
     end = rattling.duration
 
+    def hard(_: Motion, impacts: list[Impact]) -> Answer:
+        times, speeds = np.array([(i.t, i.approach_speed) for i in impacts]).T
+        return rattling.hard(times, speeds)
+
     def prepare(rtol: float) -> Run:
-        machine = load_scene(rattling.name, {'solver.rtol': rtol})
-        loop = machine.start()
-        if not isinstance(loop, EventLoop):
-            raise TypeError('the scene has gaps, so it needs the event loop')
-        state = machine.initial_state()
-
-        def run() -> Callable[[], Outcome]:
-            loop.restart(state)
-            loop.advance(end, final=True)
-
-            def outcome() -> Outcome:
-                _, impacts, _ = loop.drain()
-                times = np.array([i.t for i in impacts])
-                hard = rattling.hard(times, np.array([i.approach_speed for i in impacts]))
-                return Outcome(hard, loop.steps, len(impacts))
-
-            return outcome
-
-        return run
+        return event_loop(load_scene(rattling.name, {'solver.rtol': rtol}), end, hard)
 
     return prepare
 

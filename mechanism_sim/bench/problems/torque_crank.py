@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import cos, sin, sqrt
 
-import numpy as np
-from scipy.integrate import solve_ivp
-
 from mechanism_sim.bench.four_bar import LooseFourBar, reference
-from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run
-from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.bench.integration import event_loop, positions, solved
+from mechanism_sim.bench.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
 TORQUE, DURATION = 0.1, 0.5  #: [N m], [s]: about three revolutions
@@ -25,21 +22,8 @@ def ours(rtol: float) -> Run:
     """Equations of motion with a closed loop, as `simulate` integrates them."""
     drive = {'speed': LooseFourBar.thesis().crank_speed, 'torque': {'constant': TORQUE}}
     machine = load_scene('four_bar_nominal', {'drive': drive, 'solver.rtol': rtol})
-    loop, state = machine.start(), machine.initial_state()
-    if not isinstance(loop, EventLoop):
-        raise TypeError('a torque needs equations of motion')
-
-    def run() -> Callable[[], Outcome]:
-        loop.restart(state)
-        loop.advance(DURATION, final=True)
-
-        def outcome() -> Outcome:
-            motion, *_ = loop.drain()
-            return Outcome(motion.curve(np.array([DURATION]))[0, :1], loop.steps)
-
-        return outcome
-
-    return run
+    at_end = positions(DURATION)
+    return event_loop(machine, DURATION, lambda *run: at_end(*run)[:1])
 
 
 def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
@@ -84,13 +68,7 @@ def scipy(method: str) -> Callable[[float], Run]:
 
     def prepare(rtol: float) -> Run:
         f = LooseFourBar.thesis()
-        rate, start = rates(f), [f.crank_angle, f.crank_speed]
-
-        def run() -> Callable[[], Outcome]:
-            found = solve_ivp(rate, (0.0, DURATION), start, method, rtol=rtol, atol=0.1 * rtol)
-            return lambda: Outcome(found.y[:1, -1], len(found.t) - 1)
-
-        return run
+        return solved(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
 
     return prepare
 
