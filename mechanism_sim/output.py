@@ -81,6 +81,21 @@ def check_path(option: str, file: Path | str, *suffixes: str, new: bool = False)
     return path
 
 
+def make_folder(path: Path, what: str = '') -> Path:
+    """A folder that is made, with those above it, if it is not there; `what` is it for.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{what}'{path}' cannot be made: {error.strerror}") from error
+    return path
+
+
 def write_text(path: Path | str, text: str) -> None:
     """Write a text in UTF-8; raises what `told` does."""
     write_bytes(path, text.encode('utf-8'))

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.analysis.motion import gaps, padded
 from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
 from mechanism_sim.errors import InputError, nearest
@@ -402,18 +403,10 @@ def _joined(bag: Bag, parts: Sequence[Motion]) -> Motion:
     parts = [part for part in parts if len(part)]
     if not parts:
         raise InputError(f'{bag.path} has no recorded motion.')
-    width = max(part.curve.coefficients.shape[2] for part in parts)
-
-    def padded(part: Motion) -> Motion:
-        powers = part.curve.coefficients
-        more = ((0, 0), (0, 0), (0, width - powers.shape[2]))
-        return replace(part, curve=replace(part.curve, coefficients=np.pad(powers, more)))
-
-    motion = Motion.joined([padded(part) for part in parts])
-    curve = motion.curve
-    ends = curve.start[:-1] + (curve.start_low[:-1] + curve.duration[:-1])
-    apart = np.flatnonzero(curve.start[1:] - ends > 8 * np.spacing(np.abs(ends)) + 1e-15)
-    if len(apart):
-        a, b = ends[apart[0]], curve.start[apart[0] + 1]
+    curves = padded([part.curve for part in parts])
+    motion = Motion.joined(
+        [replace(part, curve=curve) for part, curve in zip(parts, curves, strict=True)]
+    )
+    for a, b in gaps(motion.curve):
         raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
     return motion

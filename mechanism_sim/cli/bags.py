@@ -189,7 +189,7 @@ def _sound(options: argparse.Namespace) -> int:
         train = strikes(machine.mechanism, run.motion, run.impacts)
         written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
     if options.json:
-        print_json(written.to_json())
+        print_json(written)
     else:
         print(sound.render(written))
     return 0

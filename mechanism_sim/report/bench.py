@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output, strict_json, text_table
 from mechanism_sim.bench.loose_joints import LooseCost, StretchCost
@@ -15,8 +16,11 @@ from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
 from mechanism_sim.bench.scaling import Cost
-from mechanism_sim.errors import InputError
 from mechanism_sim.report import middleware
+from mechanism_sim.report.figures import save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
 
 _PREFIXES = ((1.0, 's'), (1e-3, 'ms'), (1e-6, 'us'), (1e-9, 'ns'))
 _MARKERS = 'osD^vPX*<>phd+x1234'
@@ -123,10 +127,7 @@ class Pages:
         self._figures: list[Figure] = []
         self._folder = Path(folder) if folder else None
         if self._folder:
-            try:
-                self._folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(f"'{folder}' cannot be made: {error.strerror}") from error
+            output.make_folder(self._folder)
 
     def add(self, found: Measurement, machine: Mapping[str, Any]) -> None:
         """Add a measurement, and write NAME.svg, NAME.json and NAME.txt."""
@@ -316,40 +317,40 @@ def _row(found: Measurement, row: Row) -> dict[str, object]:
     return {key: strict_json.plain(value) for key, value in own.items()}
 
 
-def _pyplot() -> Any:
+@contextmanager
+def _figure(path: Path, width: float, height: float) -> Iterator[Drawing]:
+    """A figure [in] that is written to a file when it is complete."""
     import matplotlib as mpl  # noqa: PLC0415 - takes half a second
+    from matplotlib.figure import Figure as Drawing  # noqa: PLC0415
 
-    mpl.use('Agg')
-    mpl.rcParams['svg.hashsalt'] = 'bench'  # the same picture is the same file
-    from matplotlib import pyplot as plt  # noqa: PLC0415
-
-    return plt
+    with mpl.rc_context({'svg.hashsalt': 'bench'}):  # the same picture is the same file
+        figure = Drawing((width, height), layout='constrained')
+        yield figure
+        save(figure, path)
 
 
 def _plot_costs(costs: Sequence[Cost], machine: Mapping[str, Any], path: Path) -> None:
-    plt, families = _pyplot(), list(dict.fromkeys(c.family for c in costs))
+    families = list(dict.fromkeys(c.family for c in costs))
     rows = (len(families) + 1) // 2
-    figure, axes = plt.subplots(rows, 2, figsize=(8.5, 2.6 * rows), layout='constrained')
-    for place, family in zip(axes.flat, families, strict=False):
-        chosen = [c for c in costs if c.family == family]
-        sizes, times = [c.size for c in chosen], [c.cpu_per_unit for c in chosen]
-        place.plot(sizes, times, 'ko-')
-        place.set_xlabel(family, fontsize='small')
-        place.set_ylabel(f'CPU time per {chosen[0].unit} [s]', fontsize='small')
-        place.set_xscale('log' if max(sizes) > 8 else 'linear')
-        place.set_xticks(sizes, [f'{x:g}' for x in sizes], minor=False)
-        place.minorticks_off()
-        if max(times) > 5.0 * min(times):
-            place.set_yscale('log')
-        else:
-            place.set_ylim(0.0, 1.2 * max(times))
-        place.grid(which='major', color='0.85')
-    for place in axes.flat[len(families) :]:
-        place.remove()
-    figure.supxlabel(_short(machine), fontsize='x-small')
-    with output.beside(path) as part:
-        figure.savefig(part, metadata={'Date': None})
-    plt.close(figure)
+    with _figure(path, 8.5, 2.6 * rows) as figure:
+        axes = figure.subplots(rows, 2)
+        for place, family in zip(axes.flat, families, strict=False):
+            chosen = [c for c in costs if c.family == family]
+            sizes, times = [c.size for c in chosen], [c.cpu_per_unit for c in chosen]
+            place.plot(sizes, times, 'ko-')
+            place.set_xlabel(family, fontsize='small')
+            place.set_ylabel(f'CPU time per {chosen[0].unit} [s]', fontsize='small')
+            place.set_xscale('log' if max(sizes) > 8 else 'linear')
+            place.set_xticks(sizes, [f'{x:g}' for x in sizes], minor=False)
+            place.minorticks_off()
+            if max(times) > 5.0 * min(times):
+                place.set_yscale('log')
+            else:
+                place.set_ylim(0.0, 1.2 * max(times))
+            place.grid(which='major', color='0.85')
+        for place in axes.flat[len(families) :]:
+            place.remove()
+        figure.supxlabel(_short(machine), fontsize='x-small')
 
 
 def _short(machine: Mapping[str, Any]) -> str:
@@ -357,33 +358,31 @@ def _short(machine: Mapping[str, Any]) -> str:
 
 
 def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
-    plt, p = _pyplot(), found.problem
-    figure, axes = plt.subplots(figsize=(8.5, 5.5), layout='constrained')
-    names = list(dict.fromkeys(row.method.name for row in found.rows))
-    for i, name in enumerate(names):
-        rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
-        first = name == OURS
-        axes.plot(
-            [max(row.error, _FLOOR) for row in rows],
-            [row.fastest for row in rows],
-            marker=_MARKERS[i % len(_MARKERS)],
-            linestyle=_LINES[i % len(_LINES)],
-            color='black' if first else f'{0.15 + 0.5 * (i % 4) / 3:.2f}',
-            linewidth=2.2 if first else 1.1,
-            markersize=7 if first else 6,
-            fillstyle='none' if i % 2 else 'full',
-            label=name,
+    p = found.problem
+    with _figure(path, 8.5, 5.5) as figure:
+        axes = figure.subplots()
+        names = list(dict.fromkeys(row.method.name for row in found.rows))
+        for i, name in enumerate(names):
+            rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
+            first = name == OURS
+            axes.plot(
+                [max(row.error, _FLOOR) for row in rows],
+                [row.fastest for row in rows],
+                marker=_MARKERS[i % len(_MARKERS)],
+                linestyle=_LINES[i % len(_LINES)],
+                color='black' if first else f'{0.15 + 0.5 * (i % 4) / 3:.2f}',
+                linewidth=2.2 if first else 1.1,
+                markersize=7 if first else 6,
+                fillstyle='none' if i % 2 else 'full',
+                label=name,
+            )
+        axes.set(
+            xscale='log', yscale='log', title=p.title, xlabel=f'error [{p.error_unit}]',
+            ylabel=f'CPU time per {p.unit} [s]',
+        )  # fmt: skip
+        axes.invert_xaxis()
+        axes.grid(which='major', color='0.85')
+        figure.legend(loc='outside right upper', fontsize='small')
+        figure.supxlabel(
+            f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
         )
-    axes.set(
-        xscale='log', yscale='log', title=p.title, xlabel=f'error [{p.error_unit}]',
-        ylabel=f'CPU time per {p.unit} [s]',
-    )  # fmt: skip
-    axes.invert_xaxis()
-    axes.grid(which='major', color='0.85')
-    figure.legend(loc='outside right upper', fontsize='small')
-    figure.supxlabel(
-        f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
-    )
-    with output.beside(path) as part:
-        figure.savefig(part, metadata={'Date': None})
-    plt.close(figure)

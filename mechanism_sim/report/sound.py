@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.io import wavfile
@@ -34,10 +33,6 @@ class Sound:
     mean_level: float
     slow: float
     duration: float
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the same as a plain dictionary."""
-        return asdict(self)
 
 
 def write(

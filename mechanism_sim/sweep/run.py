@@ -6,16 +6,17 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from mechanism_sim import output
 from mechanism_sim.errors import InputError
+from mechanism_sim.study.workers import on_this_machine
+from mechanism_sim.sweep.cluster import on_cluster
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.row import DONE, Task, Value, compute
 from mechanism_sim.sweep.shards import Shard, name_of, shards, windows_in
 from mechanism_sim.sweep.store import Journal, journal_of, write_table
-from mechanism_sim.sweep.workers import on_cluster, on_this_machine
 
 Show = Callable[[int, int], None]
 """Called with the number of finished runs, and of those that failed."""
@@ -35,10 +36,6 @@ class Summary:
     cpu_time: float
     windows: int = 0
     windows_folder: str | None = None
-
-    def to_json(self) -> dict[str, object]:
-        """As a plain dictionary."""
-        return asdict(self)
 
 
 class Interrupted(Exception):  # noqa: N818 - nothing went wrong
@@ -157,7 +154,8 @@ def _bag_folder(plan: Plan, table: Path, bags: str | None) -> Path | None:
     """Where runs are to be recorded, if they are."""
     if not bags and not plan.bags:
         return None
-    return _made('bags', Path(bags) if bags else table.with_suffix('.bags'))
+    folder = Path(bags) if bags else table.with_suffix('.bags')
+    return output.make_folder(folder.resolve(), "the bags' folder ")
 
 
 def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) -> Path | None:
@@ -166,7 +164,8 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
         if windows:
             raise InputError(f"--windows {windows}: the sweep has no key 'windows'")
         return None
-    folder = _made('windows', Path(windows) if windows else table.with_suffix('.windows'))
+    folder = Path(windows) if windows else table.with_suffix('.windows')
+    folder = output.make_folder(folder.resolve(), "the windows' folder ")
     own = set() if fresh else {name_of(run) for run in plan.runs}
     for file in sorted(folder.glob('*.parquet')):
         if file.name not in own:
@@ -175,17 +174,6 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
                 'choose another folder by --windows, or remove it'
             )
     return folder
-
-
-def _made(what: str, folder: Path) -> Path:
-    """A folder, made if it is not there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"the {what}' folder '{folder.resolve()}' cannot be made: {error.strerror}"
-        ) from error
-    return folder.resolve()
 
 
 def _failed(row: dict[str, Value]) -> bool:

@@ -13,7 +13,7 @@ from mechanism_sim import output
 from mechanism_sim.bench.grid import cams, four_bars, linkages, machines, trains
 from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.sweep.workers import on_this_machine
+from mechanism_sim.study.workers import on_this_machine
 
 SEED = 19
 _CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
