@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[1] / 'mechanism_sim'
 #: the floors, from the ground; a room may import what is below, and itself
 FLOORS = (
     ('catalogue', 'ending', 'errors', 'terminal'),
-    ('numerics', 'units', 'documents', 'strict_json', 'text_table', 'output'),
+    ('arrays', 'numerics', 'units', 'documents', 'strict_json', 'text_table', 'output'),
     ('planar', 'contact'),
     ('hybrid',),
     ('linkages', 'cams', 'gears', 'vibration'),

@@ -14,17 +14,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.angular_reconstruction import LINKS
 from mechanism_sim.analysis.deviation import ideal_machine
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
 from mechanism_sim.analysis.swing import MESHES, Swing, sensors_across, steps, swing
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, simulate
-
-Array = NDArray[np.float64]
 
 JOINT = 'coupler_rocker'
 MESH = MESHES[-1]

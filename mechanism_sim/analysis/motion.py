@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages.segments import Segments, curve_of, unpack
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

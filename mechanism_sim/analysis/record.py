@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.motion import gaps, padded
 from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
@@ -32,8 +32,6 @@ from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 _NEWTON = 50
 

@@ -132,17 +132,17 @@ class Pages:
     def add(self, found: Measurement, machine: Mapping[str, Any]) -> None:
         """Add a measurement, and write NAME.svg, NAME.json and NAME.txt."""
         self.found.append(found)
-        self.text.append(render(found, machine))
+        name = found.problem.name
+        self._add(name, render(found, machine), to_json([found], machine))
         if self._folder:
-            self._write(found.problem.name, to_json([found], machine))
-            _plot(found, machine, self._folder / f'{found.problem.name}.svg')
+            _plot(found, machine, self._folder / f'{name}.svg')
 
     def add_scaling(self, costs: Sequence[Cost], machine: Mapping[str, Any]) -> None:
         """Add costs by size, and write scaling.svg, scaling.json and scaling.txt."""
         self._costs += costs
-        self.text.append(render_scaling(costs, machine))
+        content = {'machine': dict(machine), 'scaling': scaling_json(costs)}
+        self._add('scaling', render_scaling(costs, machine), content)
         if self._folder:
-            self._write('scaling', {'machine': dict(machine), 'scaling': scaling_json(costs)})
             _plot_costs(costs, machine, self._folder / 'scaling.svg')
 
     def add_loose_joints(
@@ -159,23 +159,21 @@ class Pages:
         }
         left_out = [f'{name} left out: {reason}' for name, reason in (skipped or {}).items()]
         parts = [render_loose_joints(costs), render_stretches(stretches), '\n'.join(left_out)]
-        self.text.append('\n\n'.join(part for part in (*parts, footer(machine)) if part))
-        if self._folder:
-            self._write('loose_joints', {'machine': dict(machine), **self._loose})
+        text = '\n\n'.join(part for part in (*parts, footer(machine)) if part)
+        self._add('loose_joints', text, {'machine': dict(machine), **self._loose})
 
     def add_middleware(self, figures: Sequence[Figure], machine: Mapping[str, Any]) -> None:
         """Add figures of the middleware, and write middleware.json and middleware.txt."""
         self._figures += figures
-        self.text.append(f'{middleware.render(figures)}\n\n{footer(machine)}')
-        if self._folder:
-            rows = middleware.to_json(figures)
-            self._write('middleware', {'machine': dict(machine), 'rows': rows})
+        content = {'machine': dict(machine), 'rows': middleware.to_json(figures)}
+        self._add('middleware', f'{middleware.render(figures)}\n\n{footer(machine)}', content)
 
-    def _write(self, name: str, content: object) -> None:
-        text = strict_json.dumps(content, indent=1)
+    def _add(self, name: str, text: str, content: object) -> None:
+        self.text.append(text)
         if self._folder:
-            output.write_text(self._folder / f'{name}.json', text + '\n')
-            output.write_text(self._folder / f'{name}.txt', self.text[-1] + '\n')
+            data = strict_json.dumps(content, indent=1)
+            output.write_text(self._folder / f'{name}.json', data + '\n')
+            output.write_text(self._folder / f'{name}.txt', text + '\n')
 
     def to_json(self, machine: Mapping[str, Any]) -> dict[str, object]:
         """All of it."""

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.details import Average, Beside, Details, Line, Struck
 from mechanism_sim.analysis.roses import Rose
@@ -16,8 +15,6 @@ from mechanism_sim.report.figures import few_ticks, over_turn, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 _ORDERS = 40  # drawn
 _DECADES = 1e-6  # below the highest line nothing is drawn
@@ -61,28 +58,28 @@ def _spectrum(name: str, line: Line) -> Figure:
 
 
 def _orders(name: str, line: Line, drive: str) -> Figure:
-    figure = titled(f'order spectrum of {name}')
-    axes, s = figure.subplots(), line.spectrum
-    shown = (s.frequency > 0.0) & (s.frequency <= _ORDERS)
-    axes.plot(s.frequency[shown], s.values[shown], color='0.1', lw=0.9)
-    axes.set_xlim(0.0, min(_ORDERS, s.frequency[-1]))
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(f'order [cycles per turn of the {drive}]')
-    axes.set_ylabel(f'amplitude [{line.unit}]')
-    return figure
+    words = f'order [cycles per turn of the {drive}]'
+    end = min(_ORDERS, line.spectrum.frequency[-1])
+    return _amplitudes(f'order spectrum of {name}', line, end, words)
 
 
 def _envelope(name: str, line: Line, drive_rate: float | None) -> Figure:
     low, high = line.band or (0.0, 0.0)
-    figure = titled(f'squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz')
-    axes, s = figure.subplots(), line.spectrum
+    title = f'squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
     # squared, the envelope holds no frequency above the width of its band
-    end = min(high - low, s.frequency[-1], _ORDERS * (drive_rate or np.inf))
+    end = min(high - low, line.spectrum.frequency[-1], _ORDERS * (drive_rate or np.inf))
+    return _amplitudes(title, line, end, 'frequency [Hz]')
+
+
+def _amplitudes(title: str, line: Line, end: float, words: str) -> Figure:
+    """A spectrum from zero to an end, over what the words say."""
+    figure = titled(title)
+    axes, s = figure.subplots(), line.spectrum
     shown = (s.frequency > 0.0) & (s.frequency <= end)
     axes.plot(s.frequency[shown], s.values[shown], color='0.1', lw=0.9)
     axes.set_xlim(0.0, end)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel('frequency [Hz]')
+    axes.set_xlabel(words)
     axes.set_ylabel(f'amplitude [{line.unit}]')
     return figure
 

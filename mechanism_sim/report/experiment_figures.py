@@ -8,18 +8,16 @@ from itertools import cycle as endless
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.angular_reconstruction import LINKS
 from mechanism_sim.analysis.experiment import JOINT, Cycle, Experiment, Trial
+from mechanism_sim.arrays import Array
 from mechanism_sim.report.condition import rose_picture
 from mechanism_sim.report.figures import over_turn, titled
 from mechanism_sim.sensing.spectra import power
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 _NOMINAL: dict[str, Any] = {'color': '0.05', 'lw': 1.5, 'ls': (0, (4, 1.5))}
 _MEASURED: dict[str, Any] = {'color': '0.35', 'lw': 0.8}
@@ -74,7 +72,7 @@ def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
     yield '7_10', _severity(found, 1, 1e3, 'clearance [mm]')
     yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank [rpm]')
     half = min(found.bearings, key=lambda x: abs(x.condition.restitution - 0.5))
-    yield '8_03', _simulated(half.first.rows[0], half.first, half)
+    yield '8_03', _simulated(half)
     if found.assumed is not reference:
         simulated = found.assumed.first
         for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
@@ -184,31 +182,31 @@ def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Fig
     return figure
 
 
-def _simulated(values: Array, cycle: Cycle, trial: Trial) -> Figure:
-    """[SB] 8.3."""
-    figure = titled(f'simulated: {_said(trial)}', height=3.2)
-    axes, row = figure.subplots(), _ROWS['acceleration', 'coupler']
-    axes.plot(cycle.angle, values, label='with clearance', **_MEASURED)
-    axes.plot(cycle.angle, cycle.nominal[row.place], label='no clearance', **_NOMINAL)
-    axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
-    axes.legend(frameon=False, fontsize=7.5, ncols=2)
-    over_turn(axes, 'crank')
-    return figure
-
-
-def _forces(found: Experiment, modified: Array) -> Figure:
-    """[SB] 8.8 to 8.10."""
-    cycle = found.assumed.first
-    title = f'simulated, modified by alpha = {found.alpha:.3g}: {_said(found.assumed)}'
-    figure = titled(title, 7.0, 6.5)
-    panels = figure.subplots(3, 1, sharex=True)
-    for axes, row in zip(panels, list(_ROWS.values())[4:], strict=True):
-        axes.plot(cycle.angle, modified[row.place], label='modified', **_MEASURED)
+def _beside_nominal(
+    title: str, height: float, cycle: Cycle, shown: Sequence[tuple[_Row, Array]], label: str
+) -> Figure:
+    """[SB] 8.3 and 8.8 to 8.10: rows of a cycle, and what the ideal mechanism has for them."""
+    figure = titled(title, height=height)
+    panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (row, values) in zip(panels, shown, strict=True):
+        axes.plot(cycle.angle, values, label=label, **_MEASURED)
         axes.plot(cycle.angle, cycle.nominal[row.place], label='no clearance', **_NOMINAL)
         axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
     over_turn(panels[-1], 'crank')
     panels[0].legend(frameon=False, fontsize=7.5, ncols=2)
     return figure
+
+
+def _simulated(trial: Trial) -> Figure:
+    cycle = trial.first
+    shown = [(_ROWS['acceleration', 'coupler'], cycle.rows[0])]
+    return _beside_nominal(f'simulated: {_said(trial)}', 3.2, cycle, shown, 'with clearance')
+
+
+def _forces(found: Experiment, modified: Array) -> Figure:
+    title = f'simulated, modified by alpha = {found.alpha:.3g}: {_said(found.assumed)}'
+    shown = [(row, modified[row.place]) for row in list(_ROWS.values())[4:]]
+    return _beside_nominal(title, 6.5, found.assumed.first, shown, 'modified')
 
 
 def _dominant(trial: Trial) -> Figure:

@@ -8,10 +8,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import MultipleLocator
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series, chosen, instants, sampled, with_extremes
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
@@ -20,8 +20,6 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report import figures
 from mechanism_sim.report.cycle import for_people
 from mechanism_sim.report.picture import Picture
-
-Array = NDArray[np.float64]
 
 _MOST = 100  # lines that axes and legend have room for
 _LETTERS = 110  # in a line of a legend

@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.report import cycle as report
 from mechanism_sim.report.figures import few_ticks, strokes, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 _KINDS = ('position', 'velocity', 'acceleration')
 _WORDS = {

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import choose
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.skeleton import bounds, skeleton_of
@@ -22,8 +23,6 @@ from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.lens import ACCENT, EDGE, Lens
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.sensing.joint_view import JointView
-
-Array = NDArray[np.float64]
 
 DENSITY = 100.0
 """Pixels in an inch of print."""

@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mechanism_sim import output
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
-from mechanism_sim.hybrid.system import Array
 
 SUFFIXES = ('.npz', '.csv', '.parquet')
 

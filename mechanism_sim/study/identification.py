@@ -27,16 +27,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
 from mechanism_sim.study.measurement import Measurement
 from mechanism_sim.study.parameters import Parameter
 from mechanism_sim.study.workers import on_this_machine
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """Called with the numbers of simulations finished and failed."""
 

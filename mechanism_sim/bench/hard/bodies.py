@@ -11,6 +11,7 @@ from typing import Any
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.audit import Audit, Energy
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
@@ -18,7 +19,7 @@ from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.solution import Solution
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift

@@ -7,7 +7,6 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.bench.hard.bodies import relative_residual, residual
 from mechanism_sim.bench.hard.case import Figure, hard_case
@@ -19,8 +18,6 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine, load_scene, simulate, stream
-
-Array = NDArray[np.float64]
 
 TURN = 2.0 * math.pi
 MASS, STIFFNESS, PRELOAD, ECCENTRICITY = 0.2, 5000.0, 60.0, 5e-3

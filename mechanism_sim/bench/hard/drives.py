@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.hard.bodies import SPEED, TURN, residual, thesis
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.scene import load_scene, simulate
-
-Array = NDArray[np.float64]
 
 FLYWHEEL = {'speed': SPEED, 'torque': {'constant': 0.1}, 'flywheel': 0.01}
 

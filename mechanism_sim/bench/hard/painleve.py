@@ -9,13 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, Thrown, residual
 from mechanism_sim.bench.hard.case import Figure, hard_case
-
-Array = NDArray[np.float64]
 
 HALF = 1.0  # [m] half the length of the rod, of 1 kg
 INERTIA = HALF**2 / 3.0

@@ -6,17 +6,15 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.hard.bodies import residual
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
-
-Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
 CRANK, ROD = 0.05, 0.2  # [m] of the slider-crank

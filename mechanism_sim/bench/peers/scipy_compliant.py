@@ -9,8 +9,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.peers.scipy_events import Array, Equations, Rates
+from mechanism_sim.bench.peers.scipy_events import Equations, Rates
 from mechanism_sim.bench.problem import Outcome, Run, whole
 from mechanism_sim.errors import RunError
 

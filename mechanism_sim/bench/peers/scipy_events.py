@@ -7,13 +7,12 @@ from math import cos, hypot, sin
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
 from mechanism_sim.bench.problem import Outcome, Run, whole
 
-Array = NDArray[np.float64]
 Rates = tuple[float, float, float, float]
 
 STABILISATION = 500.0  #: [1/s] of Baumgarte's terms in following

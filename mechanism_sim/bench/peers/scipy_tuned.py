@@ -25,10 +25,10 @@ from math import cos, hypot, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 from scipy.optimize import brentq, minimize_scalar
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
 from mechanism_sim.bench.problem import Outcome, whole
 
@@ -42,7 +42,6 @@ NODES = np.linspace(0, 1, 10)[1:]
 
 
 State = tuple[float, ...]
-Array = NDArray[np.float64]
 Rate = Callable[[float, Array], State]
 Guard = Callable[[Any, Any], Any]
 

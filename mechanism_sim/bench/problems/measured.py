@@ -12,7 +12,8 @@ from numpy.polynomial.polynomial import polyval
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear_zpk, lsim, sosfilt, zpk2sos
 
-from mechanism_sim.bench.accelerometer_chain import SENSOR, Array, Measured
+from mechanism_sim.arrays import Array
+from mechanism_sim.bench.accelerometer_chain import SENSOR, Measured
 from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, whole
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers

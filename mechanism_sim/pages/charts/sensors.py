@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.details import Line as Spectral
 from mechanism_sim.analysis.details import Wanted, everything, find_details
@@ -20,8 +19,6 @@ from mechanism_sim.pages.charts.style import (
     written,
 )  # fmt: skip
 from mechanism_sim.pages.charts.thinning import Line, thin
-
-Array = NDArray[np.float64]
 
 _ORDERS = 40  # drawn
 _MARKED = 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000
@@ -96,32 +93,31 @@ def _density(name: str, line: Spectral, rate: float | None, shade: str) -> Chart
 
 
 def _orders(name: str, line: Spectral, drive: str, shade: str) -> Chart:
-    found = line.spectrum
-    figure = chart(
-        f'order [cycles per turn of the {drive}]', f'amplitude [{line.unit}]', showlegend=False
-    )
-    shown = (found.frequency > 0.0) & (found.frequency <= _ORDERS)
-    figure.update_xaxes(range=[0.0, min(_ORDERS, float(found.frequency[-1]))])
-    figure.update_yaxes(rangemode='tozero')
-    spectrum = thin(Line(found.frequency[shown], found.values[shown]))
-    _add(figure, spectrum, shade, 'per turn', line.unit)
+    end = min(_ORDERS, float(line.spectrum.frequency[-1]))
+    words = f'order [cycles per turn of the {drive}]'
+    figure = _amplitudes(line, end, words, shade, 'per turn')
     return Chart(f'sensor-{name}-orders', f'{name}: orders', written(figure), 'frequency', name)
 
 
 def _envelope(name: str, line: Spectral, rate: float | None, shade: str) -> Chart:
     low, high = line.band or (0.0, 0.0)
-    found = line.spectrum
     # squared, the envelope holds no frequency above the width of its band
-    end = min(high - low, float(found.frequency[-1]), _ORDERS * (rate or np.inf))
-    figure = chart('frequency [Hz]', f'amplitude [{line.unit}]', showlegend=False)
-    figure.update_xaxes(range=[0.0, end])
-    figure.update_yaxes(rangemode='tozero')
-    shown = (found.frequency > 0.0) & (found.frequency <= end)
-    spectrum = thin(Line(found.frequency[shown], found.values[shown]))
-    _add(figure, spectrum, shade, 'Hz', line.unit)
+    end = min(high - low, float(line.spectrum.frequency[-1]), _ORDERS * (rate or np.inf))
+    figure = _amplitudes(line, end, 'frequency [Hz]', shade, 'Hz')
     _mark_orders(figure, rate, 0.0, end, log=False)
     title = f'{name}: squared envelope from {low:.6g} Hz to {high:.6g} Hz'
     return Chart(f'sensor-{name}-envelope', title, written(figure), 'frequency', name)
+
+
+def _amplitudes(line: Spectral, end: float, words: str, shade: str, unit: str) -> go.Figure:
+    """A spectrum from zero to an end, over what the words say."""
+    figure = chart(words, f'amplitude [{line.unit}]', showlegend=False)
+    figure.update_xaxes(range=[0.0, end])
+    figure.update_yaxes(rangemode='tozero')
+    x, y = line.spectrum.frequency, line.spectrum.values
+    shown = (x > 0.0) & (x <= end)
+    _add(figure, thin(Line(x[shown], y[shown])), shade, unit, line.unit)
+    return figure
 
 
 def _add(figure: go.Figure, line: Line, shade: str, x: str, y: str) -> None:
