@@ -44,13 +44,6 @@ class Abscissa(NamedTuple):
 TIME = Abscissa('time [s]', lambda t: t)
 
 
-def over_angle(drive: str, angle: Callable[[Array], Array]) -> Abscissa:
-    """Over the angle of a drive within a turn; `angle` gives it in radians."""
-    return Abscissa(
-        f'angle of the {drive} [deg]', lambda t: np.degrees(np.mod(angle(t), TWO_PI)), True
-    )
-
-
 def over_angle_of(record: Record) -> Abscissa:
     """Over the angle of the main drive of a recorded run.
 
@@ -59,9 +52,7 @@ def over_angle_of(record: Record) -> Abscissa:
     InputError
         If it has none.
     """
-    if record.slides:
-        raise InputError(f'{record.machine.main} is driven straight, it has no angle')
-    return over_angle(record.machine.main, record.angle)
+    return _over_angle_of(record.piece, record.machine.main)
 
 
 def draw(series: Sequence[Series], title: str, over: Abscissa = TIME) -> Picture:
@@ -210,15 +201,21 @@ def plot(
         series, title = sampled(piece, wanted, t), getattr(run, 'scene', '')
     if not names:
         series = list(_overview(series))
-    return draw(series, title, _of_drive(piece) if against == 'angle' else TIME)
-
-
-def _of_drive(piece: Piece) -> Abscissa:
+    if against != 'angle':
+        return draw(series, title)
     drive = (*piece.physics.driven, *piece.physics.coordinates)[0]
+    return draw(series, title, _over_angle_of(piece, drive))
+
+
+def _over_angle_of(piece: Piece, drive: str) -> Abscissa:
     if drive in piece.physics.displacements:
         raise InputError(f'{drive} is driven straight, it has no angle')
     i = piece.physics.coordinates.index(drive)
-    return over_angle(drive, lambda t: piece.motion.curve(t)[:, i])
+
+    def at(t: Array) -> Array:
+        return np.asarray(np.degrees(np.mod(piece.motion.curve(t)[:, i], TWO_PI)))
+
+    return Abscissa(f'angle of the {drive} [deg]', at, True)
 
 
 def _usual(piece: Piece) -> list[str]:
