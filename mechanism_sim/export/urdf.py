@@ -9,7 +9,6 @@ links come from their solution.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from mechanism_sim.cams.pair import CamPair
@@ -158,7 +157,8 @@ def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid], colo
         ElementTree.SubElement(
             inertial, 'inertia', ixx=flat, iyy=flat, izz=polar, ixy='0', ixz='0', iyz='0'
         )
-    for solid in _on(drawn, GROUND if body is None else body.name):
+    owner = GROUND if body is None else body.name
+    for solid in (s for s in drawn if s.link == owner):
         visual = ElementTree.SubElement(link, 'visual')
         _origin(visual, solid.at, solid.turn)
         geometry = ElementTree.SubElement(visual, 'geometry')
@@ -169,10 +169,6 @@ def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid], colo
             ElementTree.SubElement(geometry, 'cylinder', radius=radius, length=length)
         material = ElementTree.SubElement(visual, 'material', name=f'colour of {name}')
         ElementTree.SubElement(material, 'color', rgba=f'{colour} 1')
-
-
-def _on(drawn: list[Solid], link: str) -> Iterator[Solid]:
-    return (solid for solid in drawn if solid.link == link)
 
 
 def _origin(parent: Element, xyz: tuple[float, ...], yaw: float) -> None:

@@ -140,7 +140,7 @@ class Pages:
     def add_scaling(self, costs: Sequence[Cost], machine: Mapping[str, Any]) -> None:
         """Add costs by size, and write scaling.svg, scaling.json and scaling.txt."""
         self._costs += costs
-        content = {'machine': dict(machine), 'scaling': scaling_json(costs)}
+        content = {'machine': dict(machine), 'scaling': strict_json.plain(costs)}
         self._add('scaling', render_scaling(costs, machine), content)
         if self._folder:
             _plot_costs(costs, machine, self._folder / 'scaling.svg')
@@ -178,7 +178,7 @@ class Pages:
     def to_json(self, machine: Mapping[str, Any]) -> dict[str, object]:
         """All of it."""
         found = to_json(self.found, machine, middleware.to_json(self._figures))
-        found |= {'scaling': scaling_json(self._costs)} if self._costs else {}
+        found |= {'scaling': strict_json.plain(self._costs)} if self._costs else {}
         return found | self._loose
 
 
@@ -264,11 +264,6 @@ def _error(cost: StretchCost) -> str:
     """Rounding alone comes to 1e-15 m."""
     small = '<1e-15' if cost.error < 1e-15 else f'{cost.error:.0e}'
     return small + '+' * cost.limited
-
-
-def scaling_json(costs: Sequence[Cost]) -> list[dict[str, object]]:
-    """Costs by size."""
-    return [asdict(c) for c in costs]
 
 
 def to_json(

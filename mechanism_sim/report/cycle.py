@@ -15,11 +15,6 @@ _FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
 _COMPONENTS = ('x', 'y')
 
 
-def unit(cycle: Cycle, column: str) -> str:
-    """The SI unit of a column; empty for a number."""
-    return unit_of(cycle.machine, column)
-
-
 def for_people(unit: str) -> tuple[str, float]:
     """The unit in which people read a quantity, and by what its SI value is multiplied."""
     return _FOR_PEOPLE.get(unit, (unit, 1.0))
@@ -49,11 +44,11 @@ def render(cycle: Cycle) -> str:
 
 
 def _extremes(cycle: Cycle) -> list[str]:
-    rows = []
+    rows, machine = [], cycle.machine
     for name, ends in cycle.extremes().items():
         if part_of(name) in _COMPONENTS:
             continue  # people read sizes; JSON has components too
-        shown, scale = for_people(unit(cycle, name))
+        shown, scale = for_people(unit_of(machine, name))
         low, high = (
             f'{scale * x.value:.6g}' if abs(x.value) > ends.rounding else '0'
             for x in (ends.least, ends.greatest)
@@ -69,8 +64,9 @@ def _extremes(cycle: Cycle) -> list[str]:
 
 
 def _swings(cycle: Cycle) -> Iterator[str]:
+    machine = cycle.machine
     for name, swing in cycle.swings().items():
-        shown, scale = for_people(unit(cycle, f'position.{name}'))
+        shown, scale = for_people(unit_of(machine, f'position.{name}'))
         if swing.turns:
             yield f'{name} makes {swing.turns} full turn{"s" if abs(swing.turns) > 1 else ""}'
             continue
@@ -84,10 +80,11 @@ def _swings(cycle: Cycle) -> Iterator[str]:
 
 
 def _drive(cycle: Cycle) -> Iterator[str]:
-    if not cycle.machine.physics.has_forces:
+    machine = cycle.machine
+    if not machine.physics.has_forces:
         return
     for name in cycle.drive_torques:
-        yield f'{name}: root mean square {cycle.rms(name):.6g} {unit(cycle, name)}'
+        yield f'{name}: root mean square {cycle.rms(name):.6g} {unit_of(machine, name)}'
     power = cycle.mean_power
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
         power = 0.0  # what is given is taken back
@@ -96,15 +93,16 @@ def _drive(cycle: Cycle) -> Iterator[str]:
 
 def to_json(cycle: Cycle) -> dict[str, object]:
     """The same in SI units, and the unit of each column; JSON has no infinity: null."""
-    forces = cycle.machine.physics.has_forces
+    machine = cycle.machine
+    forces = machine.physics.has_forces
     return {
-        'scene': cycle.machine.name,
-        'level': cycle.machine.level.value,
+        'scene': machine.name,
+        'level': machine.level.value,
         'drive': cycle.drive,
         'start': float(cycle.t[0]),
         'end': float(cycle.t[-1]),
         'samples': len(cycle.t),
-        'units': {name: unit(cycle, name) for name in cycle.table()},
+        'units': {name: unit_of(machine, name) for name in cycle.table()},
         'extremes': {
             name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
             for name, ends in cycle.extremes().items()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.report import cycle as report
+from mechanism_sim.report.cycle import for_people
 from mechanism_sim.report.figures import few_ticks, strokes, titled
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def _abscissa(cycle: Cycle) -> tuple[Array, str]:
 def _lines(axes: Any, cycle: Cycle, columns: dict[str, str], words: str) -> None:
     """Columns of one unit over the cycle; values are their labels."""
     x, _ = _abscissa(cycle)
-    shown, scale = report.for_people(report.unit(cycle, next(iter(columns))))
+    shown, scale = for_people(unit_of(cycle.machine, next(iter(columns))))
     for (column, label), stroke in zip(columns.items(), strokes(len(columns)), strict=True):
         axes.plot(x, scale * cycle[column], label=label, **stroke)
     axes.set_ylabel(f'{words} [{shown}]')
@@ -65,7 +65,7 @@ def _degrees(width: float) -> Any:
 
 def _motion(cycle: Cycle) -> Figure:
     names = cycle.machine.physics.coordinates
-    units = [report.unit(cycle, f'position.{name}') for name in names]
+    units = [unit_of(cycle.machine, f'position.{name}') for name in names]
     columns = list(dict.fromkeys(units))
     figure = titled(cycle.machine.scene.title, 6.0 * len(columns), 6.5)
     grid = figure.subplots(3, len(columns), sharex=True, squeeze=False)
@@ -98,8 +98,8 @@ def _phase(cycle: Cycle) -> Figure:
     names = cycle.machine.physics.coordinates
     figure = titled(cycle.machine.scene.title, *_size(len(names), 3.0))
     for name, axes in zip(names, _grid(figure, len(names)), strict=True):
-        unit = report.unit(cycle, f'position.{name}')
-        shown, scale = report.for_people(unit)
+        unit = unit_of(cycle.machine, f'position.{name}')
+        shown, scale = for_people(unit)
         x, y = scale * cycle[f'position.{name}'], cycle[f'velocity.{name}']
         axes.plot(x, y, color='0.1', lw=1.1)
         axes.plot(x[:1], y[:1], 'o', color='0.1', ms=4.0)
@@ -109,12 +109,8 @@ def _phase(cycle: Cycle) -> Figure:
     return figure
 
 
-def _joints(cycle: Cycle) -> Sequence[str]:
-    return cycle.machine.physics.joints
-
-
 def _forces(cycle: Cycle) -> Figure:
-    columns = {f'reaction.{joint}.size': joint for joint in _joints(cycle)}
+    columns = {f'reaction.{joint}.size': joint for joint in cycle.machine.physics.joints}
     figure = titled(cycle.machine.scene.title, 7.0, 4.0)
     axes = figure.subplots()
     _lines(axes, cycle, columns, 'force in the joint')
@@ -125,7 +121,7 @@ def _forces(cycle: Cycle) -> Figure:
 
 def _hodographs(cycle: Cycle) -> Figure:
     """The vector of each joint's force over its direction, and of the force on the frame."""
-    names = {f'reaction.{joint}': joint for joint in _joints(cycle)}
+    names = {f'reaction.{joint}': joint for joint in cycle.machine.physics.joints}
     names['shaking_force'] = 'all on the frame'
     figure = titled(cycle.machine.scene.title, *_size(len(names), 3.2))
     panels = _grid(figure, len(names), subplot_kw={'projection': 'polar'})
@@ -139,7 +135,7 @@ def _hodographs(cycle: Cycle) -> Figure:
 
 
 def _drive(cycle: Cycle) -> Figure:
-    units = [report.unit(cycle, name) for name in cycle.drive_torques]
+    units = [unit_of(cycle.machine, name) for name in cycle.drive_torques]
     kinds = list(dict.fromkeys(units))
     figure = titled(cycle.machine.scene.title, 7.0, 2.2 * (len(kinds) + 3))
     panels = figure.subplots(len(kinds) + 3, 1, sharex=True)

@@ -94,7 +94,7 @@ def sweep(
         unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
         tasks = [t for key, t in unique.items() if not _kept(t, journal.rows.get(key))]
         finished = kept = len(unique) - len(tasks)
-        failed = sum(map(_failed, journal.rows.values()))
+        failed = sum(map(has_failed, journal.rows.values()))
         cores = len(os.sched_getaffinity(0))
         source = (
             on_cluster(tasks, dask) if dask else on_this_machine(tasks, workers or cores, compute)
@@ -105,7 +105,7 @@ def sweep(
                     journal.add(one)
                     finished += 1
                     cpu += one.cpu
-                    failed += _failed(one.row)
+                    failed += has_failed(one.row)
                     if show:
                         show(finished, failed)
         except KeyboardInterrupt:
@@ -119,7 +119,7 @@ def sweep(
         plan.name,
         str(table),
         len(rows),
-        sum(map(_failed, rows)),
+        sum(map(has_failed, rows)),
         len(tasks),
         kept,
         time.perf_counter() - began,
@@ -134,7 +134,7 @@ def _kept(task: Task, row: dict[str, Value] | None) -> bool:
     """Whether a run need not be made: its row is known, and so are its windows if it has any."""
     if row is None:
         return False
-    return _failed(row) or all(shard.file.exists() for shard in task.shards)
+    return has_failed(row) or all(shard.file.exists() for shard in task.shards)
 
 
 def _tasks(plan: Plan, bags: Path | None, cut: Mapping[int, Shard]) -> dict[str, Task]:
@@ -176,5 +176,6 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
     return folder
 
 
-def _failed(row: dict[str, Value]) -> bool:
+def has_failed(row: dict[str, Value]) -> bool:
+    """Whether a row is that of a run that failed."""
     return row['status'] != DONE
