@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Answer, Outcome, Run, without
+from mechanism_sim.bench.problem import Answer, Outcome, Run, whole, without
 
 if TYPE_CHECKING:
     from mechanism_sim.bench.kernels.loose_equations import Constants
@@ -54,11 +53,11 @@ def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
     seated, end = four_bar.seated, four_bar.duration
     revolve(p, start, seated, 1e-9, rtol, times)
 
-    def run() -> Callable[[], Outcome]:
-        th3, th4, steps, impacts = revolve(p, start, seated, end, rtol, times)
-        return lambda: Outcome(np.array([th3, th4]), steps, impacts)
+    def work() -> Outcome:
+        *angles, steps, impacts = revolve(p, start, seated, end, rtol, times)
+        return Outcome(np.array(angles), steps, impacts)
 
-    return run
+    return whole(work)
 
 
 PEER = Peer(

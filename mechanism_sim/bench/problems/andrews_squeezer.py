@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from math import pi
 
 import numpy as np
 
 from mechanism_sim.bench.four_bar import reference
 from mechanism_sim.bench.integration import event_loop, positions, solved
-from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, without
+from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, whole, without
 from mechanism_sim.bench.squeezer import Squeezer, rates
 from mechanism_sim.scene import load_scene
 
@@ -55,27 +55,23 @@ def compiled(rtol: float) -> Run:
     p, start = given()
     integrate(p, start, 1e-9, rtol)
 
-    def run() -> Callable[[], Outcome]:
+    def work() -> Outcome:
         end, steps = integrate(p, start, DURATION, rtol)
-        return lambda: Outcome(end[:7], steps)
+        return Outcome(end[:7], steps)
 
-    return run
+    return whole(work)
 
 
-def scipy(method: str) -> Callable[[float], Run]:
+def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the test set's coordinates."""
+    p, start = given()
 
-    def prepare(rtol: float) -> Run:
-        p, start = given()
+    def rate(t: float, y: Answer) -> Answer:
+        out = np.empty(14)
+        rates(t, y, p, out)
+        return out
 
-        def rate(t: float, y: Answer) -> Answer:
-            out = np.empty(14)
-            rates(t, y, p, out)
-            return out
-
-        return solved(rate, start, DURATION, method, rtol, 7)
-
-    return prepare
+    return solved(rate, start, DURATION, method, rtol, 7)
 
 
 PROBLEM = Problem(
@@ -101,7 +97,7 @@ PROBLEM = Problem(
                 f'SciPy {method}',
                 (1e-6, 1e-8, 1e-10, 1e-12),
                 'rtol',
-                scipy(method),
+                partial(scipy, method),
                 "`solve_ivp` on the test set's seven angles in index 1, written by hand; "
                 '`numpy.linalg.solve` on 13 equations a call.',
             )

@@ -6,6 +6,7 @@ The motion is known and the same for all, polynomials and impacts; only measurin
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -58,17 +59,13 @@ def oversampled(factor: float, pulses: bool) -> tuple[Array, Array]:
     return u, t
 
 
-def filtered(pulses: bool) -> Callable[[float], Run]:
+def filtered(pulses: bool, factor: float) -> Run:
     """`sosfilt` with the chain made digital by the bilinear transform, by factor of the rate."""
-
-    def prepare(factor: float) -> Run:
-        chain = RUN.instrument.transfer()
-        rate = factor * RUN.instrument.sample_rate
-        sections = zpk2sos(*bilinear_zpk(chain.zeros, chain.poles, chain.gain, rate))
-        every = int(factor)
-        return timed(lambda: sosfilt(sections, oversampled(factor, pulses)[0])[::every])
-
-    return prepare
+    chain = RUN.instrument.transfer()
+    rate = factor * RUN.instrument.sample_rate
+    sections = zpk2sos(*bilinear_zpk(chain.zeros, chain.poles, chain.gain, rate))
+    every = int(factor)
+    return timed(lambda: sosfilt(sections, oversampled(factor, pulses)[0])[::every])
 
 
 def simulated(factor: float) -> Run:
@@ -139,7 +136,7 @@ MEASURED = Problem(
             'SciPy sosfilt, no impacts',
             FACTORS,
             OVER,
-            filtered(pulses=False),
+            partial(filtered, False),
             'Ideal acceleration sampled at a multiple of the rate, sections by the bilinear '
             'transform, every n-th sample; impacts are not seen.',
         ),
@@ -147,7 +144,7 @@ MEASURED = Problem(
             'SciPy sosfilt, pulses',
             FACTORS,
             OVER,
-            filtered(pulses=True),
+            partial(filtered, True),
             'The same; two samples about an impact share its area, so that its instant is kept.',
         ),
         Method(

@@ -7,6 +7,7 @@ The peers are written for their one coordinate alone, `mechanism_sim.bench.rattl
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -21,41 +22,34 @@ from mechanism_sim.scene import load_scene
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 
 
-def ours(rattling: Rattling) -> Callable[[float], Run]:
-    """The event loop of this package, by tolerance."""
-    end = rattling.duration
+def ours(rattling: Rattling, rtol: float) -> Run:
+    """The event loop of this package."""
 
     def hard(_: Motion, impacts: list[Impact]) -> Answer:
         times, speeds = np.array([(i.t, i.approach_speed) for i in impacts]).T
         return rattling.hard(times, speeds)
 
-    def prepare(rtol: float) -> Run:
-        return event_loop(load_scene(rattling.name, {'solver.rtol': rtol}), end, hard)
-
-    return prepare
+    machine = load_scene(rattling.name, {'solver.rtol': rtol})
+    return event_loop(machine, rattling.duration, hard)
 
 
-def compiled(rattling: Rattling) -> Callable[[float], Run]:
-    """The loop compiled by numba, by tolerance."""
+def compiled(rattling: Rattling, rtol: float) -> Run:
+    """The loop compiled by numba."""
+    from mechanism_sim.bench.kernels.rattling import bouncer  # noqa: PLC0415
 
-    def prepare(rtol: float) -> Run:
-        from mechanism_sim.bench.kernels.rattling import bouncer  # noqa: PLC0415
+    revolve, (low, high) = bouncer(rattling.pull), rattling.walls
+    times, speeds = np.empty(10_000), np.empty(10_000)
+    given = (
+        rattling.constants, low, high, rattling.restitution, rattling.seated,
+        rattling.stops(), rattling.longest, rattling.size, rtol, times, speeds,
+    )  # fmt: skip
+    revolve(*given)
 
-        revolve, (low, high) = bouncer(rattling.pull), rattling.walls
-        times, speeds = np.empty(10_000), np.empty(10_000)
-        given = (
-            rattling.constants, low, high, rattling.restitution, rattling.seated,
-            rattling.stops(), rattling.longest, rattling.size, rtol, times, speeds,
-        )  # fmt: skip
-        revolve(*given)
+    def run() -> Callable[[], Outcome]:
+        steps, n = revolve(*given)
+        return lambda: Outcome(rattling.hard(times[:n], speeds[:n]), steps, n)
 
-        def run() -> Callable[[], Outcome]:
-            steps, n = revolve(*given)
-            return lambda: Outcome(rattling.hard(times[:n], speeds[:n]), steps, n)
-
-        return run
-
-    return prepare
+    return run
 
 
 def problem(rattling: Rattling, title: str) -> Problem:
@@ -74,7 +68,7 @@ def problem(rattling: Rattling, title: str) -> Problem:
                 OURS,
                 TOLERANCES,
                 'rtol',
-                ours(rattling),
+                partial(ours, rattling),
                 'The event loop of `simulate`, which records motion as polynomials and impacts; '
                 'from the scene file.',
             ),
@@ -82,7 +76,7 @@ def problem(rattling: Rattling, title: str) -> Problem:
                 'numba DOP853 loop',
                 (1e-4, *TOLERANCES),
                 'rtol',
-                compiled(rattling),
+                partial(compiled, rattling),
                 'An event loop for one coordinate between walls, compiled with these equations as '
                 'one function; in contact, where the motion is known, nothing is integrated.',
                 lambda: without('numba'),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import cos, sin, sqrt
 
 from mechanism_sim.bench.four_bar import LooseFourBar, reference
@@ -63,14 +64,10 @@ def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
     return rate
 
 
-def scipy(method: str) -> Callable[[float], Run]:
+def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the one coordinate."""
-
-    def prepare(rtol: float) -> Run:
-        f = LooseFourBar.thesis()
-        return solved(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
-
-    return prepare
+    f = LooseFourBar.thesis()
+    return solved(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
 
 
 PROBLEM = Problem(
@@ -95,7 +92,7 @@ PROBLEM = Problem(
                 f'SciPy {method}',
                 (1e-6, 1e-8, 1e-10, 1e-12),
                 'rtol',
-                scipy(method),
+                partial(scipy, method),
                 '`solve_ivp` on the crank angle alone, everything else eliminated by hand, plain '
                 'floats.',
             )
