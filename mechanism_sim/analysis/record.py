@@ -304,13 +304,23 @@ class Record:
         InputError
             If it has not.
         """
-        known = self.loose_joints
-        if joint not in known:
-            raise InputError(
-                f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
-                f'such joints of {self.machine.name}: {", ".join(known) or "none"}'
-            )
-        return joint
+        return one_of(self.loose_joints, joint, self.machine)
+
+
+def one_of(known: Sequence[str], joint: str, machine: Machine) -> str:
+    """The joint, if it is one of those known to have a pin loose in a bushing.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if joint not in known:
+        raise InputError(
+            f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
+            f'such joints of {machine.name}: {", ".join(known) or "none"}'
+        )
+    return joint
 
 
 def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:

@@ -6,7 +6,6 @@ import base64
 import gzip
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -19,7 +18,6 @@ from mechanism_sim.pages.charts import Section
 from mechanism_sim.pages.recorded import Recorded
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'report'
-_HEIGHT = 360  # [px] of a chart that does not say
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
         scene=record.machine.name,
         description=scene.description.strip(),
         facts=_facts(run, source, digest or record.digest()),
-        sections=[_section(part) for part in parts],
+        sections=parts,
         bearings=[joint.name.replace('_', ' ') for joint in run.stage.bearings],
         forces=bool(run.stage.joints),
         style=Markup(asset('style.css')),  # noqa: S704 - ours
@@ -91,26 +89,6 @@ def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
     if source:
         facts.append(Fact('Recorded in', source if record.complete else f'{source}, cut short'))
     return facts
-
-
-def _section(section: Section) -> dict[str, Any]:
-    """A section as the template needs it: with the height of its charts."""
-    charts = [
-        {
-            'key': chart.key,
-            'title': chart.title,
-            'axis': chart.axis,
-            'height': chart.figure.get('layout', {}).get('height') or _HEIGHT,
-        }
-        for chart in section.charts
-    ]
-    return {
-        'key': section.key,
-        'title': section.title,
-        'text': section.text,
-        'charts': charts,
-        'rows': section.rows,
-    }
 
 
 def _packed(text: str) -> str:

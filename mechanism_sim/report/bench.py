@@ -272,15 +272,12 @@ def to_json(
     more: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, object]:
     """Rows ``method, tolerance, cpu_per_unit, error, unit`` and more; times in seconds."""
+    keys = 'name', 'title', 'reference', 'unit', 'error_unit'
     return {
         'machine': dict(machine),
         'problems': [
             {
-                'name': m.problem.name,
-                'title': m.problem.title,
-                'reference': m.problem.reference,
-                'unit': m.problem.unit,
-                'error_unit': m.problem.error_unit,
+                **{key: getattr(m.problem, key) for key in keys},
                 'methods': {row.method.name: row.method.how for row in m.rows},
                 'skipped': m.skipped,
             }
@@ -295,19 +292,15 @@ def _row(found: Measurement, row: Row) -> dict[str, object]:
         'problem': found.problem.name,
         'method': row.method.name,
         'setting': row.method.setting,
-        'tolerance': row.tolerance,
         'cpu_per_unit': row.fastest,
         'cpu_per_unit_median': row.median,
         'repeats': len(row.times),
-        'error': row.error,
         'error_unit': found.problem.error_unit,
         'unit': found.problem.unit,
-        'steps': row.steps,
-        'impacts': row.impacts,
-        'compile_time': row.compile_time,
-        'failure': row.failure,
     }
-    return {key: strict_json.plain(value) for key, value in own.items()}
+    same = 'tolerance', 'error', 'steps', 'impacts', 'compile_time', 'failure'
+    found_json: dict[str, object] = strict_json.plain(own | {k: getattr(row, k) for k in same})
+    return found_json
 
 
 @contextmanager

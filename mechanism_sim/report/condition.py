@@ -16,7 +16,6 @@ from mechanism_sim.report.figures import few_ticks, over_turn, titled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_ORDERS = 40  # drawn
 _DECADES = 1e-6  # below the highest line nothing is drawn
 
 
@@ -52,35 +51,29 @@ def _spectrum(name: str, line: Line) -> Figure:
     if highest := s.values[1:].max():
         axes.set_yscale('log')
         axes.set_ylim(bottom=_DECADES * highest)
-    axes.set_xlabel('frequency [Hz]')
-    axes.set_ylabel(f'[{line.unit}]')
+    axes.set(xlabel='frequency [Hz]', ylabel=f'[{line.unit}]')
     return figure
 
 
 def _orders(name: str, line: Line, drive: str) -> Figure:
     words = f'order [cycles per turn of the {drive}]'
-    end = min(_ORDERS, line.spectrum.frequency[-1])
-    return _amplitudes(f'order spectrum of {name}', line, end, words)
+    return _amplitudes(f'order spectrum of {name}', line, 1.0, words)
 
 
 def _envelope(name: str, line: Line, drive_rate: float | None) -> Figure:
     low, high = line.band or (0.0, 0.0)
     title = f'squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
-    # squared, the envelope holds no frequency above the width of its band
-    end = min(high - low, line.spectrum.frequency[-1], _ORDERS * (drive_rate or np.inf))
-    return _amplitudes(title, line, end, 'frequency [Hz]')
+    return _amplitudes(title, line, drive_rate, 'frequency [Hz]')
 
 
-def _amplitudes(title: str, line: Line, end: float, words: str) -> Figure:
-    """A spectrum from zero to an end, over what the words say."""
+def _amplitudes(title: str, line: Line, rate: float | None, words: str) -> Figure:
+    """A spectrum over what the words say, in which the first order lies at `rate`."""
     figure = titled(title)
-    axes, s = figure.subplots(), line.spectrum
-    shown = (s.frequency > 0.0) & (s.frequency <= end)
-    axes.plot(s.frequency[shown], s.values[shown], color='0.1', lw=0.9)
+    axes, (end, *shown) = figure.subplots(), line.drawn(rate)
+    axes.plot(*shown, color='0.1', lw=0.9)
     axes.set_xlim(0.0, end)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(words)
-    axes.set_ylabel(f'amplitude [{line.unit}]')
+    axes.set(xlabel=words, ylabel=f'amplitude [{line.unit}]')
     return figure
 
 

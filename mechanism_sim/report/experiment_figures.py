@@ -110,8 +110,7 @@ def _spectrum(trial: Trial) -> Figure:
     axes = figure.subplots()
     axes.semilogy(found.frequency[1:], found.values[1:], color='0.1', lw=0.9)
     axes.set_xlim(0.0, found.frequency[-1])
-    axes.set_xlabel('frequency [Hz]')
-    axes.set_ylabel('power spectral density [(m/s$^2$)$^2$/Hz]')
+    axes.set(xlabel='frequency [Hz]', ylabel='power spectral density [(m/s$^2$)$^2$/Hz]')
     return figure
 
 
@@ -152,8 +151,7 @@ def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
                 [scale * x for x in here], [read(t) for t in here.values()], color=shade,
                 marker=marker, ls=line, ms=4.0, lw=1.0, label=name,
             )  # fmt: skip
-        axes.set_ylabel(label)
-        axes.set_xlabel(words)
+        axes.set(ylabel=label, xlabel=words)
         axes.set_ylim(bottom=0.0)
     handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc='outside lower center', ncols=4, frameon=False)
@@ -237,7 +235,6 @@ def _dominant(trial: Trial) -> Figure:
         )
         axes.update_datalim([tuple(tip)])  # annotations do not count by themselves
     axes.legend(frameon=False, fontsize=7.5, loc='upper left')
-    axes.set_xlabel('x [mm]')
-    axes.set_ylabel('y [mm]')
+    axes.set(xlabel='x [mm]', ylabel='y [mm]')
     axes.margins(0.08)
     return figure

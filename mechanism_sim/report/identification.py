@@ -57,9 +57,6 @@ def to_json(found: Identified) -> dict[str, object]:
             for e in found.estimates
         },
         'correlation': strict_json.plain(found.correlation.tolist()),
-        'simulations': found.simulations,
-        'failed': found.failed,
-        'misfit': found.misfit,
-        'likeness': found.likeness,
+        **{k: getattr(found, k) for k in ('simulations', 'failed', 'misfit', 'likeness')},
         'plausible': not unlike(found),
     }

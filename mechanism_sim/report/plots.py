@@ -104,8 +104,7 @@ def _phase(cycle: Cycle) -> Figure:
         axes.plot(x, y, color='0.1', lw=1.1)
         axes.plot(x[:1], y[:1], 'o', color='0.1', ms=4.0)
         axes.set_title(name, fontsize=9.0)
-        axes.set_xlabel(f'{_WORDS[unit][0]} [{shown}]')
-        axes.set_ylabel(f'{_WORDS[unit][1]} [{unit}/s]')
+        axes.set(xlabel=f'{_WORDS[unit][0]} [{shown}]', ylabel=f'{_WORDS[unit][1]} [{unit}/s]')
     return figure
 
 
@@ -162,7 +161,6 @@ def _paths(cycle: Cycle) -> Figure:
         axes.plot(x, y, label=name, **stroke)
         axes.plot(x[:1], y[:1], 'o', color=stroke['color'], ms=4.0)
     axes.set_aspect('equal', adjustable='datalim')
-    axes.set_xlabel('x [mm]')
-    axes.set_ylabel('y [mm]')
+    axes.set(xlabel='x [mm]', ylabel='y [mm]')
     axes.legend(frameon=False, fontsize=7.5)
     return figure

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.record import Record, one_of
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import choose
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.report.brush import INK, Brush, Move
@@ -213,12 +213,9 @@ def _lens_joint(record: Record, wanted: str | None) -> str:
         return ''
     machine = record.machine
     known = [joint.name for joint in machine.bearings]
-    if wanted and wanted not in known:
-        raise InputError(
-            f"'{wanted}' is no joint with a pin loose in a bushing{nearest(wanted, known)}; such "
-            f'joints of {machine.name}: {", ".join(known) or "none"}'
-        )
-    return wanted or (known[0] if known else '')
+    if wanted:
+        return one_of(known, wanted, machine)
+    return known[0] if known else ''
 
 
 class _Layout(NamedTuple):

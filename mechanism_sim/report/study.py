@@ -30,12 +30,8 @@ def periodic_json(response: Response | None) -> dict[str, object]:
     """The same as JSON; a machine that does not repeat has ``period: null``."""
     if response is None:
         return {'period': None}
-    return {
-        'period': response.period,
-        'residual': response.residual,
-        'stable': response.stable,
-        'impacts': response.impacts,
-        'impulse': response.impulse,
+    keys = 'period', 'residual', 'stable', 'impacts', 'impulse'
+    return {key: getattr(response, key) for key in keys} | {
         'position': list(response.state.q),
         'velocity': list(response.state.v),
         'multipliers': [[m.real, m.imag] for m in response.multipliers],
@@ -92,17 +88,7 @@ def losses_json(found: Sequence[Losses]) -> list[dict[str, object]]:
     return [
         {
             'joint': joint.joint,
-            'predictions': [
-                {
-                    'criterion': p.criterion,
-                    'predicts_loss': p.predicts_loss,
-                    'figure': plain(p.figure),
-                    'unit': p.unit,
-                    'threshold': p.threshold,
-                    'angles': list(p.angles),
-                }
-                for p in joint.predictions
-            ],
+            'predictions': plain(joint.predictions),
             'lost_at_revolutions': list(joint.turns),
         }
         for joint in found

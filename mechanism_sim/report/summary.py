@@ -29,6 +29,8 @@ _IMPACT_KEYS = (
     'duration',
     'peak_force',
 )
+_STATS_KEYS = 'wall_time', 'cpu_time', 'compile_time', 'steps', 'switches'
+_TOTALS_KEYS = 'losses_of_contact', 'normal_impulse', 'largest_impulse'
 _ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual'
 
 
@@ -48,19 +50,13 @@ def to_json(
         'scene': run.machine.name,
         'level': run.machine.level.value,
         'duration': run.duration,
-        'wall_time': stats.wall_time,
-        'cpu_time': stats.cpu_time,
-        'compile_time': stats.compile_time,
-        'steps': stats.steps,
-        'switches': stats.switches,
+        **{key: getattr(stats, key) for key in _STATS_KEYS},
         'stop_reason': StopReason.COMPLETE.value,
         'coordinates': list(run.machine.physics.coordinates),
         'final': _final(run),
         'impact_count': totals.impacts,
         'mode_change_count': totals.mode_changes,
-        'losses_of_contact': totals.losses_of_contact,
-        'normal_impulse': totals.normal_impulse,
-        'largest_impulse': totals.largest_impulse,
+        **{key: getattr(totals, key) for key in _TOTALS_KEYS},
         **events,
         'no_limits': no_limits_to_json(run.no_limits),
         'max_penetration': run.max_penetration,

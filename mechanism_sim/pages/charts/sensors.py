@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
+from mechanism_sim.analysis.details import ORDERS, Wanted, everything, find_details
 from mechanism_sim.analysis.details import Line as Spectral
-from mechanism_sim.analysis.details import Wanted, everything, find_details
 from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.section import Chart, Section
@@ -20,7 +20,6 @@ from mechanism_sim.pages.charts.style import (
 )  # fmt: skip
 from mechanism_sim.pages.charts.thinning import Line, thin
 
-_ORDERS = 40  # drawn
 _MARKED = 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000
 _NUMBERED = 1, 10, 100, 1000
 _DECADES = 1e-7  # below the highest line nothing is drawn
@@ -93,31 +92,29 @@ def _density(name: str, line: Spectral, rate: float | None, shade: str) -> Chart
 
 
 def _orders(name: str, line: Spectral, drive: str, shade: str) -> Chart:
-    end = min(_ORDERS, float(line.spectrum.frequency[-1]))
     words = f'order [cycles per turn of the {drive}]'
-    figure = _amplitudes(line, end, words, shade, 'per turn')
+    figure, _ = _amplitudes(line, 1.0, words, shade, 'per turn')
     return Chart(f'sensor-{name}-orders', f'{name}: orders', written(figure), 'frequency', name)
 
 
 def _envelope(name: str, line: Spectral, rate: float | None, shade: str) -> Chart:
     low, high = line.band or (0.0, 0.0)
-    # squared, the envelope holds no frequency above the width of its band
-    end = min(high - low, float(line.spectrum.frequency[-1]), _ORDERS * (rate or np.inf))
-    figure = _amplitudes(line, end, 'frequency [Hz]', shade, 'Hz')
+    figure, end = _amplitudes(line, rate, 'frequency [Hz]', shade, 'Hz')
     _mark_orders(figure, rate, 0.0, end, log=False)
     title = f'{name}: squared envelope from {low:.6g} Hz to {high:.6g} Hz'
     return Chart(f'sensor-{name}-envelope', title, written(figure), 'frequency', name)
 
 
-def _amplitudes(line: Spectral, end: float, words: str, shade: str, unit: str) -> go.Figure:
-    """A spectrum from zero to an end, over what the words say."""
+def _amplitudes(
+    line: Spectral, rate: float | None, words: str, shade: str, unit: str
+) -> tuple[go.Figure, float]:
+    """A spectrum over what the words say, in which the first order lies at `rate`; its end."""
     figure = chart(words, f'amplitude [{line.unit}]', showlegend=False)
+    end, *shown = line.drawn(rate)
     figure.update_xaxes(range=[0.0, end])
     figure.update_yaxes(rangemode='tozero')
-    x, y = line.spectrum.frequency, line.spectrum.values
-    shown = (x > 0.0) & (x <= end)
-    _add(figure, thin(Line(x[shown], y[shown])), shade, unit, line.unit)
-    return figure
+    _add(figure, thin(Line(*shown)), shade, unit, line.unit)
+    return figure, end
 
 
 def _add(figure: go.Figure, line: Line, shade: str, x: str, y: str) -> None:
@@ -133,7 +130,7 @@ def _mark_orders(
     """Dotted lines at orders of the drive within a range [Hz], with their numbers on top."""
     if not rate:
         return
-    fives = range(5, _ORDERS + 1, 5)
+    fives = range(5, ORDERS + 1, 5)
     chosen, numbered = (_MARKED, _NUMBERED) if log else ((1, 2, 3, 4, *fives), (1, *fives))
     figure.update_layout(margin_t=24)
     for order in chosen:
