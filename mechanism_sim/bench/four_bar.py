@@ -108,6 +108,19 @@ class LooseFourBar:
             final=(float(states['th3'][at]), float(states['th4'][at])),
         )
 
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Of the coupler about the crank pin and of the rocker about its pivot [kg m^2]."""
+        return (
+            self.coupler_inertia + self.coupler_mass * self.coupler_cog**2,
+            self.rocker_inertia + self.rocker_mass * self.rocker_cog**2,
+        )
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Masses of coupler and rocker times the distances of their centres of gravity [kg m]."""
+        return self.coupler_mass * self.coupler_cog, self.rocker_mass * self.rocker_cog
+
     def solved_by(self, prepare: Callable[[Tree, float, float], Run], setting: float) -> Run:
         """A run by what takes any machine; its answer are the final angles."""
         start = 'seated' if self.seated else 'centred'

@@ -41,9 +41,7 @@ class BareLoop:
     ) -> None:
         self._kept = kept
         self._f = f = four_bar
-        self._I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
-        self._I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
-        moment3, moment4 = f.coupler_mass * f.coupler_cog, f.rocker_mass * f.rocker_cog
+        (self._I3, self._I4), (moment3, moment4) = f.inertias, f.moments
         self._swing = moment3 * f.crank * f.crank_speed**2 / self._I3
         self._fall3, self._fall4 = moment3 * f.gravity / self._I3, moment4 * f.gravity / self._I4
         self._height = max(tol * (1.0 - f.restitution), 8.0 * 2.3e-16) * f.ground

@@ -18,9 +18,8 @@ def constants(four_bar: LooseFourBar) -> Constants:
     from mechanism_sim.bench.kernels.loose_equations import Constants  # noqa: PLC0415
 
     f = four_bar
-    I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
-    I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
-    moment3, moment4 = f.coupler_mass * f.coupler_cog / I3, f.rocker_mass * f.rocker_cog / I4
+    I3, I4 = f.inertias
+    moment3, moment4 = f.moments[0] / I3, f.moments[1] / I4
     return Constants(
         f.ground,
         f.crank,

@@ -41,9 +41,7 @@ class Equations:
 
     def __init__(self, four_bar: LooseFourBar) -> None:
         f = self._f = four_bar
-        self.I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
-        self.I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
-        self._m3, self._m4 = f.coupler_mass * f.coupler_cog, f.rocker_mass * f.rocker_cog
+        (self.I3, self.I4), (self._m3, self._m4) = f.inertias, f.moments
         self._centripetal = f.crank * f.crank_speed**2
         self.start = np.array([f.coupler_angle, f.rocker_angle, f.coupler_rate, f.rocker_rate])
 

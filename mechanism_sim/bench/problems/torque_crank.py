@@ -51,7 +51,7 @@ def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
         bx = -f.crank * c2 - a * (b3 * s3 + r3 * r3 * c3)
         bz = -f.crank * s2 + a * (b3 * c3 - r3 * r3 * s3)
         I2 = f.crank_inertia + f.crank_mass * f.crank_cog**2
-        I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
+        _, I4 = f.inertias
         J = I2 + f.coupler_mass * (vx * vx + vz * vz) + f.coupler_inertia * r3 * r3 + I4 * r4 * r4
         bias = f.coupler_mass * (vx * bx + vz * bz) + f.coupler_inertia * r3 * b3 + I4 * r4 * b4
         weight = f.gravity * (
