@@ -56,6 +56,46 @@ def beside(path: Path | str) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def check_path(option: str, file: Path | str, *suffixes: str, new: bool = False) -> Path:
+    """A path that can be written to, checked before anything is computed.
+
+    Parameters
+    ----------
+    option : of the command line, for the message
+    suffixes : of which its ending is one
+    new : whether nothing may be there
+
+    Raises
+    ------
+    InputError
+    """
+    path = Path(file)
+    if path.suffix not in suffixes:
+        *others, last = suffixes
+        words = f'{", ".join(others)} or {last}' if others else last
+        raise InputError(f'{option} {file}: the ending must be {words}')
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"{option} {file}: there is no directory '{path.parent}'")
+    if new and path.exists():
+        raise InputError(f'{option} {file}: exists already, not overwriting')
+    return path
+
+
+def make_folder(path: Path, what: str = '') -> Path:
+    """A folder that is made, with those above it, if it is not there; `what` is it for.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{what}'{path}' cannot be made: {error.strerror}") from error
+    return path
+
+
 def write_text(path: Path | str, text: str) -> None:
     """Write a text in UTF-8; raises what `told` does."""
     write_bytes(path, text.encode('utf-8'))

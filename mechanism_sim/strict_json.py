@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from enum import Enum
 from fractions import Fraction
 from pathlib import PurePath
@@ -29,6 +29,19 @@ def dumps(data: object, indent: int | None = None) -> str:
         if where is None:
             raise
         raise RunError(f'the result has a number that is not finite: {where}') from error
+
+
+def plain(value: Any) -> Any:
+    """Data classes and arrays as dictionaries, lists, texts and numbers; null if not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value.tolist() if hasattr(value, 'tolist') else value
 
 
 def loads(text: str | bytes) -> Any:

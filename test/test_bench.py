@@ -15,6 +15,7 @@ from running import run, run_json
 from scipy.integrate import DOP853, solve_ivp
 
 import mechanism_sim as ms
+from mechanism_sim import strict_json
 from mechanism_sim.bench import loose_joints as loosened
 from mechanism_sim.bench import measure as measuring
 from mechanism_sim.bench import middleware as lines
@@ -299,7 +300,7 @@ def test_costs_by_size(monkeypatch):
     assert 1e4 < short < long  # motion is kept
     text = report.render_scaling(costs, machine())
     assert all(c.family in text for c in costs)
-    assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 4
+    assert json.loads(json.dumps(strict_json.plain(costs)))[0]['size'] == 4
 
 
 @pytest.mark.deep

@@ -31,7 +31,7 @@ def test_andrews_squeezer_ends_where_the_test_set_says():
 
 def test_andrews_squeezer_by_an_index_1_formulation():
     """The equations of the test set, which share nothing with the scene, give the same."""
-    answer = squeezer_by_scipy('DOP853')(1e-12)()().answer
+    answer = squeezer_by_scipy('DOP853', 1e-12)()().answer
     assert squeezer_error(answer) < 1e-11
     assert answer == pytest.approx(SQUEEZER, abs=1e-8)
 

@@ -15,6 +15,7 @@ from scipy.integrate import quad
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
+from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import cycle as report
 from mechanism_sim.report import figures, plots
@@ -220,7 +221,7 @@ def test_a_torque_driven_machine_needs_a_duration():
         (('--from', '30 mm'), "'30 mm' is not a quantity with a unit"),
         (('--samples', '1'), 'at least 2 samples'),
         (('--periods', '2', '--duration', '1'), 'periods or a duration, not both'),
-        (('--output', 'table.txt'), 'the ending must be one of'),
+        (('--output', 'table.txt'), 'the ending must be .npz, .csv or .parquet'),
         (('--plots', 'nowhere/x.png'), 'there is no directory'),
         (('--plots', 'x.gif'), 'the ending must be .png'),
     ],
@@ -423,7 +424,7 @@ def test_any_machine_is_told_and_drawn(general, tmp_path):
     units = report.to_json(general)['units']
     assert {units[f'reaction.{joint}.size'] for joint in general.machine.physics.joints} == {'N'}
     for name in general.machine.mechanism.displacements:
-        assert report.unit(general, f'velocity.{name}') == 'm/s'
+        assert unit_of(general.machine, f'velocity.{name}') == 'm/s'
     with figures.style():
         drawn = plots.draw(general)
         files = figures.save_all(drawn, tmp_path / 'plots.pdf')

@@ -12,6 +12,7 @@ from browsing import Tab
 from test_records import angle_at, foreign
 from test_report import KINDS, simulated, write_bag
 
+from mechanism_sim import output
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
@@ -38,7 +39,7 @@ def record(bag):
 @pytest.fixture(scope='module')
 def file(bag, record):
     path = bag.with_suffix('.html')
-    report.write(report.page(recorded(record), sections(record), bag.name), path)
+    output.write_text(path, report.page(recorded(record), sections(record), bag.name))
     return path
 
 
@@ -278,7 +279,7 @@ def test_every_kind_of_scene_is_drawn(tab, tmp_path):
     for scene in KINDS:
         run = recorded(simulated(scene, duration=0.05))
         file = tmp_path / f'{scene}.html'
-        report.write(report.page(run), file)
+        output.write_text(file, report.page(run))
         open_page(tab, file)
         scrub(tab.page, 0.4)
         drawn = tab.page.locator('#stage g[data-kind]').evaluate_all(
@@ -303,7 +304,7 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
     second = {'joints.crank_coupler.clearance': {'radial': '0.1 mm', 'restitution': 0.3}}
     run = recorded(simulated('four_bar_clearance', second, duration=0.05))
     file = tmp_path / 'two.html'
-    report.write(report.page(run), file)
+    output.write_text(file, report.page(run))
     open_page(tab, file)
     titles = []
     for index in range(2):
@@ -325,7 +326,7 @@ def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
     run = recorded(simulated('four_bar_clearance', duration=60.0))
     text = report.page(run, sections(run.record))
     file = tmp_path / 'minute.html'
-    report.write(text, file)
+    output.write_text(file, text)
     assert file.stat().st_size < 10e6
     open_page(tab, file)
     tab.page.keyboard.press('End')

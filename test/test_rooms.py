@@ -21,6 +21,7 @@ def test_numerics_knows_no_mechanics_and_physics_no_middleware():
         cwd=PACKAGE.parent,
     )  # fmt: skip
     assert set(out.stdout.split()) <= {
-        'errors', 'numerics', 'units', 'planar', 'contact', 'hybrid', 'linkages', 'output',
-        'strict_json',
+        'arrays', 'errors', 'numerics', 'units', 'planar', 'contact', 'hybrid', 'linkages',
+        'output',
+        'strict_json', 'text_table',
     }  # fmt: skip

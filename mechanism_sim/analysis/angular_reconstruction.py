@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.sensing import reconstruction as angular
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.fading import both, fade, passing, undoing
 from mechanism_sim.sensing.reconstruction import Error, error
-
-Array = NDArray[np.float64]
 
 LINKS = 'coupler', 'rocker'
 _TOP = 0.45  # of the sampling rate: above, nothing is worth keeping

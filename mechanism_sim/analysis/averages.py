@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import columns_of, unit_of
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.sensing.orders import Turns
-
-Array = NDArray[np.float64]
 
 _BLOCK = 8192  # instants at once
 

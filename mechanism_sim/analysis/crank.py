@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.motion import RecordedMotion
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import TWO_PI
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from mechanism_sim.analysis.averages import over_turns, unit
 from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
 from mechanism_sim.analysis.signals import Signal
-from mechanism_sim.analysis.summary import plain
 from mechanism_sim.analysis.wear import WearMap, wear_maps
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.orders import Turns, order_spectrum
 from mechanism_sim.sensing.spectra import Spectrum, envelope_spectrum, power, shock_band
+from mechanism_sim.strict_json import plain
 
+ORDERS = 40
+"""Of the drive that are drawn."""
 _FEWEST = 16  # samples of a spectrum
 
 
@@ -60,6 +65,20 @@ class Line:
     spectrum: Spectrum
     unit: str
     band: tuple[float, float] | None = None  #: of an envelope [Hz]
+
+    def drawn(self, rate: float | None) -> tuple[float, Array, Array]:
+        """What is worth drawing of orders or of an envelope: its end, places and values (N,).
+
+        Parameters
+        ----------
+        rate : where the first order of the drive lies; None if that is not known
+        """
+        x, values = self.spectrum.frequency, self.spectrum.values
+        end = min(float(x[-1]), ORDERS * (rate or np.inf))
+        if self.band:  # squared, the envelope holds no frequency above the width of its band
+            end = min(end, self.band[1] - self.band[0])
+        shown = (x > 0.0) & (x <= end)
+        return end, x[shown], values[shown]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.averages import over_turns
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene import Machine, simulate
 from mechanism_sim.scene.build import build
@@ -22,8 +23,6 @@ from mechanism_sim.scene.schema import InitialPart
 from mechanism_sim.scene.sensor_keys import Converter, Noise
 from mechanism_sim.sensing.orders import Turns
 from mechanism_sim.sensing.spectra import power
-
-Array = NDArray[np.float64]
 
 _PLAYS = 'clearance', 'lift_off', 'backlash', 'elasticity'
 _SAMPLES = 1024  # angles in a turn

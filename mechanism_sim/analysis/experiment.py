@@ -14,17 +14,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.angular_reconstruction import LINKS
-from mechanism_sim.analysis.deviation import ideal_machine
+from mechanism_sim.analysis.deviation import ideal_record
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
 from mechanism_sim.analysis.swing import MESHES, Swing, sensors_across, steps, swing
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene import Machine, simulate
-
-Array = NDArray[np.float64]
+from mechanism_sim.scene import Machine
 
 JOINT = 'coupler_rocker'
 MESH = MESHES[-1]
@@ -119,8 +117,7 @@ def trial(bag: Path, skip: int | None = None) -> Trial:
         begin, end = record.whole_turns(left_out)
     except InputError as error:
         raise InputError(f'{bag}: {error}') from error
-    without = ideal_machine(machine)
-    ideal = Record(without, simulate(without, duration=record.end), {})
+    ideal = ideal_record(record)
     every = impact_cycles(record, impact_rose(record, JOINT))
     struck = first + int(np.argmax(every.count > 0))
     at_first = struck, min(struck + _AT_FIRST, last)

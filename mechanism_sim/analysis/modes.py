@@ -6,15 +6,10 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
 
+from mechanism_sim.hybrid.events import Mode
+
 #: Modes by number, as in the message ModeChange.
-MODES = {
-    0: 'unknown',
-    1: 'free_flight',
-    2: 'following',
-    3: 'sticking',
-    4: 'sliding_forward',
-    5: 'sliding_backward',
-}
+MODES = {mode.value: mode.name.lower() for mode in Mode}
 
 
 @dataclass(frozen=True)

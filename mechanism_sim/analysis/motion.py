@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.messages.segments import Segments, unpack
+from mechanism_sim.messages.segments import Segments, curve_of, unpack
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,7 @@ class RecordedMotion:
 
     def gaps(self) -> list[tuple[float, float]]:
         """Return the spans [s] between segments that should meet and do not: lost messages."""
-        p = self.polynomial
-        end = p.start[:-1] + (p.start_low[:-1] + p.duration[:-1])
-        slack = 8 * np.spacing(np.abs(p.start[1:])) + 1e-15
-        apart = np.flatnonzero(p.start[1:] - end > slack)
-        return [(float(end[k]), float(p.start[k + 1])) for k in apart]
+        return gaps(self.polynomial)
 
     def _at(self, t: ArrayLike, derivative: int) -> Array:
         k, dt = self._locate(np.atleast_1d(np.asarray(t, np.float64)))
@@ -95,6 +90,22 @@ class RecordedMotion:
         dt = (t - p.start[k]) - p.start_low[k]
         slack = 4 * np.spacing(abs(self.end))
         return k, dt, (dt >= -slack) & (dt <= p.duration[k] + slack)
+
+
+def gaps(curve: PiecewisePolynomial) -> list[tuple[float, float]]:
+    """The spans [s] between segments that should meet and do not."""
+    end = curve.start[:-1] + (curve.start_low[:-1] + curve.duration[:-1])
+    slack = 8 * np.spacing(np.abs(curve.start[1:])) + 1e-15
+    apart = np.flatnonzero(curve.start[1:] - end > slack)
+    return [(float(end[k]), float(curve.start[k + 1])) for k in apart]
+
+
+def padded(curves: Sequence[PiecewisePolynomial]) -> list[PiecewisePolynomial]:
+    """The same, all of the highest degree among them."""
+    powers = [curve.coefficients for curve in curves]
+    width = max(x.shape[2] for x in powers)
+    wide = [np.pad(x, ((0, 0), (0, 0), (0, width - x.shape[2]))) for x in powers]
+    return [replace(c, coefficients=x) for c, x in zip(curves, wide, strict=True)]
 
 
 class MotionCollector:
@@ -124,41 +135,21 @@ class MotionCollector:
         # the others.
         used = np.flatnonzero(np.any(powers != 0, axis=(0, 1)))
         width = int(used[-1]) + 1 if len(used) else 1
-        self._parts.append(
-            Segments(
-                wanted,
-                segments.joints,
-                segments.start,
-                segments.start_low,
-                segments.duration,
-                segments.turns[:, columns],
-                powers[:, :, :width].copy(),
-                segments.modes,
-            )
-        )
+        turns, used_powers = segments.turns[:, columns], powers[:, :, :width].copy()
+        kept = replace(segments, coordinates=wanted, turns=turns, coefficients=used_powers)
+        self._parts.append(kept)
 
     def motion(self) -> RecordedMotion | None:
         """Return the motion collected so far; None if there is none."""
         parts = [part for part in self._parts if len(part.start)]
         if not parts:
             return None
-        width = max(part.coefficients.shape[2] for part in parts)
-        powers = [
-            np.pad(p.coefficients, ((0, 0), (0, 0), (0, width - p.coefficients.shape[2])))
-            for p in parts
-        ]
-        return RecordedMotion(
-            parts[0].coordinates,
-            parts[0].joints,
-            PiecewisePolynomial(
-                np.concatenate([part.start for part in parts]),
-                np.concatenate([part.start_low for part in parts]),
-                np.concatenate([part.duration for part in parts]),
-                np.concatenate([part.turns for part in parts]),
-                np.concatenate(powers),
-            ),
-            np.concatenate([part.modes for part in parts]),
-        )
+        curves = padded([curve_of(part) for part in parts])
+        columns = ('start', 'start_low', 'duration', 'turns', 'coefficients')
+        joined = (np.concatenate([getattr(c, name) for c in curves]) for name in columns)
+        modes = np.concatenate([part.modes for part in parts])
+        first = parts[0]
+        return RecordedMotion(first.coordinates, first.joints, PiecewisePolynomial(*joined), modes)
 
 
 def collect_motion(

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.nodes.parts import Kind, kinds_of
 from mechanism_sim.numerics.extremes import ExtremeSearch
@@ -23,8 +24,6 @@ from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
-
-Array = NDArray[np.float64]
 
 
 class PartKind(NamedTuple):

@@ -11,7 +11,8 @@ from rosbags.interfaces import Nodetype
 
 from mechanism_sim.analysis.message_paths import MessagePath, parse
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Array, Series, chosen, instants, recorded, with_extremes
+from mechanism_sim.analysis.series import Series, chosen, instants, recorded, with_extremes
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import columns_of, unit_of
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.definitions import MessageError, field_descriptions

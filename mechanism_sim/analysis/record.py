@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.analysis.motion import gaps, padded
 from mechanism_sim.analysis.signals import Signal, SignalCollector, measured
 from mechanism_sim.analysis.topics import find_topics
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
@@ -31,8 +32,6 @@ from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.recording import Bag, read_bag, scene_text
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 _NEWTON = 50
 
@@ -307,13 +306,23 @@ class Record:
         InputError
             If it has not.
         """
-        known = self.loose_joints
-        if joint not in known:
-            raise InputError(
-                f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
-                f'such joints of {self.machine.name}: {", ".join(known) or "none"}'
-            )
-        return joint
+        return one_of(self.loose_joints, joint, self.machine)
+
+
+def one_of(known: Sequence[str], joint: str, machine: Machine) -> str:
+    """The joint, if it is one of those known to have a pin loose in a bushing.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if joint not in known:
+        raise InputError(
+            f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
+            f'such joints of {machine.name}: {", ".join(known) or "none"}'
+        )
+    return joint
 
 
 def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
@@ -404,18 +413,10 @@ def _joined(bag: Bag, parts: Sequence[Motion]) -> Motion:
     parts = [part for part in parts if len(part)]
     if not parts:
         raise InputError(f'{bag.path} has no recorded motion.')
-    width = max(part.curve.coefficients.shape[2] for part in parts)
-
-    def padded(part: Motion) -> Motion:
-        powers = part.curve.coefficients
-        more = ((0, 0), (0, 0), (0, width - powers.shape[2]))
-        return replace(part, curve=replace(part.curve, coefficients=np.pad(powers, more)))
-
-    motion = Motion.joined([padded(part) for part in parts])
-    curve = motion.curve
-    ends = curve.start[:-1] + (curve.start_low[:-1] + curve.duration[:-1])
-    apart = np.flatnonzero(curve.start[1:] - ends > 8 * np.spacing(np.abs(ends)) + 1e-15)
-    if len(apart):
-        a, b = ends[apart[0]], curve.start[apart[0] + 1]
+    curves = padded([part.curve for part in parts])
+    motion = Motion.joined(
+        [replace(part, curve=curve) for part, curve in zip(parts, curves, strict=True)]
+    )
+    for a, b in gaps(motion.curve):
         raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
     return motion

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import Any
 
+from mechanism_sim import text_table
 from mechanism_sim.analysis.delivery_audit import Ledger
 from mechanism_sim.analysis.impacts import ImpactSummary
 from mechanism_sim.analysis.loads import EnergySummary, LoadSummary, Peak
@@ -12,32 +15,29 @@ from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.parts import PARTS, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
+from mechanism_sim.text_table import Cell
 
 ROWS = 12  # of a table of revolutions, before its middle is left out
 
 
 def render(summary: Summary) -> str:
     """Return the text that the command line shows."""
-    parts = [_head(summary)]
-    if summary.impacts is not None:
-        parts.append(_impacts(summary.impacts))
-    if summary.modes is not None:
-        parts.append(_modes(summary.modes))
-    if summary.loads is not None:
-        parts.append(_loads(summary.loads))
-    if summary.energy is not None:
-        parts.append(_energy(summary.energy))
-    parts += [_parts(PARTS[topic].title, found) for topic, found in summary.parts.items()]
-    if summary.vibration is not None:
-        parts.append(_vibration(summary.vibration))
-    if summary.ledger is not None:
-        parts.append(_ledger(summary.ledger))
-    if summary.absent:
-        parts.append('\n'.join(['not in this bag', *(f'  {line}' for line in summary.absent)]))
-    return '\n\n'.join(parts)
+    s = summary
+    found: list[tuple[Any, Callable[[Any], Iterable[str]]]] = [
+        (s, _head),
+        (s.impacts, _impacts),
+        (s.modes, _modes),
+        (s.loads, _loads),
+        (s.energy, _energy),
+        *((parts, partial(_parts, PARTS[topic].title)) for topic, parts in s.parts.items()),
+        (s.vibration, _vibration),
+        (s.ledger, _ledger),
+        (s.absent or None, _absent),
+    ]
+    return '\n\n'.join('\n'.join(lines(of)) for of, lines in found if of is not None)
 
 
-def _head(s: Summary) -> str:
+def _head(s: Summary) -> Iterator[str]:
     lines = [
         ('bag', s.bag if s.complete else f'{s.bag} (CUT SHORT: what could be read is analysed)'),
         ('scene', s.scene or 'not recorded'),
@@ -57,19 +57,19 @@ def _head(s: Summary) -> str:
     if s.digest is not None:
         lines.append(('digest', s.digest))
     width = max(len(key) for key, _ in lines)
-    return '\n'.join(f'{key:<{width}}  {value}' for key, value in lines)
+    yield from (f'{key:<{width}}  {value}' for key, value in lines)
 
 
-def _impacts(impacts: ImpactSummary) -> str:
+def _impacts(impacts: ImpactSummary) -> Iterator[str]:
     head = f'impacts: {impacts.count}, normal impulse {impacts.normal_impulse:.6g} N s'
     if impacts.count_per_revolution is not None:
         head += (
             f'; per revolution {impacts.count_per_revolution:.6g}, '
             f'{impacts.normal_impulse_per_revolution:.6g} N s'
         )
-    lines = [head]
+    yield head
     if impacts.joints:
-        lines += table(
+        yield from table(
             ('joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'),
             (
                 (j.joint, j.count, j.normal_impulse, j.I_n, j.energy_loss,
@@ -90,66 +90,62 @@ def _impacts(impacts: ImpactSummary) -> str:
         ]
         if len(rows) > ROWS:
             rows = [*rows[: ROWS // 2], ['...'] + [''] * (len(head_row) - 1), *rows[-ROWS // 2 :]]
-        lines += table(head_row, rows)
+        yield from table(head_row, rows)
         if by_turn.elsewhere:
-            lines.append(f'  {by_turn.elsewhere} at times of which the motion is not recorded')
-    lines += [
-        f'  hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
-        f'{_at_angle(d.crank_angle)}, {d.approach_speed:.6g} m/s'
-        for j in impacts.joints
-        for d in j.dominant
-    ]
-    return '\n'.join(lines)
+            yield f'  {by_turn.elsewhere} at times of which the motion is not recorded'
+    for j in impacts.joints:
+        for d in j.dominant:
+            yield (
+                f'  hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
+                f'{_at_angle(d.crank_angle)}, {d.approach_speed:.6g} m/s'
+            )
 
 
-def _modes(joints: tuple[JointModes, ...]) -> str:
+def _modes(joints: tuple[JointModes, ...]) -> Iterator[str]:
     names = sorted({mode for joint in joints for mode in joint.share})
     rows = [
         [j.joint, str(j.changes), *(f'{100 * j.share.get(mode, 0.0):.4g} %' for mode in names)]
         for j in joints
     ]
-    return '\n'.join(['modes: share of time', *table(('joint', 'changes', *names), rows)])
+    yield 'modes: share of time'
+    yield from table(('joint', 'changes', *names), rows)
 
 
-def _loads(loads: LoadSummary) -> str:
+def _loads(loads: LoadSummary) -> Iterator[str]:
     def row(peak: Peak, unit: str) -> tuple[str, str, float, str]:
         angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
         return peak.name, f'{peak.value:.6g} {unit}', peak.time, angle
 
     rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
-    head = ('joint', 'largest', 'at [s]', 'crank')
-    title = 'loads between impacts'
-    if loads.samples is not None:
-        title += f', of {loads.samples} published instants'
-    return '\n'.join([title, *table(head, rows)])
+    published = '' if loads.samples is None else f', of {loads.samples} published instants'
+    yield f'loads between impacts{published}'
+    yield from table(('joint', 'largest', 'at [s]', 'crank'), rows)
 
 
-def _energy(e: EnergySummary) -> str:
+def _energy(e: EnergySummary) -> Iterator[str]:
     share = e.largest_residual / e.largest_energy if e.largest_energy else 0.0
-    return '\n'.join(
-        [
-            f'energy [J]: {e.initial:.6g} + drive {e.drive_work:.6g} '
-            f'- dissipated {e.dissipated:.6g} = {e.final:.6g}',
-            f'  residual {e.residual_at_end:.3g} at the end; among {e.samples} published instants '
-            f'at most {e.largest_residual:.3g}',
-            f'  ({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s',
-        ]
+    yield (
+        f'energy [J]: {e.initial:.6g} + drive {e.drive_work:.6g} '
+        f'- dissipated {e.dissipated:.6g} = {e.final:.6g}'
     )
+    yield (
+        f'  residual {e.residual_at_end:.3g} at the end; among {e.samples} published instants '
+        f'at most {e.largest_residual:.3g}'
+    )
+    yield f'  ({share:.1g} of the largest term) at {e.largest_residual_time:.9g} s'
 
 
-def _parts(title: str, parts: tuple[PartSummary, ...]) -> str:
-    lines = [f'{title}, in SI units']
-    if not all(p.of_motion for p in parts):
-        lines[0] += f': ranges of {sum(p.samples for p in parts)} published instants'
+def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[str]:
+    published = f': ranges of {sum(p.samples for p in parts)} published instants'
+    yield f'{title}, in SI units{"" if all(p.of_motion for p in parts) else published}'
     for p in parts:
         share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
         rows = ((r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges)
-        lines += [f'  {p.joint}: {share}' if share else f'  {p.joint}']
-        lines += table(('quantity', 'lowest', 'at [s]', 'highest', 'at [s]'), rows)
-    return '\n'.join(lines)
+        yield f'  {p.joint}: {share}' if share else f'  {p.joint}'
+        yield from table(('quantity', 'lowest', 'at [s]', 'highest', 'at [s]'), rows)
 
 
-def _vibration(sensors: tuple[SensorSummary, ...]) -> str:
+def _vibration(sensors: tuple[SensorSummary, ...]) -> Iterator[str]:
     rows = (
         (
             f'{s.sensor} on {s.link}',
@@ -163,46 +159,38 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> str:
         for s in sensors
     )
     head = ('sensor', 'samples', 'missing', 'RMS', 'peak', 'crest', 'kurtosis')
-    lines = ['vibration', *table(head, rows)]
+    yield from ('vibration', *table(head, rows))
     for s in sensors:
         if s.orders:
             strongest = ', '.join(f'{order:.4g} ({size:.4g} {s.unit})' for order, size in s.orders)
-            lines.append(f'  strongest orders of {s.sensor}: {strongest}')
-    lines += [
-        f'  {s.sensor}: {s.overloads} samples were CUT at the end of the range'
-        for s in sensors
-        if s.overloads
-    ]
-    return '\n'.join(lines)
+            yield f'  strongest orders of {s.sensor}: {strongest}'
+    for s in sensors:
+        if s.overloads:
+            yield f'  {s.sensor}: {s.overloads} samples were CUT at the end of the range'
 
 
-def _ledger(ledger: Ledger) -> str:
+def _ledger(ledger: Ledger) -> Iterator[str]:
     total = sum(account.sent for account in ledger.topics)
     if not ledger.lost:
-        lines = [f'messages: all {total} that were sent are recorded']
+        yield f'messages: all {total} that were sent are recorded'
     else:
-        lines = [f'messages: {ledger.lost} of {total} are LOST']
-        lost = [a for a in ledger.topics if a.lost]
-        rows = ((a.topic, a.sent, a.recorded, a.lost) for a in lost)
-        lines += table(('topic', 'sent', 'recorded', 'lost'), rows)
+        yield f'messages: {ledger.lost} of {total} are LOST'
+        rows = ((a.topic, a.sent, a.recorded, a.lost) for a in ledger.topics if a.lost)
+        yield from table(('topic', 'sent', 'recorded', 'lost'), rows)
     if ledger.unfinished:
         names = ', '.join(ledger.unfinished)
-        lines.append(f'  {names} did not finish: more may have been sent')
-    return '\n'.join(lines)
+        yield f'  {names} did not finish: more may have been sent'
+
+
+def _absent(sentences: tuple[str, ...]) -> Iterator[str]:
+    yield 'not in this bag'
+    yield from (f'  {line}' for line in sentences)
 
 
 def _at_angle(angle: float | None) -> str:
     return '' if angle is None else f', crank at {math.degrees(angle):.4g} deg'
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str | int | float]]) -> Iterator[str]:
-    """Yield indented lines: the first column to the left, the others to the right."""
-    cells = [list(head)]
-    cells += [[f'{x:.6g}' if isinstance(x, float) else str(x) for x in row] for row in rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    for row in cells:
-        first, *rest = (
-            text.ljust(width) if i == 0 else text.rjust(width)
-            for i, (text, width) in enumerate(zip(row, widths, strict=True))
-        )
-        yield '  ' + '  '.join([first, *rest]).rstrip()
+def table(head: Sequence[str], rows: Iterable[Sequence[Cell]]) -> list[str]:
+    """Lines of a table with a head."""
+    return text_table.lines([head, *rows])

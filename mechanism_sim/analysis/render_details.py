@@ -23,53 +23,50 @@ def render_details(details: Details) -> str:
     parts += [_struck(name, struck) for name, struck in details.impacts.items()]
     parts += [_wear(name, *maps) for name, maps in details.wear.items()]
     parts += [_beside(name, beside) for name, beside in details.deviations.items()]
-    return '\n\n'.join(parts)
+    return '\n\n'.join('\n'.join(lines) for lines in parts)
 
 
-def _spectrum(name: str, line: Line) -> str:
+def _spectrum(name: str, line: Line) -> Iterator[str]:
     s = line.spectrum
     whole = float(s.values.sum()) or 1.0
     rows = ((f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES))
-    return '\n'.join(
-        [
-            f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
-            f'Hz, RMS {math.sqrt(whole * s.step):.6g} about the mean',
-            *table(('peak at [Hz]', line.unit, 'share of the whole'), rows),
-        ]
+    yield (
+        f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
+        f'Hz, RMS {math.sqrt(whole * s.step):.6g} about the mean'
     )
+    yield from table(('peak at [Hz]', line.unit, 'share of the whole'), rows)
 
 
-def _orders(name: str, line: Line, drive: str) -> str:
-    head = f'orders of {name}, in cycles a turn of the {drive}'
-    return '\n'.join([head, *table(('order', line.unit), line.spectrum.strongest(_LINES))])
+def _orders(name: str, line: Line, drive: str) -> Iterator[str]:
+    yield f'orders of {name}, in cycles a turn of the {drive}'
+    yield from table(('order', line.unit), line.spectrum.strongest(_LINES))
 
 
-def _envelope(name: str, line: Line) -> str:
+def _envelope(name: str, line: Line) -> Iterator[str]:
     low, high = line.band or (0.0, 0.0)
-    head = f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
-    return '\n'.join([head, *table(('peak at [Hz]', line.unit), line.spectrum.strongest(_LINES))])
+    yield f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
+    yield from table(('peak at [Hz]', line.unit), line.spectrum.strongest(_LINES))
 
 
-def _average(name: str, average: Average, drive: str) -> str:
+def _average(name: str, average: Average, drive: str) -> Iterator[str]:
     turns, n = average.turns, average.turns.values.shape[1]
     mean, spread = turns.mean, turns.spread
     rows = (
         (f'{math.degrees(turns.angle[k]):.4g}', mean[k], spread[k])
         for k in range(0, n, max(1, n // _ORDERS))
     )
-    head = f'{name} over the angle of the {drive}: {len(turns.values)} turns of {n} angles'
-    columns = f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'
-    return '\n'.join([head, *table(columns, rows)])
+    yield f'{name} over the angle of the {drive}: {len(turns.values)} turns of {n} angles'
+    yield from table((f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'), rows)
 
 
-def _struck(name: str, struck: Struck) -> str:
+def _struck(name: str, struck: Struck) -> Iterator[str]:
     rose, cycles = struck.rose, struck.cycles
-    lines = [f'impacts in {name}: {len(rose)}; pin on {rose.pin}, bushing on {rose.bushing}']
+    yield f'impacts in {name}: {len(rose)}; pin on {rose.pin}, bushing on {rose.bushing}'
     columns = (
         'largest', 'impulse [N s]', 'at [s]', 'drive [deg]', f'on {rose.pin} [deg]',
         f'on {rose.bushing} [deg]',
     )  # fmt: skip
-    lines += table(
+    yield from table(
         columns,
         (
             (f'Y{i}', float(rose.normal_impulse[k]), float(rose.time[k]),
@@ -79,11 +76,11 @@ def _struck(name: str, struck: Struck) -> str:
         ),
     )  # fmt: skip
     if cycles is None:
-        return '\n'.join(lines)
+        return
     names = {'count': 'impacts', 'impulse': 'sum of impulses [N s]', 'I_n': 'I_n [N s]'}
     rows = ((names[key], *figures) for key, figures in cycles.means.items())
     head = f'{len(cycles.count)} turns', 'mean', '+/- (95 %)', 'standard deviation'
-    lines += ['', *table(head, rows), '']
+    yield from ('', *table(head, rows), '')
     by_turn: list[Sequence[str | int | float]] = [
         [
             str(cycles.first + i), int(cycles.count[i]), float(cycles.impulse[i]),
@@ -97,12 +94,12 @@ def _struck(name: str, struck: Struck) -> str:
     ]  # fmt: skip
     if len(by_turn) > ROWS:
         by_turn = [*by_turn[: ROWS // 2], ['...', '', '', '', '', ''], *by_turn[-ROWS // 2 :]]
-    lines += table(('turn', 'impacts', '[N s]', 'first', 'second', 'third'), by_turn)
-    return '\n'.join(lines)
+    yield from table(('turn', 'impacts', '[N s]', 'first', 'second', 'third'), by_turn)
 
 
-def _wear(name: str, bushing: WearMap, pin: WearMap) -> str:
-    return '\n'.join([f'wear in {name}', *_map('bushing', bushing), *_map('pin', pin)])
+def _wear(name: str, bushing: WearMap, pin: WearMap) -> Iterator[str]:
+    yield f'wear in {name}'
+    yield from (*_map('bushing', bushing), *_map('pin', pin))
 
 
 def _map(part: str, wear: WearMap) -> Iterator[str]:
@@ -122,18 +119,15 @@ def _map(part: str, wear: WearMap) -> Iterator[str]:
     )  # fmt: skip
 
 
-def _beside(name: str, beside: Beside) -> str:
+def _beside(name: str, beside: Beside) -> Iterator[str]:
     d = beside.deviation
     ideal = float((d.ideal.values**2).mean()) ** 0.5
-    lines = [
+    yield (
         f'{name} beside the ideal machine: deviation {d.rms:.6g} {beside.unit} RMS, the ideal '
         f'{ideal:.6g}'
-    ]
+    )
     if beside.alpha:
         a = beside.alpha
-        lines.append(
-            f'  alpha over {beside.against}: {a.rms:.6g} by RMS, {a.spectrum:.6g} by spectrum'
-        )
+        yield f'  alpha over {beside.against}: {a.rms:.6g} by RMS, {a.spectrum:.6g} by spectrum'
         rows = zip(map(str, a.order[:_ORDERS]), a.by_order[:_ORDERS].tolist(), strict=True)
-        lines += table(('order', 'alpha'), rows)
-    return '\n'.join(lines)
+        yield from table(('order', 'alpha'), rows)

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.study.statistics import ratio
-
-Array = NDArray[np.float64]
 
 MARKED = 6  #: impacts marked in [SB] 8.11
 

@@ -9,9 +9,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.message_paths import Filter, Items, MessagePath
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import WORK, columns_of, has_extremes, unit_of
 from mechanism_sim.cycles.extremes import search
 from mechanism_sim.errors import InputError, nearest
@@ -21,7 +21,6 @@ from mechanism_sim.messages.stamps import seconds
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.recording import Bag, displacements
 
-Array = NDArray[np.float64]
 Columns = Callable[[Array, bool], Mapping[str, Array]]
 
 _EVENTS = (

@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.instruments import carrier
 from mechanism_sim.scene.sensor_keys import QUANTITIES
 from mechanism_sim.sensing.orders import Turns, at_equal_angles
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from mechanism_sim.analysis.crank import Crank, MotionSummary
 from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
@@ -32,6 +29,7 @@ from mechanism_sim.messages.events import described
 from mechanism_sim.messages.segments import motion_of, unpack
 from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
 from mechanism_sim.scene import Machine
+from mechanism_sim.strict_json import plain
 
 
 @dataclass(frozen=True)
@@ -206,17 +204,3 @@ def _absent(present: dict[str, bool], run: _Run, motion: MotionSummary | None) -
     if present['linkage_state'] and not run.energy.samples:
         sentences.append('topic linkage_state has no energies: no balance of energy')
     return tuple(sentences)
-
-
-def plain(value: Any) -> Any:
-    """Return dataclasses and arrays as dictionaries, lists, texts and numbers."""
-    if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    # JSON has no word for what is not finite.
-    return None if isinstance(value, float) and not math.isfinite(value) else value

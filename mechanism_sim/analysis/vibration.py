@@ -6,21 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mechanism_sim.analysis.signals import SignalCollector
-from mechanism_sim.sensing.indicators import Moments
+from mechanism_sim.arrays import Array
+from mechanism_sim.sensing.indicators import Indicators, Moments
 from mechanism_sim.sensing.orders import order_spectrum
-
-Array = NDArray[np.float64]
 
 _KEPT = 2**18  # samples of each sensor, the last ones, of which the strongest orders are sought
 
 
 @dataclass(frozen=True)
-class SensorSummary:
-    """The signal of one sensor; its indicators are those of `Indicators`.
+class SensorSummary(Indicators):
+    """The signal of one sensor, with its indicators.
 
     orders: the strongest lines over the crank's orders as (order, amplitude), of the last quarter
     of a million samples or fewer; empty where no whole turn is recorded.
@@ -31,18 +27,8 @@ class SensorSummary:
     quantity: str
     unit: str
     sample_rate: float  #: [Hz]
-    samples: int
     missing: int  #: samples between blocks that should meet and do not
     overloads: int  #: samples cut at the end of the range
-    mean: float
-    rms: float
-    peak: float
-    crest: float | None
-    kurtosis: float | None
-    skewness: float | None
-    shape: float | None
-    impulse: float | None
-    clearance: float | None
     orders: tuple[tuple[float, float], ...]
 
 

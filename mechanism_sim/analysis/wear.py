@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import impact_rose
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.sensing.joint_view import JointView
-
-Array = NDArray[np.float64]
 
 _BLOCK = 512  # segments at once
 

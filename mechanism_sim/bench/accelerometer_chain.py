@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.problem import Answer
 from mechanism_sim.bench.stages import State, in_series, lead, low_pass, resonator
 from mechanism_sim.hybrid.dense_output import Motion
@@ -16,8 +16,6 @@ from mechanism_sim.scene import Machine, load_scene, simulate
 from mechanism_sim.scene.instruments import source
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Source
-
-Array = NDArray[np.float64]
 
 SCENE, SENSOR = 'four_bar_measured', 'coupler'
 COUNT, STEP, TERMS = 14, 1e-5, 34

@@ -6,14 +6,19 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from importlib.resources import files
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 
-from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, nothing_missing
+from mechanism_sim.bench.problem import (
+    Answer,
+    Method,
+    Outcome,
+    Run,
+    found_in,
+    nothing_missing,
+)
 from mechanism_sim.bench.tree import Tree
 from mechanism_sim.scene import load_scene
 
@@ -103,6 +108,19 @@ class LooseFourBar:
             final=(float(states['th3'][at]), float(states['th4'][at])),
         )
 
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Of the coupler about the crank pin and of the rocker about its pivot [kg m^2]."""
+        return (
+            self.coupler_inertia + self.coupler_mass * self.coupler_cog**2,
+            self.rocker_inertia + self.rocker_mass * self.rocker_cog**2,
+        )
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Masses of coupler and rocker times the distances of their centres of gravity [kg m]."""
+        return self.coupler_mass * self.coupler_cog, self.rocker_mass * self.rocker_cog
+
     def solved_by(self, prepare: Callable[[Tree, float, float], Run], setting: float) -> Run:
         """A run by what takes any machine; its answer are the final angles."""
         start = 'seated' if self.seated else 'centred'
@@ -169,9 +187,4 @@ class Peer:
 @cache
 def peers() -> tuple[Peer, ...]:
     """All peers of the modules in `mechanism_sim.bench.peers`, in the order of their files."""
-    package = import_module('mechanism_sim.bench.peers')
-    found: list[Peer] = []
-    for module in iter_modules(package.__path__):
-        content = vars(import_module(f'{package.__name__}.{module.name}'))
-        found += [thing for thing in content.values() if isinstance(thing, Peer)]
-    return tuple(found)
+    return tuple(found_in('mechanism_sim.bench.peers', Peer))

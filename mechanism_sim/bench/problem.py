@@ -8,12 +8,13 @@ from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pkgutil import iter_modules
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Answer = NDArray[np.float64]
+Thing = TypeVar('Thing')
 
 
 class Outcome(NamedTuple):
@@ -41,6 +42,25 @@ def nothing_missing() -> str | None:
 def without(package: str) -> str | None:
     """Why a method that needs an optional package cannot run here; ``None`` if it can."""
     return None if find_spec(package) else f'{package} is not installed'
+
+
+def whole(work: Callable[[], Outcome]) -> Run:
+    """A run of work that ends with its outcome."""
+
+    def run() -> Callable[[], Outcome]:
+        outcome = work()
+        return lambda: outcome
+
+    return run
+
+
+def found_in(package: str, kind: type[Thing]) -> list[Thing]:
+    """All things of a kind in the modules of a package, in the order of their files."""
+    found: list[Thing] = []
+    for module in iter_modules(import_module(package).__path__):
+        content = vars(import_module(f'{package}.{module.name}'))
+        found += [thing for thing in content.values() if isinstance(thing, kind)]
+    return found
 
 
 @dataclass(frozen=True)
@@ -97,9 +117,4 @@ OURS = 'mechanism_sim'
 @cache
 def problems() -> dict[str, Problem]:
     """All problems of the modules in `mechanism_sim.bench.problems` by name, in their order."""
-    package = import_module('mechanism_sim.bench.problems')
-    found: dict[str, Problem] = {}
-    for module in iter_modules(package.__path__):
-        content = vars(import_module(f'{package.__name__}.{module.name}'))
-        found |= {thing.name: thing for thing in content.values() if isinstance(thing, Problem)}
-    return found
+    return {p.name: p for p in found_in('mechanism_sim.bench.problems', Problem)}

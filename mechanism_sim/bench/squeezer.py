@@ -6,64 +6,19 @@ The angles are beta, Theta, gamma, phi, delta, Omega and epsilon of the test set
 
 from __future__ import annotations
 
+from collections import namedtuple
 from math import cos, hypot, sin
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from mechanism_sim.bench.problem import Answer
 
-
-class Squeezer(NamedTuple):
-    """Parameters of the mechanism [SI], by the names of the test set."""
-
-    m1: float
-    m2: float
-    m3: float
-    m4: float
-    m5: float
-    m6: float
-    m7: float
-    i1: float
-    i2: float
-    i3: float
-    i4: float
-    i5: float
-    i6: float
-    i7: float
-    xa: float
-    ya: float
-    xb: float
-    yb: float
-    xc: float
-    yc: float
-    c0: float
-    d: float
-    da: float
-    e: float
-    ea: float
-    rr: float
-    ra: float
-    l0: float
-    ss: float
-    sa: float
-    sb: float
-    sc: float
-    sd: float
-    ta: float
-    tb: float
-    u: float
-    ua: float
-    ub: float
-    zf: float
-    zt: float
-    fa: float
-    mom: float
-
-    @classmethod
-    def given(cls, parameters: dict[str, Any]) -> Squeezer:
-        """From decimal strings by name."""
-        return cls(**{name: float(parameters[name]) for name in cls._fields})
+Squeezer = namedtuple(
+    'Squeezer',
+    'm1 m2 m3 m4 m5 m6 m7 i1 i2 i3 i4 i5 i6 i7 xa ya xb yb xc yc c0 d da e ea rr ra l0 ss sa sb '
+    'sc sd ta tb u ua ub zf zt fa mom',
+)
+"""Parameters of the mechanism [SI], by the names of the test set."""
 
 
 def rates(_: float, y: Answer, p: Squeezer, out: Answer) -> float:

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-Array = NDArray[np.float64]
+from mechanism_sim.arrays import Array
 
 
 class State(NamedTuple):

@@ -218,6 +218,11 @@ class Tree:
             found[name] = turned + last
         return found
 
+    def answer(self, values: Mapping[str, tuple[float, ...]]) -> Answer:
+        """The same in the order of the mechanism (n,)."""
+        q = self.coordinates(values)
+        return np.array([q[c] for c in self.mechanism.coordinates])
+
     def places(self, q: Mapping[str, float]) -> Answer:
         """Where all joints are, as points of both their links (2 joints, 2) [m]."""
         m = self.mechanism

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     length_options,
@@ -173,7 +174,9 @@ def _sound(options: argparse.Namespace) -> int:
         quantity('--direction', options.direction, 'rad')[0],
     )
     pulse = None if options.pulse is None else quantity('--pulse', options.pulse, 's')[0]
-    file = sound.check_file(options.output or f'{Path(options.scene).stem}.wav')
+    file = output.check_path(
+        '--output', options.output or f'{Path(options.scene).stem}.wav', '.wav'
+    )
     if is_bag(options.scene):
         if options.duration or options.revolutions:
             raise InputError('a bag is heard as it was recorded: leave out lengths')
@@ -186,7 +189,7 @@ def _sound(options: argparse.Namespace) -> int:
         train = strikes(machine.mechanism, run.motion, run.impacts)
         written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
     if options.json:
-        print_json(written.to_json())
+        print_json(written)
     else:
         print(sound.render(written))
     return 0

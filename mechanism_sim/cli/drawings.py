@@ -220,7 +220,7 @@ def _layout(options: argparse.Namespace) -> int:
 def _profile(options: argparse.Namespace) -> int:
     from mechanism_sim.report import profile  # noqa: PLC0415
 
-    file = profile.check_file(options.output) if options.output else None
+    file = options.output and output.check_path('--output', options.output, *profile.WRITERS)
     machine = read_machine(options)
     sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
     if file:
@@ -234,7 +234,7 @@ def _profile(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
-    from mechanism_sim.export import markup, mjcf, sdf, urdf  # noqa: PLC0415
+    from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
 
     if options.prefix and options.format != 'urdf':
         raise InputError('--prefix is for --format urdf')
@@ -248,7 +248,7 @@ def _export(options: argparse.Namespace) -> int:
     for sentence in missing:
         print(f'mechanism-sim: {sentence}', file=sys.stderr)
     if options.output:
-        markup.save(text, options.output)
+        output.write_text(options.output, text)
     if options.json:
         where = {'file': options.output} if options.output else {'text': text}
         print_json({'scene': machine.name, 'format': options.format, 'left_out': missing, **where})

@@ -6,6 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
+from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     overrides_of,
@@ -57,7 +58,9 @@ def _report(options: argparse.Namespace) -> int:
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    file = report.check_file(options.output or f'{Path(options.scene).stem}.html')
+    file = output.check_path(
+        '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'
+    )
     record, start, end = run_of(options)
     source = Path(options.scene).name if is_bag(options.scene) else ''
     digest = record.digest()
@@ -67,7 +70,7 @@ def _report(options: argparse.Namespace) -> int:
     with progress.busy('drawing charts', quiet=options.json):
         parts = sections(record)
     text = report.page(shown, parts, source, digest)
-    report.write(text, file)
+    output.write_text(file, text)
     if options.json:
         print_json(
             {

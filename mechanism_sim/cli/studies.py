@@ -197,7 +197,7 @@ def _sweep(options: argparse.Namespace) -> int:
     if chart:
         report.draw(chart, plan, rows)
     if options.json:
-        print_json(summary.to_json())
+        print_json(summary)
     else:
         print(report.render(summary, plan, rows))
     return 0

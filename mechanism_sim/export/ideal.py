@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.transmission import Transmission
@@ -32,8 +32,6 @@ from mechanism_sim.planar.mechanism import (
     rotate,
 )
 from mechanism_sim.scene.machine import Machine
-
-Array = NDArray[np.float64]
 
 WORLD = 'world'
 

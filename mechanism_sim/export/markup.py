@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from xml.etree import ElementTree
 
-from mechanism_sim import output
-
 Element = ElementTree.Element
 
 
@@ -24,14 +22,3 @@ def written(root: Element) -> str:
     """The text of a file, indented."""
     ElementTree.indent(root)
     return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
-
-
-def save(content: str, file: str) -> None:
-    """Write a text into a file.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written there.
-    """
-    output.write_text(file, content)

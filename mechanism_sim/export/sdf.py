@@ -37,14 +37,12 @@ def to_sdf(machine: Machine) -> str:
         comment(root, sentence)
     world = SubElement(root, 'world', name=f'world_of_{machine.name}')
     physics = SubElement(world, 'physics', name='fine', type='ode')
-    _leaf(physics, 'max_step_size', text(time_step(machine)))
-    _leaf(physics, 'real_time_factor', '1')
-    _leaf(world, 'gravity', text(*machine.plan.gravity, 0.0))
+    _leaves(physics, max_step_size=text(time_step(machine)), real_time_factor='1')
+    _leaves(world, gravity=text(*machine.plan.gravity, 0.0))
     model = SubElement(world, 'model', name=machine.name)
     drawn = solids(machine)
     _link(model, ideal, Body(GROUND, 1.0, 1.0, (0.0, 0.0)), drawn, COLOURS[0])
-    fixed = _joint(model, f'{WORLD}_{GROUND}', 'fixed', WORLD, GROUND)
-    _leaf(fixed, 'pose', '0 0 0 0 0 0')
+    _joint(model, f'{WORLD}_{GROUND}', 'fixed', WORLD, GROUND, pose='0 0 0 0 0 0')
     for k, body in enumerate(ideal.mechanism.bodies):
         _link(model, ideal, body, drawn, COLOURS[1 + k % (len(COLOURS) - 1)])
     for link in ideal.mechanism.tree_joints:
@@ -77,27 +75,22 @@ def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid], colour: 
     """A link where it is at the start."""
     x, y, angle = ideal.poses[body.name]
     link = SubElement(model, 'link', name=body.name)
-    _leaf(link, 'pose', _pose((x, y), angle))
+    _leaves(link, pose=_pose((x, y), angle))
     inertial = SubElement(link, 'inertial')
-    _leaf(inertial, 'pose', _pose(body.cog))
-    _leaf(inertial, 'mass', text(body.mass))
+    _leaves(inertial, pose=_pose(body.cog), mass=text(body.mass))
+    half = text(0.5 * body.inertia)
     inertia = SubElement(inertial, 'inertia')
-    for name in ('ixx', 'iyy', 'izz'):
-        _leaf(inertia, name, text(body.inertia if name == 'izz' else 0.5 * body.inertia))
-    for name in ('ixy', 'ixz', 'iyz'):
-        _leaf(inertia, name, '0')
+    _leaves(inertia, ixx=half, iyy=half, izz=text(body.inertia), ixy='0', ixz='0', iyz='0')
     for k, solid in enumerate(s for s in drawn if s.link == body.name):
         visual = SubElement(link, 'visual', name=f'{body.name}_{k}')
-        _leaf(visual, 'pose', _pose(solid.at[:2], solid.turn, solid.at[2]))
+        _leaves(visual, pose=_pose(solid.at[:2], solid.turn, solid.at[2]))
         shape = SubElement(SubElement(visual, 'geometry'), solid.kind)
         if solid.kind == 'box':
-            _leaf(shape, 'size', text(*solid.size))
+            _leaves(shape, size=text(*solid.size))
         else:
-            _leaf(shape, 'radius', text(solid.size[0]))
-            _leaf(shape, 'length', text(solid.size[1]))
+            _leaves(shape, radius=text(solid.size[0]), length=text(solid.size[1]))
         material = SubElement(visual, 'material')
-        _leaf(material, 'ambient', f'{colour} 1')
-        _leaf(material, 'diffuse', f'{colour} 1')
+        _leaves(material, ambient=f'{colour} 1', diffuse=f'{colour} 1')
 
 
 def _lower_pair(model: Element, joint: Joint, child: str) -> None:
@@ -106,34 +99,37 @@ def _lower_pair(model: Element, joint: Joint, child: str) -> None:
     ahead = joint.first == child
     parent, at = (joint.second, joint.on_first) if ahead else (joint.first, joint.on_second)
     kind = 'prismatic' if isinstance(joint, Prismatic) else 'revolute'
-    written_joint = _joint(model, joint.name, kind, parent, child)
-    _leaf(written_joint, 'pose', _pose(at))
+    written_joint = _joint(model, joint.name, kind, parent, child, pose=_pose(at))
     along = (*way(joint, child), 0.0) if isinstance(joint, Prismatic) else (0.0, 0.0, 1.0)
-    _leaf(SubElement(written_joint, 'axis'), 'xyz', text(*along))
+    _leaves(SubElement(written_joint, 'axis'), xyz=text(*along))
 
 
 def _gearbox(model: Element, coupling: Coupling) -> None:
     """``second = -ratio first``, both angles counted from the carrier."""
     pair, (one, other) = coupling.joint, coupling.factors
-    joint = _joint(model, pair.name, 'gearbox', pair.first, pair.second)
-    _leaf(joint, 'gearbox_ratio', text(one / other))
-    _leaf(joint, 'gearbox_reference_body', coupling.carrier)
+    joint = _joint(
+        model, pair.name, 'gearbox', pair.first, pair.second,
+        gearbox_ratio=text(one / other), gearbox_reference_body=coupling.carrier,
+    )  # fmt: skip
     for axis in ('axis', 'axis2'):
-        _leaf(SubElement(joint, axis), 'xyz', '0 0 1')
+        _leaves(SubElement(joint, axis), xyz='0 0 1')
 
 
-def _joint(model: Element, name: str, kind: str, parent: str, child: str) -> Element:
+def _joint(
+    model: Element, name: str, kind: str, parent: str, child: str, **leaves: str
+) -> Element:
     taken = {part.get('name') for part in model}
     while name in taken:  # a joint may not be named as a link, as in scenes
         name += '_joint'
     joint = SubElement(model, 'joint', name=name, type=kind)
-    _leaf(joint, 'parent', parent)
-    _leaf(joint, 'child', child)
+    _leaves(joint, parent=parent, child=child, **leaves)
     return joint
 
 
-def _leaf(parent: Element, name: str, content: str) -> None:
-    SubElement(parent, name).text = content
+def _leaves(element: Element, **contents: str) -> None:
+    """Elements that hold text, by name."""
+    for name, content in contents.items():
+        SubElement(element, name).text = content
 
 
 def _pose(at: Vector2, angle: float = 0.0, z: float = 0.0) -> str:

@@ -9,8 +9,8 @@ from typing import get_args
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import Place, Poses
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.mechanism import (
@@ -25,7 +25,6 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.view import Kind
 from mechanism_sim.scene import Machine
 
-Array = NDArray[np.float64]
 _BOX = 1.7, 1.1
 """Half length and half width of a slider, in units of the drawing's symbols."""
 

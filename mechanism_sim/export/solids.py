@@ -9,14 +9,12 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Prismatic, Revolute, rotate
 from mechanism_sim.scene.machine import Machine
-
-Array = NDArray[np.float64]
 
 #: points of a link nearer than this are one, as a share of the machine's size
 SAME = 1e-6

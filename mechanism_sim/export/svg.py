@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mechanism_sim.export.outlines import Circle, Curve, Outline
-
-Array = NDArray[np.float64]
 
 #: [mm]
 MARGIN = 5.0

@@ -9,8 +9,7 @@ links come from their solution.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
 
 from mechanism_sim.cams.pair import CamPair
 from mechanism_sim.export.ideal import WORLD, check_names, way
@@ -89,9 +88,7 @@ class _Tree:
             return
         upright = self._frame(f'{link}.carrier')
         carrier = self._joint(upright, 'continuous', parent, f'{link}.carrier', there)
-        ElementTree.SubElement(
-            carrier, 'mimic', joint=frame, multiplier='-1', offset=text(-offset)
-        )
+        SubElement(carrier, 'mimic', joint=frame, multiplier='-1', offset=text(-offset))
         self._turning(link, f'{link}.carrier', (0.0, 0.0), here)
 
     def float_free(self, body: Body) -> None:
@@ -116,7 +113,7 @@ class _Tree:
         return hub
 
     def _frame(self, name: str) -> str:
-        ElementTree.SubElement(self._robot, 'link', name=self._prefix + name)
+        SubElement(self._robot, 'link', name=self._prefix + name)
         return name
 
     def _joint(
@@ -130,50 +127,43 @@ class _Tree:
         along: Vector2 = (0.0, 0.0),
     ) -> Element:
         """A joint; a prismatic one moves its child `along` a direction."""
-        joint = ElementTree.SubElement(self._robot, 'joint', name=name, type=kind)
+        joint = SubElement(self._robot, 'joint', name=name, type=kind)
         parent = self._prefix + (WORLD if parent == GROUND else parent)
-        ElementTree.SubElement(joint, 'parent', link=parent)
-        ElementTree.SubElement(joint, 'child', link=self._prefix + child)
+        SubElement(joint, 'parent', link=parent)
+        SubElement(joint, 'child', link=self._prefix + child)
         _origin(joint, (*at, 0.0), turn)
         if kind == 'prismatic':
-            ElementTree.SubElement(joint, 'axis', xyz=text(*along, 0.0))
+            SubElement(joint, 'axis', xyz=text(*along, 0.0))
             # asked for by the format; of the limits in the plane no motion knows
             far = text(self._far)
-            ElementTree.SubElement(
-                joint, 'limit', lower=f'-{far}', upper=far, effort='0', velocity='0'
-            )
+            SubElement(joint, 'limit', lower=f'-{far}', upper=far, effort='0', velocity='0')
         elif kind == 'continuous':
-            ElementTree.SubElement(joint, 'axis', xyz='0 0 1')
+            SubElement(joint, 'axis', xyz='0 0 1')
         return joint
 
 
 def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid], colour: str) -> None:
     """A link with its mass and what is seen of it; the ground without a body."""
-    link = ElementTree.SubElement(robot, 'link', name=name)
+    link = SubElement(robot, 'link', name=name)
     if body is not None and body.mass:
-        inertial = ElementTree.SubElement(link, 'inertial')
+        inertial = SubElement(link, 'inertial')
         _origin(inertial, (*body.cog, 0.0), 0.0)
-        ElementTree.SubElement(inertial, 'mass', value=text(body.mass))
+        SubElement(inertial, 'mass', value=text(body.mass))
         flat, polar = text(0.5 * body.inertia), text(body.inertia)
-        ElementTree.SubElement(
-            inertial, 'inertia', ixx=flat, iyy=flat, izz=polar, ixy='0', ixz='0', iyz='0'
-        )
-    for solid in _on(drawn, GROUND if body is None else body.name):
-        visual = ElementTree.SubElement(link, 'visual')
+        SubElement(inertial, 'inertia', ixx=flat, iyy=flat, izz=polar, ixy='0', ixz='0', iyz='0')
+    owner = GROUND if body is None else body.name
+    for solid in (s for s in drawn if s.link == owner):
+        visual = SubElement(link, 'visual')
         _origin(visual, solid.at, solid.turn)
-        geometry = ElementTree.SubElement(visual, 'geometry')
+        geometry = SubElement(visual, 'geometry')
         if solid.kind == 'box':
-            ElementTree.SubElement(geometry, 'box', size=text(*solid.size))
+            SubElement(geometry, 'box', size=text(*solid.size))
         else:
             radius, length = (text(x) for x in solid.size)
-            ElementTree.SubElement(geometry, 'cylinder', radius=radius, length=length)
-        material = ElementTree.SubElement(visual, 'material', name=f'colour of {name}')
-        ElementTree.SubElement(material, 'color', rgba=f'{colour} 1')
-
-
-def _on(drawn: list[Solid], link: str) -> Iterator[Solid]:
-    return (solid for solid in drawn if solid.link == link)
+            SubElement(geometry, 'cylinder', radius=radius, length=length)
+        material = SubElement(visual, 'material', name=f'colour of {name}')
+        SubElement(material, 'color', rgba=f'{colour} 1')
 
 
 def _origin(parent: Element, xyz: tuple[float, ...], yaw: float) -> None:
-    ElementTree.SubElement(parent, 'origin', xyz=text(*xyz), rpy=f'0 0 {text(yaw)}')
+    SubElement(parent, 'origin', xyz=text(*xyz), rpy=f'0 0 {text(yaw)}')

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.pages.stage import Frames, Stage, packed, stage_of
 from mechanism_sim.planar.inverse_dynamics import Observation
-
-Array = NDArray[np.float64]
 
 PER_TURN = 120
 """Instants in a turn of the main drive."""

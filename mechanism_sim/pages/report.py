@@ -6,22 +6,18 @@ import base64
 import gzip
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from mechanism_sim import output, strict_json
+from mechanism_sim import strict_json
 from mechanism_sim.catalogue import installed_version
-from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
 from mechanism_sim.pages.charts import Section
 from mechanism_sim.pages.recorded import Recorded
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'report'
-_HEIGHT = 360  # [px] of a chart that does not say
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,7 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
         scene=record.machine.name,
         description=scene.description.strip(),
         facts=_facts(run, source, digest or record.digest()),
-        sections=[_section(part) for part in parts],
+        sections=parts,
         bearings=[joint.name.replace('_', ' ') for joint in run.stage.bearings],
         forces=bool(run.stage.joints),
         style=Markup(asset('style.css')),  # noqa: S704 - ours
@@ -62,33 +58,6 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
         charts=embedded(charts),
         plotly=_packed(get_plotlyjs()) if charts else '',
     )
-
-
-def check_file(file: str) -> Path:
-    """A path that a page can be written to, checked before anything is computed.
-
-    Raises
-    ------
-    InputError
-        If it does not end in .html, or its folder is not there.
-    """
-    path = Path(file)
-    if path.suffix not in ('.html', '.htm'):
-        raise InputError(f'--output {file}: the ending must be .html')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
-    return path
-
-
-def write(text: str, file: Path) -> None:
-    """Write a page.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written there.
-    """
-    output.write_text(file, text)
 
 
 def _turn(run: Recorded) -> float | None:
@@ -120,26 +89,6 @@ def _facts(run: Recorded, source: str, digest: str) -> list[Fact]:
     if source:
         facts.append(Fact('Recorded in', source if record.complete else f'{source}, cut short'))
     return facts
-
-
-def _section(section: Section) -> dict[str, Any]:
-    """A section as the template needs it: with the height of its charts."""
-    charts = [
-        {
-            'key': chart.key,
-            'title': chart.title,
-            'axis': chart.axis,
-            'height': chart.figure.get('layout', {}).get('height') or _HEIGHT,
-        }
-        for chart in section.charts
-    ]
-    return {
-        'key': section.key,
-        'title': section.title,
-        'text': section.text,
-        'charts': charts,
-        'rows': section.rows,
-    }
 
 
 def _packed(text: str) -> str:

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
-
-Array = NDArray[np.float64]
 
 _LONGEST = 0.35
 """Length of an arrow for a force that is rarely exceeded, of the machine's size."""

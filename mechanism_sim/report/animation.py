@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import figures
 from mechanism_sim.report.stage import Shown, Stage
 from mechanism_sim.report.video import Target
-
-Array = NDArray[np.float64]
 
 _TURN = 3.0  # [s] of film for a turn of the drive
 _WHOLE = 6.0  # [s] of film for a run without turns

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mechanism_sim import output, strict_json
+from mechanism_sim import output, strict_json, text_table
 from mechanism_sim.bench.loose_joints import LooseCost, StretchCost
 from mechanism_sim.bench.measure import Measurement, Row
 from mechanism_sim.bench.middleware import Figure
 from mechanism_sim.bench.problem import OURS
 from mechanism_sim.bench.scaling import Cost
-from mechanism_sim.errors import InputError
 from mechanism_sim.report import middleware
+from mechanism_sim.report.figures import save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
 
 _PREFIXES = ((1.0, 's'), (1e-3, 'ms'), (1e-6, 'us'), (1e-9, 'ns'))
 _MARKERS = 'osD^vPX*<>phd+x1234'
@@ -37,13 +41,7 @@ def render(found: Measurement, machine: Mapping[str, Any]) -> str:
         'method', 'setting', f'CPU per {p.unit}', 'median', f'error [{p.error_unit}]', 'steps',
         'impacts', 'prepared in',
     )  # fmt: skip
-    lines = [head, *(_cells(row) for row in found.rows)]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-    table = [
-        '  '.join(cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(pairs))
-        for pairs in (list(zip(line, widths, strict=True)) for line in lines)
-    ]
-    table.insert(1, '  '.join('-' * w for w in widths))
+    table = text_table.lines([head, *map(_cells, found.rows)], 2, '', rule=True)
     failed = [
         f'{row.method.name} at {row.tolerance:g} failed: {row.failure}'
         for row in found.rows
@@ -129,25 +127,22 @@ class Pages:
         self._figures: list[Figure] = []
         self._folder = Path(folder) if folder else None
         if self._folder:
-            try:
-                self._folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(f"'{folder}' cannot be made: {error.strerror}") from error
+            output.make_folder(self._folder)
 
     def add(self, found: Measurement, machine: Mapping[str, Any]) -> None:
         """Add a measurement, and write NAME.svg, NAME.json and NAME.txt."""
         self.found.append(found)
-        self.text.append(render(found, machine))
+        name = found.problem.name
+        self._add(name, render(found, machine), to_json([found], machine))
         if self._folder:
-            self._write(found.problem.name, to_json([found], machine))
-            _plot(found, machine, self._folder / f'{found.problem.name}.svg')
+            _plot(found, machine, self._folder / f'{name}.svg')
 
     def add_scaling(self, costs: Sequence[Cost], machine: Mapping[str, Any]) -> None:
         """Add costs by size, and write scaling.svg, scaling.json and scaling.txt."""
         self._costs += costs
-        self.text.append(render_scaling(costs, machine))
+        content = {'machine': dict(machine), 'scaling': strict_json.plain(costs)}
+        self._add('scaling', render_scaling(costs, machine), content)
         if self._folder:
-            self._write('scaling', {'machine': dict(machine), 'scaling': scaling_json(costs)})
             _plot_costs(costs, machine, self._folder / 'scaling.svg')
 
     def add_loose_joints(
@@ -160,35 +155,30 @@ class Pages:
         """Add costs of loose joints, and write loose_joints.json and loose_joints.txt."""
         self._loose = {
             'loose_joints': [asdict(c) | {'cpu_per_event': c.cpu_per_event} for c in costs],
-            'stretches': [
-                {k: _number(x) if isinstance(x, float) else x for k, x in asdict(c).items()}
-                for c in stretches
-            ],
+            'stretches': strict_json.plain(list(stretches)),
         }
         left_out = [f'{name} left out: {reason}' for name, reason in (skipped or {}).items()]
         parts = [render_loose_joints(costs), render_stretches(stretches), '\n'.join(left_out)]
-        self.text.append('\n\n'.join(part for part in (*parts, footer(machine)) if part))
-        if self._folder:
-            self._write('loose_joints', {'machine': dict(machine), **self._loose})
+        text = '\n\n'.join(part for part in (*parts, footer(machine)) if part)
+        self._add('loose_joints', text, {'machine': dict(machine), **self._loose})
 
     def add_middleware(self, figures: Sequence[Figure], machine: Mapping[str, Any]) -> None:
         """Add figures of the middleware, and write middleware.json and middleware.txt."""
         self._figures += figures
-        self.text.append(f'{middleware.render(figures)}\n\n{footer(machine)}')
-        if self._folder:
-            rows = middleware.to_json(figures)
-            self._write('middleware', {'machine': dict(machine), 'rows': rows})
+        content = {'machine': dict(machine), 'rows': middleware.to_json(figures)}
+        self._add('middleware', f'{middleware.render(figures)}\n\n{footer(machine)}', content)
 
-    def _write(self, name: str, content: object) -> None:
-        text = strict_json.dumps(content, indent=1)
+    def _add(self, name: str, text: str, content: object) -> None:
+        self.text.append(text)
         if self._folder:
-            output.write_text(self._folder / f'{name}.json', text + '\n')
-            output.write_text(self._folder / f'{name}.txt', self.text[-1] + '\n')
+            data = strict_json.dumps(content, indent=1)
+            output.write_text(self._folder / f'{name}.json', data + '\n')
+            output.write_text(self._folder / f'{name}.txt', text + '\n')
 
     def to_json(self, machine: Mapping[str, Any]) -> dict[str, object]:
         """All of it."""
         found = to_json(self.found, machine, middleware.to_json(self._figures))
-        found |= {'scaling': scaling_json(self._costs)} if self._costs else {}
+        found |= {'scaling': strict_json.plain(self._costs)} if self._costs else {}
         return found | self._loose
 
 
@@ -276,26 +266,18 @@ def _error(cost: StretchCost) -> str:
     return small + '+' * cost.limited
 
 
-def scaling_json(costs: Sequence[Cost]) -> list[dict[str, object]]:
-    """Costs by size."""
-    return [asdict(c) for c in costs]
-
-
 def to_json(
     found: Sequence[Measurement],
     machine: Mapping[str, Any],
     more: Sequence[Mapping[str, object]] = (),
 ) -> dict[str, object]:
     """Rows ``method, tolerance, cpu_per_unit, error, unit`` and more; times in seconds."""
+    keys = 'name', 'title', 'reference', 'unit', 'error_unit'
     return {
         'machine': dict(machine),
         'problems': [
             {
-                'name': m.problem.name,
-                'title': m.problem.title,
-                'reference': m.problem.reference,
-                'unit': m.problem.unit,
-                'error_unit': m.problem.error_unit,
+                **{key: getattr(m.problem, key) for key in keys},
                 'methods': {row.method.name: row.method.how for row in m.rows},
                 'skipped': m.skipped,
             }
@@ -306,62 +288,55 @@ def to_json(
 
 
 def _row(found: Measurement, row: Row) -> dict[str, object]:
-    return {
+    own = {
         'problem': found.problem.name,
         'method': row.method.name,
         'setting': row.method.setting,
-        'tolerance': row.tolerance,
-        'cpu_per_unit': _number(row.fastest),
-        'cpu_per_unit_median': _number(row.median),
+        'cpu_per_unit': row.fastest,
+        'cpu_per_unit_median': row.median,
         'repeats': len(row.times),
-        'error': _number(row.error),
         'error_unit': found.problem.error_unit,
         'unit': found.problem.unit,
-        'steps': row.steps,
-        'impacts': row.impacts,
-        'compile_time': row.compile_time,
-        'failure': row.failure,
     }
+    same = 'tolerance', 'error', 'steps', 'impacts', 'compile_time', 'failure'
+    found_json: dict[str, object] = strict_json.plain(own | {k: getattr(row, k) for k in same})
+    return found_json
 
 
-def _number(x: float) -> float | None:
-    return x if math.isfinite(x) else None
-
-
-def _pyplot() -> Any:
+@contextmanager
+def _figure(path: Path, width: float, height: float) -> Iterator[Drawing]:
+    """A figure [in] that is written to a file when it is complete."""
     import matplotlib as mpl  # noqa: PLC0415 - takes half a second
+    from matplotlib.figure import Figure as Drawing  # noqa: PLC0415
 
-    mpl.use('Agg')
-    mpl.rcParams['svg.hashsalt'] = 'bench'  # the same picture is the same file
-    from matplotlib import pyplot as plt  # noqa: PLC0415
-
-    return plt
+    with mpl.rc_context({'svg.hashsalt': 'bench'}):  # the same picture is the same file
+        figure = Drawing((width, height), layout='constrained')
+        yield figure
+        save(figure, path)
 
 
 def _plot_costs(costs: Sequence[Cost], machine: Mapping[str, Any], path: Path) -> None:
-    plt, families = _pyplot(), list(dict.fromkeys(c.family for c in costs))
+    families = list(dict.fromkeys(c.family for c in costs))
     rows = (len(families) + 1) // 2
-    figure, axes = plt.subplots(rows, 2, figsize=(8.5, 2.6 * rows), layout='constrained')
-    for place, family in zip(axes.flat, families, strict=False):
-        chosen = [c for c in costs if c.family == family]
-        sizes, times = [c.size for c in chosen], [c.cpu_per_unit for c in chosen]
-        place.plot(sizes, times, 'ko-')
-        place.set_xlabel(family, fontsize='small')
-        place.set_ylabel(f'CPU time per {chosen[0].unit} [s]', fontsize='small')
-        place.set_xscale('log' if max(sizes) > 8 else 'linear')
-        place.set_xticks(sizes, [f'{x:g}' for x in sizes], minor=False)
-        place.minorticks_off()
-        if max(times) > 5.0 * min(times):
-            place.set_yscale('log')
-        else:
-            place.set_ylim(0.0, 1.2 * max(times))
-        place.grid(which='major', color='0.85')
-    for place in axes.flat[len(families) :]:
-        place.remove()
-    figure.supxlabel(_short(machine), fontsize='x-small')
-    with output.beside(path) as part:
-        figure.savefig(part, metadata={'Date': None})
-    plt.close(figure)
+    with _figure(path, 8.5, 2.6 * rows) as figure:
+        axes = figure.subplots(rows, 2)
+        for place, family in zip(axes.flat, families, strict=False):
+            chosen = [c for c in costs if c.family == family]
+            sizes, times = [c.size for c in chosen], [c.cpu_per_unit for c in chosen]
+            place.plot(sizes, times, 'ko-')
+            place.set_xlabel(family, fontsize='small')
+            place.set_ylabel(f'CPU time per {chosen[0].unit} [s]', fontsize='small')
+            place.set_xscale('log' if max(sizes) > 8 else 'linear')
+            place.set_xticks(sizes, [f'{x:g}' for x in sizes], minor=False)
+            place.minorticks_off()
+            if max(times) > 5.0 * min(times):
+                place.set_yscale('log')
+            else:
+                place.set_ylim(0.0, 1.2 * max(times))
+            place.grid(which='major', color='0.85')
+        for place in axes.flat[len(families) :]:
+            place.remove()
+        figure.supxlabel(_short(machine), fontsize='x-small')
 
 
 def _short(machine: Mapping[str, Any]) -> str:
@@ -369,33 +344,31 @@ def _short(machine: Mapping[str, Any]) -> str:
 
 
 def _plot(found: Measurement, machine: Mapping[str, Any], path: Path) -> None:
-    plt, p = _pyplot(), found.problem
-    figure, axes = plt.subplots(figsize=(8.5, 5.5), layout='constrained')
-    names = list(dict.fromkeys(row.method.name for row in found.rows))
-    for i, name in enumerate(names):
-        rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
-        first = name == OURS
-        axes.plot(
-            [max(row.error, _FLOOR) for row in rows],
-            [row.fastest for row in rows],
-            marker=_MARKERS[i % len(_MARKERS)],
-            linestyle=_LINES[i % len(_LINES)],
-            color='black' if first else f'{0.15 + 0.5 * (i % 4) / 3:.2f}',
-            linewidth=2.2 if first else 1.1,
-            markersize=7 if first else 6,
-            fillstyle='none' if i % 2 else 'full',
-            label=name,
+    p = found.problem
+    with _figure(path, 8.5, 5.5) as figure:
+        axes = figure.subplots()
+        names = list(dict.fromkeys(row.method.name for row in found.rows))
+        for i, name in enumerate(names):
+            rows = [r for r in found.rows if r.method.name == name and math.isfinite(r.error)]
+            first = name == OURS
+            axes.plot(
+                [max(row.error, _FLOOR) for row in rows],
+                [row.fastest for row in rows],
+                marker=_MARKERS[i % len(_MARKERS)],
+                linestyle=_LINES[i % len(_LINES)],
+                color='black' if first else f'{0.15 + 0.5 * (i % 4) / 3:.2f}',
+                linewidth=2.2 if first else 1.1,
+                markersize=7 if first else 6,
+                fillstyle='none' if i % 2 else 'full',
+                label=name,
+            )
+        axes.set(
+            xscale='log', yscale='log', title=p.title, xlabel=f'error [{p.error_unit}]',
+            ylabel=f'CPU time per {p.unit} [s]',
+        )  # fmt: skip
+        axes.invert_xaxis()
+        axes.grid(which='major', color='0.85')
+        figure.legend(loc='outside right upper', fontsize='small')
+        figure.supxlabel(
+            f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
         )
-    axes.set(
-        xscale='log', yscale='log', title=p.title, xlabel=f'error [{p.error_unit}]',
-        ylabel=f'CPU time per {p.unit} [s]',
-    )  # fmt: skip
-    axes.invert_xaxis()
-    axes.grid(which='major', color='0.85')
-    figure.legend(loc='outside right upper', fontsize='small')
-    figure.supxlabel(
-        f'{_short(machine)}; more exact to the right, cheaper below', fontsize='x-small'
-    )
-    with output.beside(path) as part:
-        figure.savefig(part, metadata={'Date': None})
-    plt.close(figure)

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Circle, Polygon
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.skeleton import Shape, zigzag
 from mechanism_sim.planar.mechanism import GROUND
 
-Array = NDArray[np.float64]
 Move = Callable[[Array], None]
 """Takes what was painted of a shape to where its outline (k, 2) [m] is now."""
 

@@ -6,19 +6,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.details import Average, Beside, Details, Line, Struck
 from mechanism_sim.analysis.roses import Rose
 from mechanism_sim.analysis.wear import WearMap
 from mechanism_sim.report.cycle import for_people
+from mechanism_sim.report.figures import few_ticks, over_turn, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
-
-_ORDERS = 40  # drawn
 _DECADES = 1e-6  # below the highest line nothing is drawn
 
 
@@ -46,89 +43,64 @@ def _figures(details: Details) -> Iterator[tuple[str, Figure]]:
         yield f'{name}_deviation', _deviation(name, beside, details.drive)
 
 
-def _figure(title: str, width: float = 7.0, height: float = 3.4) -> Figure:
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    figure = Figure(figsize=(width, height), layout='constrained')
-    figure.suptitle(title, fontsize=10.0)
-    return figure
-
-
 def _spectrum(name: str, line: Line) -> Figure:
-    figure = _figure(f'power spectral density of {name}')
+    figure = titled(f'power spectral density of {name}')
     axes, s = figure.subplots(), line.spectrum
     axes.plot(s.frequency[1:], s.values[1:], color='0.1', lw=0.9)
     axes.set_xlim(0.0, s.frequency[-1])
     if highest := s.values[1:].max():
         axes.set_yscale('log')
         axes.set_ylim(bottom=_DECADES * highest)
-    axes.set_xlabel('frequency [Hz]')
-    axes.set_ylabel(f'[{line.unit}]')
+    axes.set(xlabel='frequency [Hz]', ylabel=f'[{line.unit}]')
     return figure
 
 
 def _orders(name: str, line: Line, drive: str) -> Figure:
-    figure = _figure(f'order spectrum of {name}')
-    axes, s = figure.subplots(), line.spectrum
-    shown = (s.frequency > 0.0) & (s.frequency <= _ORDERS)
-    axes.plot(s.frequency[shown], s.values[shown], color='0.1', lw=0.9)
-    axes.set_xlim(0.0, min(_ORDERS, s.frequency[-1]))
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(f'order [cycles per turn of the {drive}]')
-    axes.set_ylabel(f'amplitude [{line.unit}]')
-    return figure
+    words = f'order [cycles per turn of the {drive}]'
+    return _amplitudes(f'order spectrum of {name}', line, 1.0, words)
 
 
 def _envelope(name: str, line: Line, drive_rate: float | None) -> Figure:
     low, high = line.band or (0.0, 0.0)
-    figure = _figure(f'squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz')
-    axes, s = figure.subplots(), line.spectrum
-    # squared, the envelope holds no frequency above the width of its band
-    end = min(high - low, s.frequency[-1], _ORDERS * (drive_rate or np.inf))
-    shown = (s.frequency > 0.0) & (s.frequency <= end)
-    axes.plot(s.frequency[shown], s.values[shown], color='0.1', lw=0.9)
+    title = f'squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
+    return _amplitudes(title, line, drive_rate, 'frequency [Hz]')
+
+
+def _amplitudes(title: str, line: Line, rate: float | None, words: str) -> Figure:
+    """A spectrum over what the words say, in which the first order lies at `rate`."""
+    figure = titled(title)
+    axes, (end, *shown) = figure.subplots(), line.drawn(rate)
+    axes.plot(*shown, color='0.1', lw=0.9)
     axes.set_xlim(0.0, end)
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel('frequency [Hz]')
-    axes.set_ylabel(f'amplitude [{line.unit}]')
+    axes.set(xlabel=words, ylabel=f'amplitude [{line.unit}]')
     return figure
-
-
-def _over_turn(axes: Any, drive: str) -> None:
-    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
-
-    axes.set_xlim(0.0, 360.0)
-    axes.xaxis.set_major_locator(MultipleLocator(45.0))
-    axes.set_xlabel(f'angle of the {drive} [deg]')
 
 
 def _average(name: str, average: Average, drive: str) -> Figure:
     turns = average.turns
-    figure = _figure(f'{name}: average of {len(turns.values)} turns, and their standard deviation')
+    figure = titled(f'{name}: average of {len(turns.values)} turns, and their standard deviation')
     axes = figure.subplots()
     unit, scale = for_people(average.unit)
     angle, mean, spread = np.degrees(turns.angle), scale * turns.mean, scale * turns.spread
     axes.fill_between(angle, mean - spread, mean + spread, color='0.85', lw=0.0)
     axes.plot(angle, mean, color='0.1', lw=0.9)
-    _over_turn(axes, drive)
+    over_turn(axes, drive)
     axes.set_ylabel(f'[{unit}]')
     return figure
 
 
 def _polar(figure: Figure, count: int) -> list[Any]:
-    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
-
     found = figure.subplots(1, count, subplot_kw={'projection': 'polar'}, squeeze=False)[0]
     for axes in found:
-        axes.tick_params(labelsize=6.5, pad=0.0)
         axes.set_rlabel_position(22.5)
-        axes.yaxis.set_major_locator(MaxNLocator(4))
+        few_ticks(axes)
     return list(found)
 
 
 def rose_picture(name: str, rose: Rose) -> Figure:
     """[SB] 8.11: every impact a line towards the place struck, the six largest marked."""
-    figure = _figure(f'impacts in {name} [N s]', 7.0, 4.0)
+    figure = titled(f'impacts in {name} [N s]', 7.0, 4.0)
     parts = (
         (f'pin, seen from the {rose.pin}', rose.on_pin),
         (f'bushing, seen from the {rose.bushing}', rose.on_bushing),
@@ -150,7 +122,7 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
     """[SB] 8.12 and 7.10: the dominant impacts by angle of the drive, and sums turn by turn."""
     rose, cycles = struck.rose, struck.cycles
     assert cycles is not None  # noqa: S101 - asked before
-    figure = _figure(f'impacts in {name}, turn by turn', 7.0, 6.4)
+    figure = titled(f'impacts in {name}, turn by turn', 7.0, 6.4)
     above, *below = figure.subplots(3, 1, height_ratios=(2, 1, 1))
     above.plot(
         np.degrees(rose.crank_angle), 1e3 * rose.normal_impulse, '.', color='0.7', ms=3.0,
@@ -163,7 +135,7 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
             np.degrees(rose.crank_angle[k]), 1e3 * rose.normal_impulse[k], mark, color=shade,
             ms=4.0, label=f'{label} of its turn',
         )  # fmt: skip
-    _over_turn(above, drive)
+    over_turn(above, drive)
     above.set_ylabel('impulse [mN s]')
     above.legend(frameon=False, fontsize=7.5, ncols=3)
     turn = cycles.first + np.arange(len(cycles.count))
@@ -179,7 +151,7 @@ def _cycles(name: str, struck: Struck, drive: str) -> Figure:
 
 
 def _wear(name: str, bushing: WearMap, pin: WearMap) -> Figure:
-    figure = _figure(f'wear in {name}, by direction', 9.5, 6.6)
+    figure = titled(f'wear in {name}, by direction', 9.5, 6.6)
     rows: Any = figure.subfigures(2, 1)
     for row, part, wear in zip(rows, ('bushing', 'pin'), (bushing, pin), strict=True):
         sums = (
@@ -196,13 +168,13 @@ def _wear(name: str, bushing: WearMap, pin: WearMap) -> Figure:
 
 def _deviation(name: str, beside: Beside, drive: str) -> Figure:
     own, ideal = beside.deviation.own, beside.deviation.ideal
-    figure = _figure(f'{name} beside the ideal machine')
+    figure = titled(f'{name} beside the ideal machine')
     axes = figure.subplots()
     unit, scale = for_people(beside.unit)
     angle = np.degrees(own.angle)
     axes.plot(angle, scale * own.values[-1], color='0.5', lw=0.7, label='the last turn')
     axes.plot(angle, scale * ideal.values[-1], color='0.1', lw=1.3, label='ideal')
-    _over_turn(axes, drive)
+    over_turn(axes, drive)
     axes.set_ylabel(f'[{unit}]')
     axes.legend(frameon=False, fontsize=7.5, ncols=2)
     return figure

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from mechanism_sim import strict_json, text_table
 from mechanism_sim.cycles.columns import part_of, unit_of
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.cycles.extremes import Extreme
@@ -12,11 +13,6 @@ from mechanism_sim.report.summary import describe_no_limits, no_limits_to_json
 
 _FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
 _COMPONENTS = ('x', 'y')
-
-
-def unit(cycle: Cycle, column: str) -> str:
-    """The SI unit of a column; empty for a number."""
-    return unit_of(cycle.machine, column)
 
 
 def for_people(unit: str) -> tuple[str, float]:
@@ -47,12 +43,12 @@ def render(cycle: Cycle) -> str:
     )
 
 
-def _extremes(cycle: Cycle) -> Iterator[str]:
-    rows = []
+def _extremes(cycle: Cycle) -> list[str]:
+    rows, machine = [], cycle.machine
     for name, ends in cycle.extremes().items():
         if part_of(name) in _COMPONENTS:
             continue  # people read sizes; JSON has components too
-        shown, scale = for_people(unit(cycle, name))
+        shown, scale = for_people(unit_of(machine, name))
         low, high = (
             f'{scale * x.value:.6g}' if abs(x.value) > ends.rounding else '0'
             for x in (ends.least, ends.greatest)
@@ -64,19 +60,13 @@ def _extremes(cycle: Cycle) -> Iterator[str]:
                 (name, shown, low, where(cycle, ends.least), high, where(cycle, ends.greatest))
             )
     head = ('', 'unit', 'least', f'at {cycle.drive}', 'greatest', f'at {cycle.drive}')
-    table = [head, *rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(head))]
-    for row in table:
-        cells = (
-            cell.ljust(width) if i < 2 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        yield '  ' + '  '.join(cells).rstrip()
+    return text_table.lines([head, *rows], 2)
 
 
 def _swings(cycle: Cycle) -> Iterator[str]:
+    machine = cycle.machine
     for name, swing in cycle.swings().items():
-        shown, scale = for_people(unit(cycle, f'position.{name}'))
+        shown, scale = for_people(unit_of(machine, f'position.{name}'))
         if swing.turns:
             yield f'{name} makes {swing.turns} full turn{"s" if abs(swing.turns) > 1 else ""}'
             continue
@@ -90,10 +80,11 @@ def _swings(cycle: Cycle) -> Iterator[str]:
 
 
 def _drive(cycle: Cycle) -> Iterator[str]:
-    if not cycle.machine.physics.has_forces:
+    machine = cycle.machine
+    if not machine.physics.has_forces:
         return
     for name in cycle.drive_torques:
-        yield f'{name}: root mean square {cycle.rms(name):.6g} {unit(cycle, name)}'
+        yield f'{name}: root mean square {cycle.rms(name):.6g} {unit_of(machine, name)}'
     power = cycle.mean_power
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
         power = 0.0  # what is given is taken back
@@ -102,39 +93,31 @@ def _drive(cycle: Cycle) -> Iterator[str]:
 
 def to_json(cycle: Cycle) -> dict[str, object]:
     """The same in SI units, and the unit of each column; JSON has no infinity: null."""
-    forces = cycle.machine.physics.has_forces
+    machine = cycle.machine
+    forces = machine.physics.has_forces
     return {
-        'scene': cycle.machine.name,
-        'level': cycle.machine.level.value,
+        'scene': machine.name,
+        'level': machine.level.value,
         'drive': cycle.drive,
         'start': float(cycle.t[0]),
         'end': float(cycle.t[-1]),
         'samples': len(cycle.t),
-        'units': {name: unit(cycle, name) for name in cycle.table()},
+        'units': {name: unit_of(machine, name) for name in cycle.table()},
         'extremes': {
             name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
             for name, ends in cycle.extremes().items()
         },
         'swings': {
-            name: {
-                'size': s.size,
-                'turns': s.turns,
-                'rising': s.rising,
-                'falling': s.falling,
-                'time_ratio': s.time_ratio,
-            }
+            name: {k: getattr(s, k) for k in ('size', 'turns', 'rising', 'falling', 'time_ratio')}
             for name, s in cycle.swings().items()
         },
-        'rms': {name: _number(cycle.rms(name)) for name in cycle.drive_torques},
-        'mean_power': _number(cycle.mean_power) if forces else None,
+        'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},
+        'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
         'unbounded': sorted(cycle.unbounded),
     }
 
 
 def _extreme(extreme: Extreme) -> dict[str, float | None]:
-    return {'value': _number(extreme.value), 't': extreme.t, 'drive': extreme.drive}
-
-
-def _number(x: float) -> float | None:
-    return x if math.isfinite(x) else None
+    value = strict_json.plain(extreme.value)
+    return {'value': value, 't': extreme.t, 'drive': extreme.drive}

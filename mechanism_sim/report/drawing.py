@@ -6,15 +6,13 @@ from itertools import cycle as endless
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.report.brush import INK, Brush
 from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.picture import Picture
-
-Array = NDArray[np.float64]
 
 _SIDES = 7.5, 6.0
 """Width and height of a picture at most [in]."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from mechanism_sim.analysis.angular_reconstruction import LINKS, Estimate
 from mechanism_sim.analysis.experiment import Experiment, Trial
 from mechanism_sim.analysis.swing import MESHES
+from mechanism_sim.strict_json import plain
 
 _METHODS = {
     'thesis': 'as [SB]',
@@ -192,7 +193,7 @@ def _trial(trial: Trial) -> dict[str, object]:
         'turns': list(trial.turns),
         'turns_at_first': list(trial.at_first),
         'impacts': {
-            name: dict(zip(('mean', 'half_width', 'deviation'), map(_number, mean), strict=True))
+            name: dict(zip(('mean', 'half_width', 'deviation'), plain(mean), strict=True))
             for name, mean in trial.impacts.means.items()
         },
         'links': {
@@ -211,12 +212,8 @@ def _trial(trial: Trial) -> dict[str, object]:
 def _estimates(found: Mapping[str, Estimate]) -> dict[str, object]:
     return {
         name: {
-            'error': {k: _number(x) for k, x in e.error._asdict().items()},
-            'error_of_shown': {k: _number(x) for k, x in e.error_of_shown._asdict().items()},
+            'error': plain(e.error._asdict()),
+            'error_of_shown': plain(e.error_of_shown._asdict()),
         }
         for name, e in found.items()
     }
-
-
-def _number(x: float) -> float | None:
-    return float(x) if math.isfinite(x) else None

@@ -8,17 +8,16 @@ from itertools import cycle as endless
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.angular_reconstruction import LINKS
 from mechanism_sim.analysis.experiment import JOINT, Cycle, Experiment, Trial
+from mechanism_sim.arrays import Array
 from mechanism_sim.report.condition import rose_picture
+from mechanism_sim.report.figures import over_turn, titled
 from mechanism_sim.sensing.spectra import power
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 _NOMINAL: dict[str, Any] = {'color': '0.05', 'lw': 1.5, 'ls': (0, (4, 1.5))}
 _MEASURED: dict[str, Any] = {'color': '0.35', 'lw': 0.8}
@@ -73,7 +72,7 @@ def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
     yield '7_10', _severity(found, 1, 1e3, 'clearance [mm]')
     yield '7_11', _severity(found, 0, 30.0 / math.pi, 'speed of the crank [rpm]')
     half = min(found.bearings, key=lambda x: abs(x.condition.restitution - 0.5))
-    yield '8_03', _simulated(half.first.rows[0], half.first, half)
+    yield '8_03', _simulated(half)
     if found.assumed is not reference:
         simulated = found.assumed.first
         for number, quantity in (('8_01', 'velocity'), ('8_02', 'acceleration')):
@@ -87,28 +86,12 @@ def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
         yield '8_12', _dominant(reference)
 
 
-def _figure(title: str, width: float = 7.0, height: float = 3.2) -> Figure:
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    figure = Figure(figsize=(width, height), layout='constrained')
-    figure.suptitle(title, fontsize=10.0)
-    return figure
-
-
 def _said(trial: Trial) -> str:
     c = trial.condition
     return (
         f'{c.speed * 30.0 / math.pi:.0f} rpm, clearance {1e3 * c.radial:.4g} mm, '
         f'restitution {c.restitution:g}, friction {c.friction:g}'
     )
-
-
-def _over_turn(axes: Any) -> None:
-    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
-
-    axes.set_xlim(0.0, 360.0)
-    axes.xaxis.set_major_locator(MultipleLocator(45.0))
-    axes.set_xlabel('angle of the crank [deg]')
 
 
 def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
@@ -123,18 +106,17 @@ def _spectrum(trial: Trial) -> Figure:
     """[SB] 7.8."""
     swing = trial.swings['coupler']
     found = power([swing.reading], trial.sample_rate)
-    figure = _figure(f'sensor on the coupler, {_said(trial)}')
+    figure = titled(f'sensor on the coupler, {_said(trial)}', height=3.2)
     axes = figure.subplots()
     axes.semilogy(found.frequency[1:], found.values[1:], color='0.1', lw=0.9)
     axes.set_xlim(0.0, found.frequency[-1])
-    axes.set_xlabel('frequency [Hz]')
-    axes.set_ylabel('power spectral density [(m/s$^2$)$^2$/Hz]')
+    axes.set(xlabel='frequency [Hz]', ylabel='power spectral density [(m/s$^2$)$^2$/Hz]')
     return figure
 
 
 def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Figure:
     """[SB] 7.9 and 7.12 to 7.17: as the thesis reconstructs it, and the ideal mechanism."""
-    figure = _figure(f'angular {quantity} of the {link}, measured', 7.0, 0.4 + 2.1 * len(trials))
+    figure = titled(f'angular {quantity} of the {link}, measured', 7.0, 0.4 + 2.1 * len(trials))
     panels = figure.subplots(len(trials), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for axes, trial in zip(panels, trials, strict=True):
         swing = trial.swings[link]
@@ -143,7 +125,7 @@ def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Figure:
         axes.plot(angle, swing.nominal[0][turn], label='no clearance', **_NOMINAL)
         axes.set_title(_said(trial), fontsize=8.0)
         axes.set_ylabel(f'[{_UNITS[quantity]}]')
-    _over_turn(panels[-1])
+    over_turn(panels[-1], 'crank')
     panels[0].set_xlabel('')
     panels[0].legend(frameon=False, fontsize=7.5, ncols=2)
     return figure
@@ -151,7 +133,7 @@ def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Figure:
 
 def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
     """[SB] 7.10 and 7.11: over clearance (1) or speed (0), a line for each of the other."""
-    figure = _figure(f'restitution {found.bearing[0]:g}, friction {found.bearing[1]:g}', 11.0, 3.2)
+    figure = titled(f'restitution {found.bearing[0]:g}, friction {found.bearing[1]:g}', 11.0, 3.2)
     panels = figure.subplots(1, 4)
     others = found.clearances if over == 0 else found.speeds
     reads: list[tuple[str, Callable[[Trial], float]]] = [
@@ -169,8 +151,7 @@ def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
                 [scale * x for x in here], [read(t) for t in here.values()], color=shade,
                 marker=marker, ls=line, ms=4.0, lw=1.0, label=name,
             )  # fmt: skip
-        axes.set_ylabel(label)
-        axes.set_xlabel(words)
+        axes.set(ylabel=label, xlabel=words)
         axes.set_ylim(bottom=0.0)
     handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc='outside lower center', ncols=4, frameon=False)
@@ -180,7 +161,7 @@ def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
 def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Figure:
     """[SB] 8.1, 8.2 and 8.4 to 8.7: the assumed machine simulated, the other measured."""
     trial = found.reference
-    figure = _figure(f'measured: {_said(trial)}\nsimulated: {_said(found.assumed)}', 7.0, 5.2)
+    figure = titled(f'measured: {_said(trial)}\nsimulated: {_said(found.assumed)}', 7.0, 5.2)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, link in zip(panels, LINKS, strict=True):
         row = _ROWS[quantity, link]
@@ -194,36 +175,36 @@ def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Fig
             label='no clearance', **_NOMINAL,
         )  # fmt: skip
         axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
-    _over_turn(panels[-1])
+    over_turn(panels[-1], 'crank')
     panels[0].legend(frameon=False, fontsize=7.5, ncols=3)
     return figure
 
 
-def _simulated(values: Array, cycle: Cycle, trial: Trial) -> Figure:
-    """[SB] 8.3."""
-    figure = _figure(f'simulated: {_said(trial)}')
-    axes, row = figure.subplots(), _ROWS['acceleration', 'coupler']
-    axes.plot(cycle.angle, values, label='with clearance', **_MEASURED)
-    axes.plot(cycle.angle, cycle.nominal[row.place], label='no clearance', **_NOMINAL)
-    axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
-    axes.legend(frameon=False, fontsize=7.5, ncols=2)
-    _over_turn(axes)
+def _beside_nominal(
+    title: str, height: float, cycle: Cycle, shown: Sequence[tuple[_Row, Array]], label: str
+) -> Figure:
+    """[SB] 8.3 and 8.8 to 8.10: rows of a cycle, and what the ideal mechanism has for them."""
+    figure = titled(title, height=height)
+    panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (row, values) in zip(panels, shown, strict=True):
+        axes.plot(cycle.angle, values, label=label, **_MEASURED)
+        axes.plot(cycle.angle, cycle.nominal[row.place], label='no clearance', **_NOMINAL)
+        axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
+    over_turn(panels[-1], 'crank')
+    panels[0].legend(frameon=False, fontsize=7.5, ncols=2)
     return figure
+
+
+def _simulated(trial: Trial) -> Figure:
+    cycle = trial.first
+    shown = [(_ROWS['acceleration', 'coupler'], cycle.rows[0])]
+    return _beside_nominal(f'simulated: {_said(trial)}', 3.2, cycle, shown, 'with clearance')
 
 
 def _forces(found: Experiment, modified: Array) -> Figure:
-    """[SB] 8.8 to 8.10."""
-    cycle = found.assumed.first
     title = f'simulated, modified by alpha = {found.alpha:.3g}: {_said(found.assumed)}'
-    figure = _figure(title, 7.0, 6.5)
-    panels = figure.subplots(3, 1, sharex=True)
-    for axes, row in zip(panels, list(_ROWS.values())[4:], strict=True):
-        axes.plot(cycle.angle, modified[row.place], label='modified', **_MEASURED)
-        axes.plot(cycle.angle, cycle.nominal[row.place], label='no clearance', **_NOMINAL)
-        axes.set_ylabel(f'{row.words}\n[{row.unit}]', fontsize=8.0)
-    _over_turn(panels[-1])
-    panels[0].legend(frameon=False, fontsize=7.5, ncols=2)
-    return figure
+    shown = [(row, modified[row.place]) for row in list(_ROWS.values())[4:]]
+    return _beside_nominal(title, 6.5, found.assumed.first, shown, 'modified')
 
 
 def _dominant(trial: Trial) -> Figure:
@@ -231,7 +212,7 @@ def _dominant(trial: Trial) -> Figure:
     rose, links = trial.rose, trial.machine.linkage
     rows = [row[row >= 0] for row in trial.impacts.dominant if (row >= 0).any()]
     chosen = rows[-1][:_DOMINANT] if rows else rose.largest[:_DOMINANT]
-    figure = _figure(f'dominant impacts of a turn, {_said(trial)}', 7.0, 4.2)
+    figure = titled(f'dominant impacts of a turn, {_said(trial)}', 7.0, 4.2)
     axes = figure.subplots()
     axes.set_aspect('equal')
     longest = rose.normal_impulse[chosen].max()
@@ -254,7 +235,6 @@ def _dominant(trial: Trial) -> Figure:
         )
         axes.update_datalim([tuple(tip)])  # annotations do not count by themselves
     axes.legend(frameon=False, fontsize=7.5, loc='upper left')
-    axes.set_xlabel('x [mm]')
-    axes.set_ylabel('y [mm]')
+    axes.set(xlabel='x [mm]', ylabel='y [mm]')
     axes.margins(0.08)
     return figure

@@ -34,17 +34,10 @@ def summary(outcomes: Sequence[Outcome]) -> str:
 
 def to_json(outcomes: Sequence[Outcome]) -> dict[str, object]:
     """Rows ``name, ok, reason`` of the runs, the drafts that were refused rightly, and counts."""
+    keys = 'name', 'family', 'ok', 'kind', 'reason'
     return {
         'cases': [
-            {
-                'name': o.name,
-                'family': o.family,
-                'ok': o.ok,
-                'kind': o.kind,
-                'reason': o.reason,
-                **o.figures,
-            }
-            for o in _runs(outcomes)
+            {**{key: getattr(o, key) for key in keys}, **o.figures} for o in _runs(outcomes)
         ],
         'refused': [{'name': o.name, 'reason': o.reason} for o in outcomes if o.ok is None],
         **_counts(outcomes),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from mechanism_sim import strict_json
 from mechanism_sim.bench.hard import Figure, Outcome
 
 
@@ -27,9 +28,9 @@ def to_json(outcomes: Sequence[Outcome]) -> dict[str, object]:
             {
                 'name': o.case.name,
                 'measured': f.name,
-                'figure': f.value if math.isfinite(f.value) else None,
+                'figure': strict_json.plain(f.value),
                 'unit': f.unit,
-                'bound': f.bound if math.isfinite(f.bound) else None,
+                'bound': strict_json.plain(f.bound),
                 'ok': f.ok,
             }
             for f in figures

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
+from mechanism_sim import strict_json
 from mechanism_sim.study.identification import Identified
 
 _UNLIKE = 0.01
@@ -57,11 +56,7 @@ def to_json(found: Identified) -> dict[str, object]:
             }
             for e in found.estimates
         },
-        'correlation': [[x if math.isfinite(x) else None for x in row]
-                        for row in found.correlation.tolist()],
-        'simulations': found.simulations,
-        'failed': found.failed,
-        'misfit': found.misfit,
-        'likeness': found.likeness,
+        'correlation': strict_json.plain(found.correlation.tolist()),
+        **{k: getattr(found, k) for k in ('simulations', 'failed', 'misfit', 'likeness')},
         'plausible': not unlike(found),
-    }  # fmt: skip
+    }

@@ -7,13 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.textpath import TextPath
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.skeleton import Shape
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.report.brush import Brush, Move
-
-Array = NDArray[np.float64]
 
 _SIZE = 7.5  # of letters [points]
 _STEP = 0.6  # between points of what is in the way, in units of symbols

@@ -9,12 +9,11 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.report.brush import FILL, INK
 from mechanism_sim.sensing.joint_view import JointView
-
-Array = NDArray[np.float64]
 
 ACCENT, FLASH = '#b03a2e', '#e2b3ad'
 """Of forces, and of impacts."""

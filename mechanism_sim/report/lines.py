@@ -8,10 +8,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import MultipleLocator
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series, chosen, instants, sampled, with_extremes
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
@@ -20,8 +20,6 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report import figures
 from mechanism_sim.report.cycle import for_people
 from mechanism_sim.report.picture import Picture
-
-Array = NDArray[np.float64]
 
 _MOST = 100  # lines that axes and legend have room for
 _LETTERS = 110  # in a line of a legend
@@ -46,13 +44,6 @@ class Abscissa(NamedTuple):
 TIME = Abscissa('time [s]', lambda t: t)
 
 
-def over_angle(drive: str, angle: Callable[[Array], Array]) -> Abscissa:
-    """Over the angle of a drive within a turn; `angle` gives it in radians."""
-    return Abscissa(
-        f'angle of the {drive} [deg]', lambda t: np.degrees(np.mod(angle(t), TWO_PI)), True
-    )
-
-
 def over_angle_of(record: Record) -> Abscissa:
     """Over the angle of the main drive of a recorded run.
 
@@ -61,9 +52,7 @@ def over_angle_of(record: Record) -> Abscissa:
     InputError
         If it has none.
     """
-    if record.slides:
-        raise InputError(f'{record.machine.main} is driven straight, it has no angle')
-    return over_angle(record.machine.main, record.angle)
+    return _over_angle_of(record.piece, record.machine.main)
 
 
 def draw(series: Sequence[Series], title: str, over: Abscissa = TIME) -> Picture:
@@ -212,15 +201,21 @@ def plot(
         series, title = sampled(piece, wanted, t), getattr(run, 'scene', '')
     if not names:
         series = list(_overview(series))
-    return draw(series, title, _of_drive(piece) if against == 'angle' else TIME)
-
-
-def _of_drive(piece: Piece) -> Abscissa:
+    if against != 'angle':
+        return draw(series, title)
     drive = (*piece.physics.driven, *piece.physics.coordinates)[0]
+    return draw(series, title, _over_angle_of(piece, drive))
+
+
+def _over_angle_of(piece: Piece, drive: str) -> Abscissa:
     if drive in piece.physics.displacements:
         raise InputError(f'{drive} is driven straight, it has no angle')
     i = piece.physics.coordinates.index(drive)
-    return over_angle(drive, lambda t: piece.motion.curve(t)[:, i])
+
+    def at(t: Array) -> Array:
+        return np.asarray(np.degrees(np.mod(piece.motion.curve(t)[:, i], TWO_PI)))
+
+    return Abscissa(f'angle of the {drive} [deg]', at, True)
 
 
 def _usual(piece: Piece) -> list[str]:

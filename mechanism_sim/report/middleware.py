@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
+from mechanism_sim import text_table
 from mechanism_sim.bench.middleware import Delay, Figure, Stream, WholeRun
-
-TEXTS = 2  # columns of a table that are not numbers
 
 
 def render(figures: Sequence[Figure]) -> str:
@@ -59,15 +58,7 @@ def _row(f: Figure) -> dict[str, object]:
 
 
 def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    lines = [
-        '  '.join(
-            cell.ljust(w) if i < TEXTS else cell.rjust(w)
-            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in (head, ['-' * w for w in widths], *rows)
-    ]
-    return '\n'.join([title, '', *lines])
+    return '\n'.join([title, '', *text_table.lines([head, *rows], 2, '', rule=True)])
 
 
 def _ms(seconds: float | None) -> str:

@@ -58,12 +58,7 @@ _MEANINGS = (
     (r'(.+)\.free_angle', 'theta0', 'angle of {0} without moment', 'rad'),
     (r'(.+)\.torque', 'Mz', 'torque of {0}', 'N m'),
     (r'(.+)\.entry', 'R', 'radius of the mouths of the slots of {0}', 'm'),
-    (
-        r'(.+)\.entry\.square',
-        'Rsq',
-        'square of the radius of the slots of {0}',
-        'm^2',
-    ),
+    (r'(.+)\.entry\.square', 'Rsq', 'square of the radius of the slots of {0}', 'm^2'),
     (r'(.+)\.towards', 'theta0', 'direction in which {0} is locked', 'rad'),
     (r'(.+)\.distance', 'D', 'distance of the centres of {0}', 'm'),
     (r'(.+)\.wave', 'K', 'angle by length of the slots of {0}', 'rad/m'),

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mechanism_sim import text_table
 from mechanism_sim.cams.followers import Oscillating, OscillatingFlat, Translating
 from mechanism_sim.cams.interference import find_cut_away
 from mechanism_sim.cams.laws import check_smoothness, spelled
@@ -87,16 +88,11 @@ def _shown(figure: Figure, *more: str) -> tuple[str, ...]:
     return figure.name.replace('_', ' '), f'{scale * figure.value:.6g}', unit, *more
 
 
-def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
     """Lines, with numbers to the right; units and what follows them to the left."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    numbers = [any(cell[:1].isdecimal() for cell in column) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (
-            cell.rjust(width) if number else cell.ljust(width)
-            for cell, width, number in zip(row, widths, numbers, strict=True)
-        )
-        yield '  ' + '  '.join(cells).rstrip()
+    columns = enumerate(zip(*rows, strict=True))
+    texts = [i for i, cells in columns if not any(cell[:1].isdecimal() for cell in cells)]
+    return text_table.lines(rows, texts)
 
 
 def cam_sheet(

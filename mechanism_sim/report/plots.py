@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.report import cycle as report
-from mechanism_sim.report.figures import strokes
+from mechanism_sim.report.cycle import for_people
+from mechanism_sim.report.figures import few_ticks, strokes, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 _KINDS = ('position', 'velocity', 'acceleration')
 _WORDS = {
@@ -37,14 +35,6 @@ def draw(cycle: Cycle) -> dict[str, Figure]:
     return figures
 
 
-def _figure(cycle: Cycle, width: float, height: float) -> Figure:
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    figure = Figure(figsize=(width, height), layout='constrained')
-    figure.suptitle(cycle.machine.scene.title, fontsize=10.0)
-    return figure
-
-
 def _abscissa(cycle: Cycle) -> tuple[Array, str]:
     """What a cycle is drawn over: the angle of a steady drive, or time."""
     if cycle.repeats:
@@ -55,7 +45,7 @@ def _abscissa(cycle: Cycle) -> tuple[Array, str]:
 def _lines(axes: Any, cycle: Cycle, columns: dict[str, str], words: str) -> None:
     """Columns of one unit over the cycle; values are their labels."""
     x, _ = _abscissa(cycle)
-    shown, scale = report.for_people(report.unit(cycle, next(iter(columns))))
+    shown, scale = for_people(unit_of(cycle.machine, next(iter(columns))))
     for (column, label), stroke in zip(columns.items(), strokes(len(columns)), strict=True):
         axes.plot(x, scale * cycle[column], label=label, **stroke)
     axes.set_ylabel(f'{words} [{shown}]')
@@ -75,9 +65,9 @@ def _degrees(width: float) -> Any:
 
 def _motion(cycle: Cycle) -> Figure:
     names = cycle.machine.physics.coordinates
-    units = [report.unit(cycle, f'position.{name}') for name in names]
+    units = [unit_of(cycle.machine, f'position.{name}') for name in names]
     columns = list(dict.fromkeys(units))
-    figure = _figure(cycle, 6.0 * len(columns), 6.5)
+    figure = titled(cycle.machine.scene.title, 6.0 * len(columns), 6.5)
     grid = figure.subplots(3, len(columns), sharex=True, squeeze=False)
     for row, kind in enumerate(_KINDS):
         for axes, unit in zip(grid[row], columns, strict=True):
@@ -106,26 +96,21 @@ def _size(count: int, side: float) -> tuple[float, float]:
 def _phase(cycle: Cycle) -> Figure:
     """Rate over position of each coordinate, a dot at the start."""
     names = cycle.machine.physics.coordinates
-    figure = _figure(cycle, *_size(len(names), 3.0))
+    figure = titled(cycle.machine.scene.title, *_size(len(names), 3.0))
     for name, axes in zip(names, _grid(figure, len(names)), strict=True):
-        unit = report.unit(cycle, f'position.{name}')
-        shown, scale = report.for_people(unit)
+        unit = unit_of(cycle.machine, f'position.{name}')
+        shown, scale = for_people(unit)
         x, y = scale * cycle[f'position.{name}'], cycle[f'velocity.{name}']
         axes.plot(x, y, color='0.1', lw=1.1)
         axes.plot(x[:1], y[:1], 'o', color='0.1', ms=4.0)
         axes.set_title(name, fontsize=9.0)
-        axes.set_xlabel(f'{_WORDS[unit][0]} [{shown}]')
-        axes.set_ylabel(f'{_WORDS[unit][1]} [{unit}/s]')
+        axes.set(xlabel=f'{_WORDS[unit][0]} [{shown}]', ylabel=f'{_WORDS[unit][1]} [{unit}/s]')
     return figure
 
 
-def _joints(cycle: Cycle) -> Sequence[str]:
-    return cycle.machine.physics.joints
-
-
 def _forces(cycle: Cycle) -> Figure:
-    columns = {f'reaction.{joint}.size': joint for joint in _joints(cycle)}
-    figure = _figure(cycle, 7.0, 4.0)
+    columns = {f'reaction.{joint}.size': joint for joint in cycle.machine.physics.joints}
+    figure = titled(cycle.machine.scene.title, 7.0, 4.0)
     axes = figure.subplots()
     _lines(axes, cycle, columns, 'force in the joint')
     axes.set_ylim(bottom=0.0)
@@ -135,30 +120,23 @@ def _forces(cycle: Cycle) -> Figure:
 
 def _hodographs(cycle: Cycle) -> Figure:
     """The vector of each joint's force over its direction, and of the force on the frame."""
-    names = {f'reaction.{joint}': joint for joint in _joints(cycle)}
+    names = {f'reaction.{joint}': joint for joint in cycle.machine.physics.joints}
     names['shaking_force'] = 'all on the frame'
-    figure = _figure(cycle, *_size(len(names), 3.2))
+    figure = titled(cycle.machine.scene.title, *_size(len(names), 3.2))
     panels = _grid(figure, len(names), subplot_kw={'projection': 'polar'})
     for (column, label), axes in zip(names.items(), panels, strict=True):
         x, y = cycle[f'{column}.x'], cycle[f'{column}.y']
         axes.plot(np.arctan2(y, x), np.hypot(x, y), color='0.1', lw=1.1)
         axes.plot(np.arctan2(y[:1], x[:1]), np.hypot(x[:1], y[:1]), 'o', color='0.1', ms=4.0)
         axes.set_title(f'{label} [N]', fontsize=9.0)
-        axes.tick_params(labelsize=6.5, pad=0.0)
-        axes.yaxis.set_major_locator(_few())
+        few_ticks(axes)
     return figure
 
 
-def _few() -> Any:
-    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
-
-    return MaxNLocator(4)
-
-
 def _drive(cycle: Cycle) -> Figure:
-    units = [report.unit(cycle, name) for name in cycle.drive_torques]
+    units = [unit_of(cycle.machine, name) for name in cycle.drive_torques]
     kinds = list(dict.fromkeys(units))
-    figure = _figure(cycle, 7.0, 2.2 * (len(kinds) + 3))
+    figure = titled(cycle.machine.scene.title, 7.0, 2.2 * (len(kinds) + 3))
     panels = figure.subplots(len(kinds) + 3, 1, sharex=True)
     for kind, axes in zip(kinds, panels, strict=False):
         chosen = {
@@ -176,14 +154,13 @@ def _drive(cycle: Cycle) -> Figure:
 
 
 def _paths(cycle: Cycle) -> Figure:
-    figure = _figure(cycle, 5.5, 4.5)
+    figure = titled(cycle.machine.scene.title, 5.5, 4.5)
     axes = figure.subplots()
     for name, stroke in zip(cycle.points, strokes(len(cycle.points)), strict=True):
         x, y = (1e3 * cycle[f'position.{name}.{axis}'] for axis in 'xy')
         axes.plot(x, y, label=name, **stroke)
         axes.plot(x[:1], y[:1], 'o', color=stroke['color'], ms=4.0)
     axes.set_aspect('equal', adjustable='datalim')
-    axes.set_xlabel('x [mm]')
-    axes.set_ylabel('y [mm]')
+    axes.set(xlabel='x [mm]', ylabel='y [mm]')
     axes.legend(frameon=False, fontsize=7.5)
     return figure

@@ -31,7 +31,7 @@ from mechanism_sim.scene.schema import Scene
 #: teeth of a rack that is drawn by itself
 RACK_TEETH = 10
 
-_WRITERS = {'.svg': to_svg, '.dxf': to_dxf}
+WRITERS = {'.svg': to_svg, '.dxf': to_dxf}
 
 
 def profile(
@@ -67,21 +67,6 @@ def profile(
     )
 
 
-def check_file(file: str) -> Path:
-    """Where an outline can be written, checked before anything is computed.
-
-    Raises
-    ------
-    InputError
-    """
-    path = Path(file)
-    if path.suffix not in _WRITERS:
-        raise InputError(f'--output {file}: the ending must be .svg or .dxf')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
-    return path
-
-
 def write(outline: Outline, path: Path) -> None:
     """Write an outline as its ending says.
 
@@ -90,8 +75,7 @@ def write(outline: Outline, path: Path) -> None:
     InputError
         If it cannot be written there, or the package for DXF is missing.
     """
-    text = _WRITERS[path.suffix](outline)
-    output.write_text(path, text)
+    output.write_text(path, WRITERS[path.suffix](outline))
 
 
 def _speed(machine: Machine, link: str) -> float:

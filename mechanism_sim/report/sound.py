@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.io import wavfile
@@ -34,26 +33,6 @@ class Sound:
     mean_level: float
     slow: float
     duration: float
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the same as a plain dictionary."""
-        return asdict(self)
-
-
-def check_file(file: str) -> Path:
-    """Refuse what cannot be written before anything is computed.
-
-    Raises
-    ------
-    InputError
-        If it is no WAV file, or in no directory.
-    """
-    path = Path(file)
-    if path.suffix != '.wav':
-        raise InputError(f'--output {file}: the ending must be .wav')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
-    return path
 
 
 def write(

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.record import Record, one_of
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import choose
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.report.brush import INK, Brush, Move
@@ -22,8 +23,6 @@ from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.lens import ACCENT, EDGE, Lens
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.sensing.joint_view import JointView
-
-Array = NDArray[np.float64]
 
 DENSITY = 100.0
 """Pixels in an inch of print."""
@@ -214,12 +213,9 @@ def _lens_joint(record: Record, wanted: str | None) -> str:
         return ''
     machine = record.machine
     known = [joint.name for joint in machine.bearings]
-    if wanted and wanted not in known:
-        raise InputError(
-            f"'{wanted}' is no joint with a pin loose in a bushing{nearest(wanted, known)}; such "
-            f'joints of {machine.name}: {", ".join(known) or "none"}'
-        )
-    return wanted or (known[0] if known else '')
+    if wanted:
+        return one_of(known, wanted, machine)
+    return known[0] if known else ''
 
 
 class _Layout(NamedTuple):

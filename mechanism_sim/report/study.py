@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from mechanism_sim.strict_json import plain
 from mechanism_sim.study.lift_off import LiftOff
 from mechanism_sim.study.losses import Losses
 from mechanism_sim.study.periodic import Response
@@ -29,12 +30,8 @@ def periodic_json(response: Response | None) -> dict[str, object]:
     """The same as JSON; a machine that does not repeat has ``period: null``."""
     if response is None:
         return {'period': None}
-    return {
-        'period': response.period,
-        'residual': response.residual,
-        'stable': response.stable,
-        'impacts': response.impacts,
-        'impulse': response.impulse,
+    keys = 'period', 'residual', 'stable', 'impacts', 'impulse'
+    return {key: getattr(response, key) for key in keys} | {
         'position': list(response.state.q),
         'velocity': list(response.state.v),
         'multipliers': [[m.real, m.imag] for m in response.multipliers],
@@ -59,15 +56,12 @@ def statistics(found: Statistics) -> str:
 
 def statistics_json(found: Statistics) -> dict[str, object]:
     """The same as JSON."""
-    return {
-        'revolutions': found.revolutions,
-        'skipped': found.skipped,
-        'I_n': found.I_n if math.isfinite(found.I_n) else None,
-        'I_n_half_width': found.I_n_half_width if math.isfinite(found.I_n) else None,
+    keys = 'revolutions', 'skipped', 'I_n', 'I_n_half_width'
+    return {key: plain(getattr(found, key)) for key in keys} | {
         'means': {
             m.name.replace(' ', '_'): {'mean': m.mean, 'half_width': m.half_width, 'unit': m.unit}
             for m in found.means
-        },
+        }
     }
 
 
@@ -94,17 +88,7 @@ def losses_json(found: Sequence[Losses]) -> list[dict[str, object]]:
     return [
         {
             'joint': joint.joint,
-            'predictions': [
-                {
-                    'criterion': p.criterion,
-                    'predicts_loss': p.predicts_loss,
-                    'figure': p.figure if math.isfinite(p.figure) else None,
-                    'unit': p.unit,
-                    'threshold': p.threshold,
-                    'angles': list(p.angles),
-                }
-                for p in joint.predictions
-            ],
+            'predictions': plain(joint.predictions),
             'lost_at_revolutions': list(joint.turns),
         }
         for joint in found
@@ -159,12 +143,5 @@ def starts(found: Sequence[Start]) -> str:
 
 def starts_json(found: Sequence[Start]) -> list[dict[str, object]]:
     """The same as JSON; ``followed`` and ``lost_at`` are null where contact was kept."""
-    return [
-        {
-            'angle': s.angle,
-            'followed': s.followed if math.isfinite(s.followed) else None,
-            'lost_at': s.lost_at if math.isfinite(s.followed) else None,
-            'impacts': s.impacts,
-        }
-        for s in found
-    ]
+    keys = 'angle', 'followed', 'lost_at', 'impacts'
+    return [{key: plain(getattr(s, key)) for key in keys} for s in found]

@@ -11,6 +11,7 @@ from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.simulate import Stream
+from mechanism_sim.strict_json import plain
 
 _SENTENCES = 4  # of what repeats
 
@@ -28,6 +29,9 @@ _IMPACT_KEYS = (
     'duration',
     'peak_force',
 )
+_STATS_KEYS = 'wall_time', 'cpu_time', 'compile_time', 'steps', 'switches'
+_TOTALS_KEYS = 'losses_of_contact', 'normal_impulse', 'largest_impulse'
+_ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual'
 
 
 def to_json(
@@ -37,7 +41,7 @@ def to_json(
     stats, energy, totals = run.stats, run.energy, run.totals
     events: dict[str, object] = {}
     if impacts is not None:
-        events['impacts'] = [_impact(impact) for impact in impacts]
+        events['impacts'] = [{k: getattr(i, k) for k in _IMPACT_KEYS} for i in impacts]
     if modes is not None:
         events['modes'] = [
             {'t': c.t, 'joint': c.joint, 'mode': c.mode.name.lower()} for c in modes
@@ -46,38 +50,20 @@ def to_json(
         'scene': run.machine.name,
         'level': run.machine.level.value,
         'duration': run.duration,
-        'wall_time': stats.wall_time,
-        'cpu_time': stats.cpu_time,
-        'compile_time': stats.compile_time,
-        'steps': stats.steps,
-        'switches': stats.switches,
+        **{key: getattr(stats, key) for key in _STATS_KEYS},
         'stop_reason': StopReason.COMPLETE.value,
         'coordinates': list(run.machine.physics.coordinates),
         'final': _final(run),
         'impact_count': totals.impacts,
         'mode_change_count': totals.mode_changes,
-        'losses_of_contact': totals.losses_of_contact,
-        'normal_impulse': totals.normal_impulse,
-        'largest_impulse': totals.largest_impulse,
+        **{key: getattr(totals, key) for key in _TOTALS_KEYS},
         **events,
         'no_limits': no_limits_to_json(run.no_limits),
         'max_penetration': run.max_penetration,
         'max_closure_error': run.max_closure_error,
-        'energy': None
-        if energy is None
-        else {
-            'initial': energy.initial,
-            'final': energy.final,
-            'drive_work': energy.drive_work,
-            'dissipated': energy.dissipated,
-            'residual': energy.residual,
-        },
+        'energy': energy and {k: getattr(energy, k) for k in _ENERGY_KEYS},
         'digest': digest,
     }
-
-
-def _impact(impact: Impact) -> dict[str, object]:
-    return {key: getattr(impact, key) for key in _IMPACT_KEYS}
 
 
 def no_limits_to_json(found: list[NoLimit]) -> list[dict[str, object]]:
@@ -102,10 +88,6 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
         yield f'and at {len(found) - _SENTENCES} more such instants'
 
 
-def _number(x: float) -> float | None:
-    return x if math.isfinite(x) else None
-
-
 def _final(run: Stream) -> dict[str, object]:
     physics = run.machine.physics
     o = run.final
@@ -121,14 +103,14 @@ def _final(run: Stream) -> dict[str, object]:
     }
     if physics.has_forces:
         final['reactions'] = {
-            joint: [_number(float(x)) for x in force[:, 0]]
+            joint: plain(force[:, 0].tolist())
             for joint, force in zip(physics.joints, o.reaction, strict=True)
         }
         moments = zip(physics.joints, o.reaction_moment[:, 0].tolist(), strict=True)
-        final['reaction_moments'] = {joint: _number(m) for joint, m in moments if m}
-        final['drive_torque'] = _number(float(o.drive_torque[0, 0]))
+        final['reaction_moments'] = {joint: plain(m) for joint, m in moments if m}
+        final['drive_torque'] = plain(float(o.drive_torque[0, 0]))
         torques = zip(physics.driven, o.drive_torque[:, 0].tolist(), strict=True)
-        final['drive_torques'] = {c: _number(x) for c, x in torques}
+        final['drive_torques'] = plain(dict(torques))
     return final
 
 

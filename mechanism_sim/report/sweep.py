@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.report.figures import save
+from mechanism_sim.report.figures import check_picture, save
 from mechanism_sim.sweep.plan import REPEAT, Plan
-from mechanism_sim.sweep.row import DONE, Value
-from mechanism_sim.sweep.run import Summary
+from mechanism_sim.sweep.row import Value
+from mechanism_sim.sweep.run import Summary, has_failed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,9 +31,9 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
     lines = []
     if len(rows) <= _MOST_ROWS:
         lines += ['  run   impacts           impulse [mN s]        I_n [mN s]  swept']
-    failed = [(run, row) for run, row in zip(plan.runs, rows, strict=True) if _fails(row)]
+    failed = [(run, row) for run, row in zip(plan.runs, rows, strict=True) if has_failed(row)]
     for run, row in zip(plan.runs, rows, strict=True):
-        if len(rows) > _MOST_ROWS or _fails(row):
+        if len(rows) > _MOST_ROWS or has_failed(row):
             continue
         figures = [_said(row, name, scale) for name, scale, _ in _PANELS]
         said = ', '.join(f'{k.rpartition(".")[2]} = {v}' for k, v in run.given.items())
@@ -55,10 +55,6 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
             ),
         ]
     )
-
-
-def _fails(row: dict[str, Value]) -> bool:
-    return row['status'] != DONE
 
 
 def _said(row: dict[str, Value], name: str, scale: float) -> str:
@@ -91,11 +87,8 @@ def chart_of(plan: Plan, file: str | None, over: str | None) -> Chart | None:
         if over is not None:
             raise InputError('--over needs --plot FILE')
         return None
-    path, swept = Path(file), [c for c in plan.columns if c != REPEAT]
-    if path.suffix not in ('.svg', '.pdf', '.png'):
-        raise InputError(f'--plot {file}: the ending must be .svg, .pdf or .png')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--plot {file}: there is no directory '{path.parent}'")
+    path = check_picture('--plot', file)
+    swept = [c for c in plan.columns if c != REPEAT]
     if over is not None and over not in swept:
         raise InputError(
             f'--over {over}: this is not swept{nearest(over, swept)}; swept are: '
@@ -145,7 +138,7 @@ def _lines(chart: Chart, plan: Plan, rows: Sequence[dict[str, Value]]) -> Lines:
     """Finished rows by line of the picture and by place on it."""
     lines: Lines = {}
     for run, row in zip(plan.runs, rows, strict=True):
-        if _fails(row):
+        if has_failed(row):
             continue
         others = ', '.join(
             f'{k.rpartition(".")[2]} {v}' for k, v in run.given.items() if k != chart.over

@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mechanism_sim import output
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
-from mechanism_sim.hybrid.system import Array
 
 SUFFIXES = ('.npz', '.csv', '.parquet')
 
@@ -26,13 +26,7 @@ def check_output(file: str) -> None:
     ------
     InputError
     """
-    path = Path(file)
-    if path.suffix not in SUFFIXES:
-        raise InputError(f'--output {file}: the ending must be one of {", ".join(SUFFIXES)}')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"--output {file}: there is no directory '{path.parent}'")
-    if path.exists():
-        raise InputError(f'--output {file}: exists already, not overwriting')
+    output.check_path('--output', file, *SUFFIXES, new=True)
 
 
 def check_rate(rate: float | None) -> float:

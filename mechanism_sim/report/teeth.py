@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mechanism_sim import text_table
 from mechanism_sim.gears.teeth import Choice, Stage
 
 #: rows for people; JSON has all
@@ -18,18 +19,10 @@ def render(found: Sequence[Choice]) -> str:
         error = f'{choice.error:+.3e}' if choice.error else 'exact'
         exact = str(choice.ratio) if choice.ratio.denominator > 1 else ''
         rows.append((stages, f'{float(choice.ratio):.9g}', exact, error, str(choice.teeth)))
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = [
-        '  '.join(
-            cell.ljust(width) if i < 3 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
     trains = f'{len(found)} train{"s" if len(found) > 1 else ""} found'
-    return '\n'.join(
-        [*lines, f'{trains}, the first {SHOWN} are shown' if found[SHOWN:] else trains]
-    )
+    if found[SHOWN:]:
+        trains += f', the first {SHOWN} are shown'
+    return '\n'.join([*text_table.lines(rows, 3, ''), trains])
 
 
 def to_json(found: Sequence[Choice]) -> dict[str, object]:

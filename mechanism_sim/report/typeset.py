@@ -6,7 +6,6 @@ import re
 import textwrap
 from collections.abc import Callable, Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import sympy
@@ -14,7 +13,6 @@ from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
 from mechanism_sim import output
-from mechanism_sim.errors import InputError
 from mechanism_sim.report.equations import Equation, MachineEquations
 from mechanism_sim.report.symbols import Symbol
 
@@ -231,9 +229,5 @@ def write(setter: Typesetter, file: str) -> None:
     InputError
         If the ending is another, or nothing can be written there.
     """
-    path = Path(file)
-    if path.suffix not in _FORMS:
-        raise InputError(f'--output {file}: the ending must be one of {", ".join(_FORMS)}')
-    if path.exists():
-        raise InputError(f'--output {file}: exists already, not overwriting')
+    path = output.check_path('--output', file, *_FORMS, new=True)
     output.write_text(path, _FORMS[path.suffix](setter))

@@ -23,22 +23,19 @@ signal is like any of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from mechanism_sim import ending
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
 from mechanism_sim.study.measurement import Measurement
 from mechanism_sim.study.parameters import Parameter
+from mechanism_sim.study.workers import on_this_machine
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """Called with the numbers of simulations finished and failed."""
 
@@ -166,7 +163,13 @@ class Identification:
         ]
         found: list[Array | None] = [None] * count
         reasons = []
-        for k, outcome in _computed(tasks, self._workers):
+        numbered = list(enumerate(tasks))
+        work: Iterable[tuple[int, Array | str]] = map(_compute, numbered)
+        if self._workers > 1:
+            work = on_this_machine(
+                numbered, self._workers, _compute, '--workers 1 takes the least'
+            )
+        for k, outcome in work:
             if isinstance(outcome, str):
                 reasons.append(outcome)
             else:
@@ -287,32 +290,15 @@ def _likeness(
 _Task = tuple[Sequence[Measurement], dict[str, float], Sequence[int]]
 
 
-def _computed(tasks: Sequence[_Task], workers: int) -> Iterator[tuple[int, Array | str]]:
-    """Index and outcome of each task, as they are finished."""
-    if workers == 1:
-        yield from ((k, _compute(task)) for k, task in enumerate(tasks))
-        return
-    try:
-        with ending.workers(workers) as pool:
-            with ending.held():  # in them Ctrl-C stays so: it is for this process, which ends them
-                futures = {pool.submit(_compute, task): k for k, task in enumerate(tasks)}
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-    except BrokenProcessPool as error:
-        raise RunError(
-            'a worker process died, perhaps for lack of memory; --workers 1 takes the least'
-        ) from error
-
-
-def _compute(task: _Task) -> Array | str:
+def _compute(numbered: tuple[int, _Task]) -> tuple[int, Array | str]:
     """Features of simulations of all measurements with the same values, or why there are none."""
-    measurements, overrides, seeds = task
+    k, (measurements, overrides, seeds) = numbered
     try:
-        return np.concatenate(
+        return k, np.concatenate(
             [
                 m.features_of(m.repeated(overrides, seed))
                 for m, seed in zip(measurements, seeds, strict=True)
             ]
         )
     except (InputError, RunError) as error:
-        return str(error)
+        return k, str(error)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import heyoka as hy
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.nominal import NominalPhysics
@@ -21,8 +21,6 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 _FACTOR = 1.15  # between the speeds that are tried
 _RANGE = 100.0  # times slower and faster than the scene's

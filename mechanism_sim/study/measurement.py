@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.sensing.features import features
-
-Array = NDArray[np.float64]
 
 STRETCHES = 6
 """Parts of a signal that are looked at apart, where the speed changes."""

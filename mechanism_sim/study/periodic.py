@@ -11,15 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 NAMES = ('impacts', 'impulse', 'losses of contact', 'share of flight', 'dissipated')
 UNITS = ('', 'N s', '', '', 'J')

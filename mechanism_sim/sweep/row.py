@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
@@ -24,7 +24,6 @@ from mechanism_sim.sweep.bags import BagError, RunBag
 from mechanism_sim.sweep.plan import Extent
 from mechanism_sim.sweep.shards import Channels, Shard, ShardError, ShardWriter
 
-Array = NDArray[np.float64]
 Value = float | int | str | None
 _BATCH = 2048
 DONE = 'done'

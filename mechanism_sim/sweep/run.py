@@ -6,15 +6,17 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
+from mechanism_sim import output
 from mechanism_sim.errors import InputError
+from mechanism_sim.study.workers import on_this_machine
+from mechanism_sim.sweep.cluster import on_cluster
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.row import DONE, Task, Value, compute
 from mechanism_sim.sweep.shards import Shard, name_of, shards, windows_in
 from mechanism_sim.sweep.store import Journal, journal_of, write_table
-from mechanism_sim.sweep.workers import on_cluster, on_this_machine
 
 Show = Callable[[int, int], None]
 """Called with the number of finished runs, and of those that failed."""
@@ -34,10 +36,6 @@ class Summary:
     cpu_time: float
     windows: int = 0
     windows_folder: str | None = None
-
-    def to_json(self) -> dict[str, object]:
-        """As a plain dictionary."""
-        return asdict(self)
 
 
 class Interrupted(Exception):  # noqa: N818 - nothing went wrong
@@ -78,7 +76,7 @@ def sweep(
     Interrupted
         At SIGINT and SIGTERM.
     """
-    check_table(table)
+    output.check_path('-o', table, '.parquet')
     if workers is not None and (workers < 1 or dask):
         raise InputError(
             '--workers must be at least 1'
@@ -96,7 +94,7 @@ def sweep(
         unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
         tasks = [t for key, t in unique.items() if not _kept(t, journal.rows.get(key))]
         finished = kept = len(unique) - len(tasks)
-        failed = sum(map(_failed, journal.rows.values()))
+        failed = sum(map(has_failed, journal.rows.values()))
         cores = len(os.sched_getaffinity(0))
         source = (
             on_cluster(tasks, dask) if dask else on_this_machine(tasks, workers or cores, compute)
@@ -107,7 +105,7 @@ def sweep(
                     journal.add(one)
                     finished += 1
                     cpu += one.cpu
-                    failed += _failed(one.row)
+                    failed += has_failed(one.row)
                     if show:
                         show(finished, failed)
         except KeyboardInterrupt:
@@ -121,7 +119,7 @@ def sweep(
         plan.name,
         str(table),
         len(rows),
-        sum(map(_failed, rows)),
+        sum(map(has_failed, rows)),
         len(tasks),
         kept,
         time.perf_counter() - began,
@@ -136,7 +134,7 @@ def _kept(task: Task, row: dict[str, Value] | None) -> bool:
     """Whether a run need not be made: its row is known, and so are its windows if it has any."""
     if row is None:
         return False
-    return _failed(row) or all(shard.file.exists() for shard in task.shards)
+    return has_failed(row) or all(shard.file.exists() for shard in task.shards)
 
 
 def _tasks(plan: Plan, bags: Path | None, cut: Mapping[int, Shard]) -> dict[str, Task]:
@@ -156,7 +154,8 @@ def _bag_folder(plan: Plan, table: Path, bags: str | None) -> Path | None:
     """Where runs are to be recorded, if they are."""
     if not bags and not plan.bags:
         return None
-    return _made('bags', Path(bags) if bags else table.with_suffix('.bags'))
+    folder = Path(bags) if bags else table.with_suffix('.bags')
+    return output.make_folder(folder.resolve(), "the bags' folder ")
 
 
 def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) -> Path | None:
@@ -165,7 +164,8 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
         if windows:
             raise InputError(f"--windows {windows}: the sweep has no key 'windows'")
         return None
-    folder = _made('windows', Path(windows) if windows else table.with_suffix('.windows'))
+    folder = Path(windows) if windows else table.with_suffix('.windows')
+    folder = output.make_folder(folder.resolve(), "the windows' folder ")
     own = set() if fresh else {name_of(run) for run in plan.runs}
     for file in sorted(folder.glob('*.parquet')):
         if file.name not in own:
@@ -176,29 +176,6 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
     return folder
 
 
-def _made(what: str, folder: Path) -> Path:
-    """A folder, made if it is not there."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"the {what}' folder '{folder.resolve()}' cannot be made: {error.strerror}"
-        ) from error
-    return folder.resolve()
-
-
-def check_table(table: Path) -> None:
-    """Refuse a table that cannot be written.
-
-    Raises
-    ------
-    InputError
-    """
-    if table.suffix != '.parquet':
-        raise InputError(f'-o {table}: the ending must be .parquet')
-    if not table.resolve().parent.is_dir():
-        raise InputError(f"-o {table}: there is no directory '{table.parent}'")
-
-
-def _failed(row: dict[str, Value]) -> bool:
+def has_failed(row: dict[str, Value]) -> bool:
+    """Whether a row is that of a run that failed."""
     return row['status'] != DONE

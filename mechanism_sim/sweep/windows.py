@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.sweep.schema import WindowsPart
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

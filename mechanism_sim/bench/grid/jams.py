@@ -13,13 +13,11 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.scene import Machine
-
-Array = NDArray[np.float64]
 
 _NEAR = 1e-9  # of the size, and of the fastest speed: what touches, and what does not slip
 _BEFORE = 1e-9  # of the time: how long before the jam the state is taken

@@ -13,7 +13,7 @@ from mechanism_sim import output
 from mechanism_sim.bench.grid import cams, four_bars, linkages, machines, trains
 from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.sweep.workers import on_this_machine
+from mechanism_sim.study.workers import on_this_machine
 
 SEED = 19
 _CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
@@ -33,7 +33,9 @@ def grid(seed: int = SEED, only: Sequence[str] = (), sample: int | None = None) 
     InputError
         For a name that is neither a family nor a case.
     """
-    cases = [GridCase(f, k, seed) for f in FAMILIES for k in _numbers(f)]
+    # one structure after the other
+    numbers = {f: sorted(range(f.count), key=lambda k: k % f.structures) for f in FAMILIES}
+    cases = [GridCase(f, k, seed) for f in FAMILIES for k in numbers[f]]
     names = {f.name for f in FAMILIES} | {case.name for case in cases}
     for name in only:
         if name not in names:
@@ -47,11 +49,6 @@ def grid(seed: int = SEED, only: Sequence[str] = (), sample: int | None = None) 
         chosen = np.random.default_rng(seed).permutation(len(cases))[:sample]
         cases = [cases[i] for i in sorted(chosen.tolist())]
     return cases
-
-
-def _numbers(family: Family) -> list[int]:
-    """Of its cases, one structure after the other."""
-    return sorted(range(family.count), key=lambda k: k % family.structures)
 
 
 def run_grid(cases: Sequence[GridCase], workers: int) -> Iterator[Outcome]:

@@ -7,6 +7,7 @@ carrier, at the distance and in the direction that chance wants, with external o
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned, variant
 from mechanism_sim.bench.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
@@ -108,16 +109,8 @@ def body(random: Random) -> Scene:
     }
 
 
-def _ideal(random: Random, _k: int) -> Draft:
-    return Draft(train(random, 'ideal'), duration=0.2)
-
-
-def _loose(random: Random, _k: int) -> Draft:
-    return Draft(train(random, 'loose'), duration=0.2)
-
-
-def _elastic(random: Random, _k: int) -> Draft:
-    return Draft(train(random, 'soft'), duration=0.1)
+def _of_kind(kind: str, duration: float, random: Random, _k: int) -> Draft:
+    return Draft(train(random, kind), duration=duration)
 
 
 def _compliant(random: Random, k: int) -> Draft:
@@ -151,9 +144,9 @@ def _rattle(random: Random, k: int) -> Draft:
 UNFIT = ('reach inside the base circle',)  # internal gears of too few teeth
 
 FAMILIES = (
-    Family('train', 32, _ideal, UNFIT),
-    Family('train_backlash', 32, _loose, UNFIT),
+    Family('train', 32, partial(_of_kind, 'ideal', 0.2), UNFIT),
+    Family('train_backlash', 32, partial(_of_kind, 'loose', 0.2), UNFIT),
     Family('train_rattle', 40, _rattle, (), 4),
-    Family('train_elastic', 24, _elastic, UNFIT),
+    Family('train_elastic', 24, partial(_of_kind, 'soft', 0.1), UNFIT),
     Family('train_compliant', 16, _compliant, UNFIT),
 )

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mechanism_sim.bench.hard.bodies import SPEED, TURN, thesis
+from mechanism_sim.bench.hard.bodies import SPEED, TURN, relative_residual, thesis
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.audit import Energy
@@ -17,13 +17,6 @@ from mechanism_sim.scene import load_scene, simulate
 FIRST_LOSS = 1.77569122303540473e-01 / TURN
 """Revolutions until a seated pin first lets go; by a 256-bit computation of other formulation
 (test/references/four_bar_seated_e05.json)."""
-
-
-def _residual(solution: Solution) -> float:
-    """Energy that does not add up, relative to all that was exchanged."""
-    e = solution.energy or Energy(math.nan, 0.0, 0.0, 0.0)
-    exchanged = sum(i.normal_impulse * i.approach_speed for i in solution.impacts)
-    return abs(e.residual) / (abs(e.initial) + abs(e.drive_work) + exchanged)
 
 
 def _first_loss(solution: Solution) -> float:
@@ -42,7 +35,7 @@ def elastic_hundred_revolutions() -> list[Figure]:
     solution = simulate(thesis(start='centred', e=1.0), revolutions=100)
     balance = solution.energy or Energy(math.nan, 0.0, 0.0, math.nan)
     return [
-        Figure('relative energy residual', _residual(solution), 1e-11),
+        Figure('relative energy residual', relative_residual(solution), 1e-11),
         Figure('energy lost in impacts', balance.dissipated, 1e-12, 'J'),
         Figure('penetration', solution.max_penetration, 1e-12, 'm'),
         Figure('impacts', len(solution.impacts)),
@@ -149,7 +142,7 @@ def clearance_from_a_micrometre() -> list[Figure]:
         away = np.abs(solution.sample(t)['position.rocker'] - reference)
         deviations.append(float(away.max()))
         longer = simulate(thesis(c=c), revolutions=3.0)
-        residual = max(residual, _residual(longer))
+        residual = max(residual, abs(relative_residual(longer)))
         depth = max(depth, longer.max_penetration)
         closure = max(closure, longer.max_closure_error)
     order = float(np.polyfit(np.log(clearances), np.log(deviations), 1)[0])
@@ -174,7 +167,7 @@ def speeds_from_10_to_2500_rpm() -> list[Figure]:
         for sign in (1.0, -1.0):
             speed = sign * rpm * math.pi / 30.0
             solution = simulate(thesis(drive__speed=speed, start='centred'), revolutions=2.0)
-            residual = max(residual, _residual(solution))
+            residual = max(residual, abs(relative_residual(solution)))
             depth = max(depth, solution.max_penetration)
         solution = simulate(
             thesis(drive__speed=speed, start='centred', gravity=[0, 0]), revolutions=0.3
@@ -201,7 +194,7 @@ def near_a_change_point() -> list[Figure]:
         # reach of coupler and rocker is just longer than ground and crank together
         ground = 0.309 + 0.312 - 0.064 - margin * 0.387
         solution = simulate(thesis(links__ground__length=ground), revolutions=2.0)
-        residual = max(residual, _residual(solution))
+        residual = max(residual, abs(relative_residual(solution)))
         depth = max(depth, solution.max_penetration)
         largest = max([largest, *(i.normal_impulse for i in solution.impacts)])
     return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,14 +11,16 @@ from typing import Any
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.arrays import Array
+from mechanism_sim.hybrid.audit import Audit, Energy
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.hybrid.system import Array, System
+from mechanism_sim.hybrid.solution import Solution
+from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
@@ -44,6 +47,18 @@ def thesis(**overrides: Any) -> Machine:
         for k, v in overrides.items()
     }
     return load_scene(THESIS, keys)
+
+
+def residual(balance: Energy | None) -> float:
+    """What the energy balance leaves over [J]; infinite where there is none."""
+    return balance.residual if balance else math.inf
+
+
+def relative_residual(solution: Solution) -> float:
+    """The same over the energy at hand, from the drive and through impacts."""
+    e = solution.energy or Energy(math.nan, 0.0, 0.0, math.inf)
+    exchanged = sum(i.normal_impulse * i.approach_speed for i in solution.impacts)
+    return e.residual / (abs(e.initial) + abs(e.drive_work) + exchanged)
 
 
 @dataclass(frozen=True)

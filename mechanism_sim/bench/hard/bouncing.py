@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mechanism_sim.bench.hard.bodies import GRAVITY, SIZE, Floor, Thrown
+from mechanism_sim.bench.hard.bodies import GRAVITY, SIZE, Floor, Thrown, residual
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.hybrid.events import Mode
 
@@ -31,8 +31,7 @@ def bouncing_ball() -> list[Figure]:
         exact = v * (1.0 + e) / (1.0 - e)
         impulse = max(impulse, abs(total / exact - 1.0))
         depth = max(depth, ball.audit.max_penetration)
-        balance = ball.audit.energy
-        energy = max(energy, abs(balance.residual) if balance else math.inf)
+        energy = max(energy, abs(residual(ball.audit.energy)))
     return [
         Figure('relative error of the time of rest', time, 1e-9),
         Figure('relative error of the sum of impulses', impulse, 1e-9),

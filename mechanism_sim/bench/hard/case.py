@@ -7,9 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from pkgutil import iter_modules
 
+from mechanism_sim.bench.problem import found_in
 from mechanism_sim.errors import RunError
 
 
@@ -76,12 +75,7 @@ def hard_case(hard: str, truth: str) -> Callable[[Callable[[], list[Figure]]], C
 @cache
 def cases() -> tuple[Case, ...]:
     """All cases of the modules beside this one, in the order of their files."""
-    package = import_module('mechanism_sim.bench.hard')
-    found = []
-    for module in iter_modules(package.__path__):
-        content = vars(import_module(f'{package.__name__}.{module.name}'))
-        found += [thing for thing in content.values() if isinstance(thing, Case)]
-    return tuple(found)
+    return tuple(found_in('mechanism_sim.bench.hard', Case))
 
 
 def run(chosen: tuple[Case, ...]) -> Iterator[Outcome]:

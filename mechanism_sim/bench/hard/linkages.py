@@ -7,17 +7,12 @@ import math
 import numpy as np
 from scipy.special import ellipk
 
+from mechanism_sim.bench.hard.bodies import residual
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.bench.hard.singular import linkage
-from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.scene import load_scene, simulate, stream
 
 QUARTER = 0.5 * math.pi
-
-
-def _residual(balance: Energy | None) -> float:
-    """What is missing in the energy balance [J]."""
-    return balance.residual if balance else math.nan
 
 
 @hard_case(
@@ -54,7 +49,7 @@ def stiff_springs() -> list[Figure]:
     return [
         Figure('swings of the faster mode', rates.max() / (2.0 * math.pi)),
         Figure('relative difference of places', float(off), 1e-11),
-        Figure('energy residual', _residual(solution.energy), 1e-11, 'J'),
+        Figure('energy residual', residual(solution.energy), 1e-11, 'J'),
     ]
 
 
@@ -126,7 +121,7 @@ def thousand_indexings() -> list[Figure]:
         Figure('indexings', abs(round(indexed))),
         Figure('indexings less revolutions', abs(round(indexed)) - turns, 1.0),
         Figure('how far the locked wheel is off', off, 1e-12, 'rad'),
-        Figure('energy residual over what bearings took', _residual(energy) / lost, 1e-12),
+        Figure('energy residual over what bearings took', residual(energy) / lost, 1e-12),
         Figure('closure error', run.max_closure_error, 1e-12, 'm'),
     ]
 
@@ -146,7 +141,7 @@ def ten_links_two_loose_joints() -> list[Figure]:
     scale = exchanged + (abs(balance.initial) if balance else math.nan)
     return [
         Figure('impacts', len(solution.impacts)),
-        Figure('relative energy residual', _residual(balance) / scale, 1e-9),
+        Figure('relative energy residual', residual(balance) / scale, 1e-9),
         Figure('penetration', solution.max_penetration, 1e-12, 'm'),
         Figure('closure error', solution.max_closure_error, 1e-12, 'm'),
     ]
@@ -177,7 +172,7 @@ def ten_thousand_swings() -> list[Figure]:
     height = 0.3 * 9.81 * (1.0 - math.cos(amplitude))
     return [
         Figure('phase after all swings, in periods', late / period, 1e-8),
-        Figure('energy residual over that of a swing', _residual(run.energy) / height, 1e-11),
+        Figure('energy residual over that of a swing', residual(run.energy) / height, 1e-11),
     ]
 
 
@@ -203,6 +198,6 @@ def closure_after_five_thousand_revolutions() -> list[Figure]:
         Figure('largest closure error over that of the first piece',
                run.max_closure_error / first, 10.0),
         Figure('relative energy residual',
-               _residual(balance) / (balance.initial if balance else 1.0),
+               residual(balance) / (balance.initial if balance else 1.0),
                5e-11),
     ]  # fmt: skip

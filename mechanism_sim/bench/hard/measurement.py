@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.hard.bodies import SPEED, TURN, thesis
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.bench.stages import (
@@ -23,7 +24,6 @@ from mechanism_sim.bench.stages import (
     resonator,
 )
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum
 from mechanism_sim.planar.mechanism import Body, Mechanism, Prismatic
 from mechanism_sim.scene import load_scene, simulate

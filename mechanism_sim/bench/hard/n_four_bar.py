@@ -14,6 +14,7 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.bench.hard.singular import linkage
 from mechanism_sim.scene import Machine, simulate
@@ -47,14 +48,12 @@ def n_four_bar(windows: int, rtol: float = 1e-10) -> Machine:
 def exact_n_four_bar(windows: int, until: float) -> tuple[float, float]:
     """Angle [rad] and rate of the rods: ``((N + 1)/3 + N) w' = -((N + 1)/2 + N) g cos(angle)``."""
     k = GRAVITY * (0.5 * (windows + 1) + windows) / ((windows + 1) / 3.0 + windows)
-    found = solve_ivp(
-        lambda _, y: [y[1], -k * math.cos(y[0])],
-        (0.0, until),
-        [0.5 * math.pi, -1.0],
-        'DOP853',
-        rtol=1e-13,
-        atol=1e-13,
-    )
+
+    def rate(_: float, y: Array) -> list[float]:
+        return [y[1], -k * math.cos(y[0])]
+
+    start = [0.5 * math.pi, -1.0]
+    found = solve_ivp(rate, (0.0, until), start, 'DOP853', rtol=1e-13, atol=1e-13)
     return float(found.y[0, -1]), float(found.y[1, -1])
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import heyoka as hy
 import numpy as np
@@ -40,9 +41,7 @@ class BareLoop:
     ) -> None:
         self._kept = kept
         self._f = f = four_bar
-        self._I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
-        self._I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
-        moment3, moment4 = f.coupler_mass * f.coupler_cog, f.rocker_mass * f.rocker_cog
+        (self._I3, self._I4), (moment3, moment4) = f.inertias, f.moments
         self._swing = moment3 * f.crank * f.crank_speed**2 / self._I3
         self._fall3, self._fall4 = moment3 * f.gravity / self._I3, moment4 * f.gravity / self._I4
         self._height = max(tol * (1.0 - f.restitution), 8.0 * 2.3e-16) * f.ground
@@ -187,17 +186,10 @@ class BareLoop:
             self._flag[0] = float(closed)
 
 
-def prepare(four_bar: LooseFourBar, tol: float) -> Run:
-    """Compile, and be ready to run."""
-    return _prepared(BareLoop(four_bar, tol))
+def prepare(four_bar: LooseFourBar, tol: float, keeping: bool = False) -> Run:
+    """Compile, and be ready to run; `keeping`: so that it can tell the state at any instant."""
+    loop = BareLoop(four_bar, tol, [] if keeping else None)
 
-
-def prepare_keeping(four_bar: LooseFourBar, tol: float) -> Run:
-    """The same for a loop that can tell the state at any instant afterwards."""
-    return _prepared(BareLoop(four_bar, tol, []))
-
-
-def _prepared(loop: BareLoop) -> Run:
     def run() -> Callable[[], Outcome]:
         steps, impacts = loop.run()
         return lambda: Outcome(loop.angles(), steps, impacts)
@@ -219,7 +211,7 @@ KEEPING = Peer(
     'bare heyoka loop, steps kept',
     PEER.settings,
     'tol',
-    prepare_keeping,
+    partial(prepare, keeping=True),
     'The same step by step, with the polynomials of every step put into a list: what it takes to '
     'answer at any instant, as this package does.',
     any_restitution=True,

@@ -41,12 +41,7 @@ class Bar:
     """The equations of motion of the loose four-bar in coupler and rocker angle."""
 
     def __init__(self, bar: LooseFourBar) -> None:
-        self.bar = bar
-        self.inertia = (
-            bar.coupler_inertia + bar.coupler_mass * bar.coupler_cog**2,
-            bar.rocker_inertia + bar.rocker_mass * bar.rocker_cog**2,
-        )
-        self.moment = (bar.coupler_mass * bar.coupler_cog, bar.rocker_mass * bar.rocker_cog)
+        self.bar, self.inertia, self.moment = bar, bar.inertias, bar.moments
 
     def at(self, t: float, state: list[float]) -> Motion:
         """Motion at angles and rates of coupler and rocker [rad, rad/s]."""

@@ -242,8 +242,8 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
             raise RunError(f'stopped after {LONGEST_RUN:g} s at {setting:g} N/m')
         left = iter(system.systemData.GetODE2Coordinates())
         values = {link.name: tuple(next(left) for _ in link.axes) for link in order}
-        q = tree.coordinates(values)
-        return lambda: Outcome(np.array([q[c] for c in tree.mechanism.coordinates]), steps)
+        q = tree.answer(values)
+        return lambda: Outcome(q, steps)
 
     return run
 

@@ -12,8 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import ceil, sqrt
 
-import numpy as np
-
 from mechanism_sim.bench.four_bar import Peer
 from mechanism_sim.bench.problem import Outcome, Run, without
 from mechanism_sim.bench.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
@@ -127,8 +125,8 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
             for place, turning, force in pushes:
                 data.qfrc_applied[place] = force(data.qpos[turning])
             mujoco.mj_step(compiled, data, nstep=at_once)
-        q = tree.coordinates({name: tuple(data.qpos[at]) for name, at in places.items()})
-        return lambda: Outcome(np.array([q[c] for c in tree.mechanism.coordinates]), steps)
+        q = tree.answer({name: tuple(data.qpos[at]) for name, at in places.items()})
+        return lambda: Outcome(q, steps)
 
     return run
 

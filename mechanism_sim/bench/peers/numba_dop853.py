@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Answer, Outcome, Run, without
+from mechanism_sim.bench.problem import Answer, Outcome, Run, whole, without
 
 if TYPE_CHECKING:
     from mechanism_sim.bench.kernels.loose_equations import Constants
@@ -19,9 +18,8 @@ def constants(four_bar: LooseFourBar) -> Constants:
     from mechanism_sim.bench.kernels.loose_equations import Constants  # noqa: PLC0415
 
     f = four_bar
-    I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
-    I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
-    moment3, moment4 = f.coupler_mass * f.coupler_cog / I3, f.rocker_mass * f.rocker_cog / I4
+    I3, I4 = f.inertias
+    moment3, moment4 = f.moments[0] / I3, f.moments[1] / I4
     return Constants(
         f.ground,
         f.crank,
@@ -54,11 +52,11 @@ def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
     seated, end = four_bar.seated, four_bar.duration
     revolve(p, start, seated, 1e-9, rtol, times)
 
-    def run() -> Callable[[], Outcome]:
-        th3, th4, steps, impacts = revolve(p, start, seated, end, rtol, times)
-        return lambda: Outcome(np.array([th3, th4]), steps, impacts)
+    def work() -> Outcome:
+        *angles, steps, impacts = revolve(p, start, seated, end, rtol, times)
+        return Outcome(np.array(angles), steps, impacts)
 
-    return run
+    return whole(work)
 
 
 PEER = Peer(

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
-from mechanism_sim.bench.problem import Answer, Outcome, Run
+from mechanism_sim.bench.problem import Answer, Outcome, Run, whole
 from mechanism_sim.bench.rattling import Rattling
 
 LOWEST = 1e-12  #: [m] bounces that count as contact
@@ -156,15 +156,7 @@ def rate(r: Rattling) -> Callable[[float, Answer], tuple[float, float]]:
 
 def by(rattling: Rattling, fly: Fly) -> Callable[[float], Run]:
     """A run by tolerance."""
-
-    def prepare(rtol: float) -> Run:
-        def run() -> Callable[[], Outcome]:
-            outcome = simulate(rattling, fly, rtol)
-            return lambda: outcome
-
-        return run
-
-    return prepare
+    return lambda rtol: whole(lambda: simulate(rattling, fly, rtol))
 
 
 _EVENTS = '`solve_ivp` with terminal events, arc by arc, plain floats in the right-hand side.'

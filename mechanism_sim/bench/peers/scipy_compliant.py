@@ -9,9 +9,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.peers.scipy_events import Array, Equations, Rates
-from mechanism_sim.bench.problem import Outcome, Run
+from mechanism_sim.bench.peers.scipy_events import Equations, Rates
+from mechanism_sim.bench.problem import Outcome, Run, whole
 from mechanism_sim.errors import RunError
 
 
@@ -61,15 +62,7 @@ def simulate(four_bar: LooseFourBar, method: str, stiffness: float, rtol: float)
 
 def by(method: str, rtol: float) -> Callable[[LooseFourBar, float], Run]:
     """Prepare a run by a method at a tolerance."""
-
-    def prepare(four_bar: LooseFourBar, stiffness: float) -> Run:
-        def run() -> Callable[[], Outcome]:
-            outcome = simulate(four_bar, method, stiffness, rtol)
-            return lambda: outcome
-
-        return run
-
-    return prepare
+    return lambda four_bar, stiffness: whole(lambda: simulate(four_bar, method, stiffness, rtol))
 
 
 LSODA, RADAU = (

@@ -7,13 +7,12 @@ from math import cos, hypot, sin
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run
+from mechanism_sim.bench.problem import Outcome, Run, whole
 
-Array = NDArray[np.float64]
 Rates = tuple[float, float, float, float]
 
 STABILISATION = 500.0  #: [1/s] of Baumgarte's terms in following
@@ -42,9 +41,7 @@ class Equations:
 
     def __init__(self, four_bar: LooseFourBar) -> None:
         f = self._f = four_bar
-        self.I3 = f.coupler_inertia + f.coupler_mass * f.coupler_cog**2
-        self.I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
-        self._m3, self._m4 = f.coupler_mass * f.coupler_cog, f.rocker_mass * f.rocker_cog
+        (self.I3, self.I4), (self._m3, self._m4) = f.inertias, f.moments
         self._centripetal = f.crank * f.crank_speed**2
         self.start = np.array([f.coupler_angle, f.rocker_angle, f.coupler_rate, f.rocker_rate])
 
@@ -159,15 +156,7 @@ def simulate(four_bar: LooseFourBar, method: str, rtol: float) -> Outcome:
 
 def by(method: str) -> Callable[[LooseFourBar, float], Run]:
     """Prepare a run by a method of `solve_ivp`."""
-
-    def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
-        def run() -> Callable[[], Outcome]:
-            outcome = simulate(four_bar, method, rtol)
-            return lambda: outcome
-
-        return run
-
-    return prepare
+    return lambda four_bar, rtol: whole(lambda: simulate(four_bar, method, rtol))
 
 
 HOW = (

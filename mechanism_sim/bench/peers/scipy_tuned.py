@@ -25,12 +25,12 @@ from math import cos, hypot, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 from scipy.optimize import brentq, minimize_scalar
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run
+from mechanism_sim.bench.problem import Outcome, whole
 
 # Table 6.1 in SI, crank = 2, coupler = 3, rocker = 4, frame = 1; S: joint to mass centre
 l1, l2, l3, l4, c = 0.387, 0.064, 0.309, 0.312, 0.000254
@@ -42,7 +42,6 @@ NODES = np.linspace(0, 1, 10)[1:]
 
 
 State = tuple[float, ...]
-Array = NDArray[np.float64]
 Rate = Callable[[float, Array], State]
 Guard = Callable[[Any, Any], Any]
 
@@ -244,21 +243,11 @@ def simulate(four_bar: LooseFourBar, rtol: float, cut: float = 1e-6) -> Outcome:
     return Outcome(np.array(y[:2]), steps, impacts)
 
 
-def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
-    """Nothing to prepare."""
-
-    def run() -> Callable[[], Outcome]:
-        outcome = simulate(four_bar, rtol)
-        return lambda: outcome
-
-    return run
-
-
 PEER = Peer(
     'SciPy DOP853 tuned',
     (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12),
     'rtol',
-    prepare,
+    lambda four_bar, rtol: whole(lambda: simulate(four_bar, rtol)),
     'A hand-written event loop around `scipy.integrate.DOP853`, plain floats in the right-hand '
     'side, dense output only where an event is possible, projection onto the contact.',
     any_restitution=True,

@@ -133,15 +133,11 @@ def prepare(bar: LooseFourBar, setting: float) -> Run:
     compiler = ['cc', '-x', 'c', '-', '-O3', '-shared', '-fPIC', '-o', str(library), '-lm']
     output(compiler, PLUGIN % vars(bar))
     steps = round(setting * bar.revolutions)
-    inertias = (
-        bar.coupler_inertia + bar.coupler_mass * bar.coupler_cog**2,
-        bar.rocker_inertia + bar.rocker_mass * bar.rocker_cog**2,
-    )
     problem = {
         'library': str(library),
         'angles': [bar.coupler_angle, bar.rocker_angle],
         'rates': [bar.coupler_rate, bar.rocker_rate],
-        'mass_matrix': np.diag(inertias).tolist(),
+        'mass_matrix': np.diag(bar.inertias).tolist(),
         'restitution': bar.restitution,
         'duration': bar.duration,
         'steps': steps,

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from math import pi
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from mechanism_sim.bench.four_bar import reference
-from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, without
+from mechanism_sim.bench.integration import event_loop, positions, solved
+from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, whole, without
 from mechanism_sim.bench.squeezer import Squeezer, rates
-from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.scene import load_scene
 
 ANGLES = ('beta', 'Theta', 'gamma', 'phi', 'delta', 'Omega', 'epsilon')
@@ -37,30 +36,16 @@ def relative_angles(q: Answer) -> Answer:
 def ours(rtol: float) -> Run:
     """Equations of motion with three closed loops, as `simulate` integrates them."""
     machine = load_scene('andrews_squeezer', {'solver.rtol': rtol})
-    loop, state = machine.start(), machine.initial_state()
-    if not isinstance(loop, EventLoop):
-        raise TypeError('a torque needs equations of motion')
-    order = [machine.mechanism.coordinates.index(link) for link in LINKS]
-
-    def run() -> Callable[[], Outcome]:
-        loop.restart(state)
-        loop.advance(DURATION, final=True)
-
-        def outcome() -> Outcome:
-            motion, *_ = loop.drain()
-            end = motion.curve(np.array([DURATION]))[0]
-            return Outcome(relative_angles(end[order]), loop.steps)
-
-        return outcome
-
-    return run
+    order, at_end = [machine.mechanism.coordinates.index(k) for k in LINKS], positions(DURATION)
+    return event_loop(machine, DURATION, lambda *run: relative_angles(at_end(*run)[order]))
 
 
 def given() -> tuple[Squeezer, Answer]:
     """The mechanism, and its angles and rates at the start (14,)."""
     content = reference('andrews_squeezer')
     start = np.array([*map(float, content['start']), *[0.0] * 7])
-    return Squeezer.given(content['parameters']), start
+    parameters = {name: float(content['parameters'][name]) for name in Squeezer._fields}
+    return Squeezer(**parameters), start
 
 
 def compiled(rtol: float) -> Run:
@@ -70,31 +55,23 @@ def compiled(rtol: float) -> Run:
     p, start = given()
     integrate(p, start, 1e-9, rtol)
 
-    def run() -> Callable[[], Outcome]:
+    def work() -> Outcome:
         end, steps = integrate(p, start, DURATION, rtol)
-        return lambda: Outcome(end[:7], steps)
+        return Outcome(end[:7], steps)
 
-    return run
+    return whole(work)
 
 
-def scipy(method: str) -> Callable[[float], Run]:
+def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the test set's coordinates."""
+    p, start = given()
 
-    def prepare(rtol: float) -> Run:
-        p, start = given()
+    def rate(t: float, y: Answer) -> Answer:
+        out = np.empty(14)
+        rates(t, y, p, out)
+        return out
 
-        def rate(t: float, y: Answer) -> Answer:
-            out = np.empty(14)
-            rates(t, y, p, out)
-            return out
-
-        def run() -> Callable[[], Outcome]:
-            found = solve_ivp(rate, (0.0, DURATION), start, method, rtol=rtol, atol=0.1 * rtol)
-            return lambda: Outcome(found.y[:7, -1], len(found.t) - 1)
-
-        return run
-
-    return prepare
+    return solved(rate, start, DURATION, method, rtol, 7)
 
 
 PROBLEM = Problem(
@@ -120,7 +97,7 @@ PROBLEM = Problem(
                 f'SciPy {method}',
                 (1e-6, 1e-8, 1e-10, 1e-12),
                 'rtol',
-                scipy(method),
+                partial(scipy, method),
                 "`solve_ivp` on the test set's seven angles in index 1, written by hand; "
                 '`numpy.linalg.solve` on 13 equations a call.',
             )

@@ -6,43 +6,21 @@ them in arrays is not timed. Peers keep no more than the final angles need.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import numpy as np
+from functools import partial
 
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, scene_overrides
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run
-from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.bench.integration import event_loop, positions
+from mechanism_sim.bench.problem import OURS, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 
 
-def ours(start: str, e: float, end: float) -> Callable[[float], Run]:
-    """The event loop of this package up to `end` [s], by tolerance."""
-
-    def prepare(rtol: float) -> Run:
-        machine = load_scene(
-            'four_bar_clearance', scene_overrides(start, e) | {'solver.rtol': rtol}
-        )
-        loop = machine.start()
-        if not isinstance(loop, EventLoop):
-            raise TypeError('the scene has clearance, so it needs the event loop')
-        state = machine.initial_state()
-
-        def run() -> Callable[[], Outcome]:
-            loop.restart(state)
-            loop.advance(end, final=True)
-
-            def outcome() -> Outcome:
-                motion, impacts, _ = loop.drain()
-                return Outcome(motion.curve(np.array([end]))[0, 1:], loop.steps, len(impacts))
-
-            return outcome
-
-        return run
-
-    return prepare
+def ours(start: str, e: float, end: float, rtol: float) -> Run:
+    """The event loop of this package up to `end` [s]."""
+    machine = load_scene('four_bar_clearance', scene_overrides(start, e) | {'solver.rtol': rtol})
+    at_end = positions(end)
+    return event_loop(machine, end, lambda *run: at_end(*run)[1:])
 
 
 def problem(
@@ -71,7 +49,7 @@ def problem(
                 OURS,
                 TOLERANCES,
                 'rtol',
-                ours(start, e, four_bar.duration),
+                partial(ours, start, e, four_bar.duration),
                 'The event loop of `simulate`, which records motion as polynomials and impacts.',
             ),
             *(peer.method(four_bar) for peer in peers() if everyone or peer.any_restitution),

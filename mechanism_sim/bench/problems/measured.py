@@ -6,14 +6,16 @@ The motion is known and the same for all, polynomials and impacts; only measurin
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 from scipy.integrate import solve_ivp
 from scipy.signal import bilinear_zpk, lsim, sosfilt, zpk2sos
 
-from mechanism_sim.bench.accelerometer_chain import SENSOR, Array, Measured
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run
+from mechanism_sim.arrays import Array
+from mechanism_sim.bench.accelerometer_chain import SENSOR, Measured
+from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, whole
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.sensing.channel import Channel
@@ -24,12 +26,7 @@ NODES = Nodes(tuple(chebyshev_nodes(14).tolist()))
 
 def timed(measure: Callable[[], Array]) -> Run:
     """A run whose answer are the samples."""
-
-    def run() -> Callable[[], Outcome]:
-        samples = measure()
-        return lambda: Outcome(samples)
-
-    return run
+    return whole(lambda: Outcome(measure()))
 
 
 def ours(_: float) -> Run:
@@ -62,17 +59,13 @@ def oversampled(factor: float, pulses: bool) -> tuple[Array, Array]:
     return u, t
 
 
-def filtered(pulses: bool) -> Callable[[float], Run]:
+def filtered(pulses: bool, factor: float) -> Run:
     """`sosfilt` with the chain made digital by the bilinear transform, by factor of the rate."""
-
-    def prepare(factor: float) -> Run:
-        chain = RUN.instrument.transfer()
-        rate = factor * RUN.instrument.sample_rate
-        sections = zpk2sos(*bilinear_zpk(chain.zeros, chain.poles, chain.gain, rate))
-        every = int(factor)
-        return timed(lambda: sosfilt(sections, oversampled(factor, pulses)[0])[::every])
-
-    return prepare
+    chain = RUN.instrument.transfer()
+    rate = factor * RUN.instrument.sample_rate
+    sections = zpk2sos(*bilinear_zpk(chain.zeros, chain.poles, chain.gain, rate))
+    every = int(factor)
+    return timed(lambda: sosfilt(sections, oversampled(factor, pulses)[0])[::every])
 
 
 def simulated(factor: float) -> Run:
@@ -143,7 +136,7 @@ MEASURED = Problem(
             'SciPy sosfilt, no impacts',
             FACTORS,
             OVER,
-            filtered(pulses=False),
+            partial(filtered, False),
             'Ideal acceleration sampled at a multiple of the rate, sections by the bilinear '
             'transform, every n-th sample; impacts are not seen.',
         ),
@@ -151,7 +144,7 @@ MEASURED = Problem(
             'SciPy sosfilt, pulses',
             FACTORS,
             OVER,
-            filtered(pulses=True),
+            partial(filtered, True),
             'The same; two samples about an impact share its area, so that its instant is kept.',
         ),
         Method(

@@ -7,67 +7,49 @@ The peers are written for their one coordinate alone, `mechanism_sim.bench.rattl
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
+from mechanism_sim.bench.integration import event_loop
 from mechanism_sim.bench.peers import rattling_scipy
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, without
+from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, without
 from mechanism_sim.bench.rattling import GEARS, VALVE, Rattling
-from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.scene import load_scene
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 
 
-def ours(rattling: Rattling) -> Callable[[float], Run]:
-    """The event loop of this package, by tolerance."""
-    end = rattling.duration
+def ours(rattling: Rattling, rtol: float) -> Run:
+    """The event loop of this package."""
 
-    def prepare(rtol: float) -> Run:
-        machine = load_scene(rattling.name, {'solver.rtol': rtol})
-        loop = machine.start()
-        if not isinstance(loop, EventLoop):
-            raise TypeError('the scene has gaps, so it needs the event loop')
-        state = machine.initial_state()
+    def hard(_: Motion, impacts: list[Impact]) -> Answer:
+        times, speeds = np.array([(i.t, i.approach_speed) for i in impacts]).T
+        return rattling.hard(times, speeds)
 
-        def run() -> Callable[[], Outcome]:
-            loop.restart(state)
-            loop.advance(end, final=True)
-
-            def outcome() -> Outcome:
-                _, impacts, _ = loop.drain()
-                times = np.array([i.t for i in impacts])
-                hard = rattling.hard(times, np.array([i.approach_speed for i in impacts]))
-                return Outcome(hard, loop.steps, len(impacts))
-
-            return outcome
-
-        return run
-
-    return prepare
+    machine = load_scene(rattling.name, {'solver.rtol': rtol})
+    return event_loop(machine, rattling.duration, hard)
 
 
-def compiled(rattling: Rattling) -> Callable[[float], Run]:
-    """The loop compiled by numba, by tolerance."""
+def compiled(rattling: Rattling, rtol: float) -> Run:
+    """The loop compiled by numba."""
+    from mechanism_sim.bench.kernels.rattling import bouncer  # noqa: PLC0415
 
-    def prepare(rtol: float) -> Run:
-        from mechanism_sim.bench.kernels.rattling import bouncer  # noqa: PLC0415
+    revolve, (low, high) = bouncer(rattling.pull), rattling.walls
+    times, speeds = np.empty(10_000), np.empty(10_000)
+    given = (
+        rattling.constants, low, high, rattling.restitution, rattling.seated,
+        rattling.stops(), rattling.longest, rattling.size, rtol, times, speeds,
+    )  # fmt: skip
+    revolve(*given)
 
-        revolve, (low, high) = bouncer(rattling.pull), rattling.walls
-        times, speeds = np.empty(10_000), np.empty(10_000)
-        given = (
-            rattling.constants, low, high, rattling.restitution, rattling.seated,
-            rattling.stops(), rattling.longest, rattling.size, rtol, times, speeds,
-        )  # fmt: skip
-        revolve(*given)
+    def run() -> Callable[[], Outcome]:
+        steps, n = revolve(*given)
+        return lambda: Outcome(rattling.hard(times[:n], speeds[:n]), steps, n)
 
-        def run() -> Callable[[], Outcome]:
-            steps, n = revolve(*given)
-            return lambda: Outcome(rattling.hard(times[:n], speeds[:n]), steps, n)
-
-        return run
-
-    return prepare
+    return run
 
 
 def problem(rattling: Rattling, title: str) -> Problem:
@@ -86,7 +68,7 @@ def problem(rattling: Rattling, title: str) -> Problem:
                 OURS,
                 TOLERANCES,
                 'rtol',
-                ours(rattling),
+                partial(ours, rattling),
                 'The event loop of `simulate`, which records motion as polynomials and impacts; '
                 'from the scene file.',
             ),
@@ -94,7 +76,7 @@ def problem(rattling: Rattling, title: str) -> Problem:
                 'numba DOP853 loop',
                 (1e-4, *TOLERANCES),
                 'rtol',
-                compiled(rattling),
+                partial(compiled, rattling),
                 'An event loop for one coordinate between walls, compiled with these equations as '
                 'one function; in contact, where the motion is known, nothing is integrated.',
                 lambda: without('numba'),

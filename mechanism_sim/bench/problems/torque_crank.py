@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import cos, sin, sqrt
 
-import numpy as np
-from scipy.integrate import solve_ivp
-
 from mechanism_sim.bench.four_bar import LooseFourBar, reference
-from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run
-from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.bench.integration import event_loop, positions, solved
+from mechanism_sim.bench.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
 TORQUE, DURATION = 0.1, 0.5  #: [N m], [s]: about three revolutions
@@ -25,21 +23,8 @@ def ours(rtol: float) -> Run:
     """Equations of motion with a closed loop, as `simulate` integrates them."""
     drive = {'speed': LooseFourBar.thesis().crank_speed, 'torque': {'constant': TORQUE}}
     machine = load_scene('four_bar_nominal', {'drive': drive, 'solver.rtol': rtol})
-    loop, state = machine.start(), machine.initial_state()
-    if not isinstance(loop, EventLoop):
-        raise TypeError('a torque needs equations of motion')
-
-    def run() -> Callable[[], Outcome]:
-        loop.restart(state)
-        loop.advance(DURATION, final=True)
-
-        def outcome() -> Outcome:
-            motion, *_ = loop.drain()
-            return Outcome(motion.curve(np.array([DURATION]))[0, :1], loop.steps)
-
-        return outcome
-
-    return run
+    at_end = positions(DURATION)
+    return event_loop(machine, DURATION, lambda *run: at_end(*run)[:1])
 
 
 def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
@@ -66,7 +51,7 @@ def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
         bx = -f.crank * c2 - a * (b3 * s3 + r3 * r3 * c3)
         bz = -f.crank * s2 + a * (b3 * c3 - r3 * r3 * s3)
         I2 = f.crank_inertia + f.crank_mass * f.crank_cog**2
-        I4 = f.rocker_inertia + f.rocker_mass * f.rocker_cog**2
+        _, I4 = f.inertias
         J = I2 + f.coupler_mass * (vx * vx + vz * vz) + f.coupler_inertia * r3 * r3 + I4 * r4 * r4
         bias = f.coupler_mass * (vx * bx + vz * bz) + f.coupler_inertia * r3 * b3 + I4 * r4 * b4
         weight = f.gravity * (
@@ -79,20 +64,10 @@ def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
     return rate
 
 
-def scipy(method: str) -> Callable[[float], Run]:
+def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the one coordinate."""
-
-    def prepare(rtol: float) -> Run:
-        f = LooseFourBar.thesis()
-        rate, start = rates(f), [f.crank_angle, f.crank_speed]
-
-        def run() -> Callable[[], Outcome]:
-            found = solve_ivp(rate, (0.0, DURATION), start, method, rtol=rtol, atol=0.1 * rtol)
-            return lambda: Outcome(found.y[:1, -1], len(found.t) - 1)
-
-        return run
-
-    return prepare
+    f = LooseFourBar.thesis()
+    return solved(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
 
 
 PROBLEM = Problem(
@@ -117,7 +92,7 @@ PROBLEM = Problem(
                 f'SciPy {method}',
                 (1e-6, 1e-8, 1e-10, 1e-12),
                 'rtol',
-                scipy(method),
+                partial(scipy, method),
                 '`solve_ivp` on the crank angle alone, everything else eliminated by hand, plain '
                 'floats.',
             )

@@ -9,6 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart, Section
@@ -23,8 +24,6 @@ from mechanism_sim.pages.charts.style import (
     written,
 )
 from mechanism_sim.planar.play import joint_of_gap
-
-Array = NDArray[np.float64]
 
 _SINGLE = 400  # spells of one mode that are drawn one by one
 _SHARES = 400  # bins of which the shares of modes are drawn if there are more

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.deviation import ideal_record
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import part_of
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.sampling import Samples, table
@@ -18,8 +19,6 @@ from mechanism_sim.pages.charts.thinning import MOST, Line, thinned
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.sensing.joint_view import JointView
 from mechanism_sim.vibration.shaken_frame import FrameMotion
-
-Array = NDArray[np.float64]
 
 TURNS = 2  #: of the main drive that are shown in full; of a machine that repeats one will do
 _SAME = 1e-6  # [rad] or [m] of drives that follow the same law

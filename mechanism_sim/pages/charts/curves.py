@@ -12,14 +12,13 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart
 from mechanism_sim.pages.charts.style import brief, chart, colour, dash, pale, places, written
 from mechanism_sim.pages.charts.thinning import Line
 from mechanism_sim.report.cycle import for_people
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

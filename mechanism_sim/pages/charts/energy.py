@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
@@ -18,8 +18,6 @@ from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import brief, chart, colour, places, written
 from mechanism_sim.pages.charts.thinning import Line, thinned
 from mechanism_sim.recording import realtime_factor
-
-Array = NDArray[np.float64]
 
 _BLOCK = 2**16  # instants at once
 _TERMS = 'kinetic', 'potential', 'drive_work', 'dissipated'

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechanism_sim.analysis.roses import Rose, impact_rose
 from mechanism_sim.analysis.wear import WearMap, wear_maps
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.pages.charts.contacts import gaps_of
 from mechanism_sim.pages.charts.course import Course, Window
@@ -23,8 +23,6 @@ from mechanism_sim.pages.charts.style import (
     written,
 )  # fmt: skip
 from mechanism_sim.planar.mechanism import Revolute
-
-Array = NDArray[np.float64]
 
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""

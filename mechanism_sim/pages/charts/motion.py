@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.pages.charts.course import Course, Window
@@ -12,8 +12,6 @@ from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive,
 from mechanism_sim.pages.charts.section import Chart, Section
 from mechanism_sim.pages.charts.style import brief, colour, pale, places, polar, written
 from mechanism_sim.planar.mechanism import Prismatic
-
-Array = NDArray[np.float64]
 
 _NOTHING = 1e-9
 """Of the largest of its kind: what is less is rounding."""

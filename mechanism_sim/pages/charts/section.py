@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+_HEIGHT = 360  # [pixels] of a figure that does not say
+
 Axis = Literal['time', 'angle', 'frequency', 'polar', 'other']
 
 
@@ -26,6 +28,11 @@ class Chart:
     figure: dict[str, Any]
     axis: Axis
     joint: str = ''
+
+    @property
+    def height(self) -> int:
+        """Of the figure [pixels]."""
+        return self.figure.get('layout', {}).get('height') or _HEIGHT
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
+from mechanism_sim.analysis.details import ORDERS, Wanted, everything, find_details
 from mechanism_sim.analysis.details import Line as Spectral
-from mechanism_sim.analysis.details import Wanted, everything, find_details
 from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.section import Chart, Section
@@ -21,9 +20,6 @@ from mechanism_sim.pages.charts.style import (
 )  # fmt: skip
 from mechanism_sim.pages.charts.thinning import Line, thin
 
-Array = NDArray[np.float64]
-
-_ORDERS = 40  # drawn
 _MARKED = 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000
 _NUMBERED = 1, 10, 100, 1000
 _DECADES = 1e-7  # below the highest line nothing is drawn
@@ -96,32 +92,29 @@ def _density(name: str, line: Spectral, rate: float | None, shade: str) -> Chart
 
 
 def _orders(name: str, line: Spectral, drive: str, shade: str) -> Chart:
-    found = line.spectrum
-    figure = chart(
-        f'order [cycles per turn of the {drive}]', f'amplitude [{line.unit}]', showlegend=False
-    )
-    shown = (found.frequency > 0.0) & (found.frequency <= _ORDERS)
-    figure.update_xaxes(range=[0.0, min(_ORDERS, float(found.frequency[-1]))])
-    figure.update_yaxes(rangemode='tozero')
-    spectrum = thin(Line(found.frequency[shown], found.values[shown]))
-    _add(figure, spectrum, shade, 'per turn', line.unit)
+    words = f'order [cycles per turn of the {drive}]'
+    figure, _ = _amplitudes(line, 1.0, words, shade, 'per turn')
     return Chart(f'sensor-{name}-orders', f'{name}: orders', written(figure), 'frequency', name)
 
 
 def _envelope(name: str, line: Spectral, rate: float | None, shade: str) -> Chart:
     low, high = line.band or (0.0, 0.0)
-    found = line.spectrum
-    # squared, the envelope holds no frequency above the width of its band
-    end = min(high - low, float(found.frequency[-1]), _ORDERS * (rate or np.inf))
-    figure = chart('frequency [Hz]', f'amplitude [{line.unit}]', showlegend=False)
-    figure.update_xaxes(range=[0.0, end])
-    figure.update_yaxes(rangemode='tozero')
-    shown = (found.frequency > 0.0) & (found.frequency <= end)
-    spectrum = thin(Line(found.frequency[shown], found.values[shown]))
-    _add(figure, spectrum, shade, 'Hz', line.unit)
+    figure, end = _amplitudes(line, rate, 'frequency [Hz]', shade, 'Hz')
     _mark_orders(figure, rate, 0.0, end, log=False)
     title = f'{name}: squared envelope from {low:.6g} Hz to {high:.6g} Hz'
     return Chart(f'sensor-{name}-envelope', title, written(figure), 'frequency', name)
+
+
+def _amplitudes(
+    line: Spectral, rate: float | None, words: str, shade: str, unit: str
+) -> tuple[go.Figure, float]:
+    """A spectrum over what the words say, in which the first order lies at `rate`; its end."""
+    figure = chart(words, f'amplitude [{line.unit}]', showlegend=False)
+    end, *shown = line.drawn(rate)
+    figure.update_xaxes(range=[0.0, end])
+    figure.update_yaxes(rangemode='tozero')
+    _add(figure, thin(Line(*shown)), shade, unit, line.unit)
+    return figure, end
 
 
 def _add(figure: go.Figure, line: Line, shade: str, x: str, y: str) -> None:
@@ -137,7 +130,7 @@ def _mark_orders(
     """Dotted lines at orders of the drive within a range [Hz], with their numbers on top."""
     if not rate:
         return
-    fives = range(5, _ORDERS + 1, 5)
+    fives = range(5, ORDERS + 1, 5)
     chosen, numbered = (_MARKED, _NUMBERED) if log else ((1, 2, 3, 4, *fives), (1, *fives))
     figure.update_layout(margin_t=24)
     for order in chosen:

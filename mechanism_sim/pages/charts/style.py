@@ -8,9 +8,8 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Mode
-
-Array = NDArray[np.float64]
 
 INK, MUTED, GRID = '#1f2933', '#66727f', '#e9ecf0'
 

@@ -1,46 +1,11 @@
-"""Who computes: processes of this machine, or a Dask cluster. The rows are the same."""
+"""A Dask cluster instead of the processes of this machine; the rows are the same."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import as_completed
-from concurrent.futures.process import BrokenProcessPool
-from typing import TypeVar
+from collections.abc import Generator, Sequence
 
-from mechanism_sim import ending
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.sweep.row import Finished, Task, compute
-
-Work = TypeVar('Work')
-Result = TypeVar('Result')
-
-
-def on_this_machine(
-    tasks: Sequence[Work], workers: int, work: Callable[[Work], Result]
-) -> Generator[Result, None, None]:
-    """Results as they are finished, by so many processes that live until the end.
-
-    What a process has compiled serves all its runs that differ in numbers only. Closing the
-    iterator ends the processes at once.
-
-    Raises
-    ------
-    RunError
-        If a process dies, or a bag cannot be written.
-    """
-    if not tasks:
-        return
-    try:
-        with ending.workers(workers) as pool:
-            with ending.held():  # in them Ctrl-C stays so: it is for this process, which ends them
-                futures = [pool.submit(work, task) for task in tasks]
-            for future in as_completed(futures):
-                yield future.result()
-    except BrokenProcessPool as error:
-        raise RunError(
-            'a worker process died, perhaps for lack of memory; the same command goes on from the '
-            'finished runs, --workers 1 takes the least memory'
-        ) from error
 
 
 def on_cluster(tasks: Sequence[Task], address: str) -> Generator[Finished, None, None]:
