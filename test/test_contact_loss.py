@@ -14,7 +14,6 @@ import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.linkages.contact_loss import (
     ClearanceLink,
-    ForceCycle,
     contact_loss,
     follow,
     free_link,
@@ -26,6 +25,7 @@ from mechanism_sim.linkages.contact_loss import (
     turning_link,
     unit_turn_over_force,
 )
+from mechanism_sim.linkages.force_cycle import ForceCycle
 
 TURN = 2.0 * np.pi
 W = 30.0  # [rad/s] crank of the synthetic fields

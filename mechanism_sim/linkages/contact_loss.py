@@ -44,26 +44,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
 
+from mechanism_sim.arrays import Array
+from mechanism_sim.linkages.force_cycle import ForceCycle, length
 from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.periodic import (
+    TURN,
+    resolve,
+    root,
+    tip,
+    with_tips,
+)
 
-if TYPE_CHECKING:
-    from mechanism_sim.planar.inverse_dynamics import InverseDynamics
-
-Array = NDArray[np.float64]
-Curve = Callable[[Array, int], Array]
-"""Derivative of given order by the crank angle, (k, N), at crank angles (N,) [rad]."""
-
-TURN = 2.0 * np.pi
 _EPS = float(np.finfo(float).eps)
-_FEWEST_SAMPLES = 8
-_MOST_SAMPLES = 1 << 13
 
 
 @dataclass(frozen=True)
@@ -76,269 +72,6 @@ class Prediction:
     unit: str  #: of both
     threshold: float
     predicts_loss: bool
-
-
-@dataclass(frozen=True)
-class ForceMinimum:
-    """A local minimum of the magnitude of the force."""
-
-    angle: float  #: [rad] of the crank, in [0, 2 pi)
-    force: float  #: [N]
-    index: float  #: [rad/(N s)] rate of turn of the force over its magnitude
-
-
-class ForceRates(NamedTuple):
-    """Force and its derivatives in time at N crank angles, each (2, N)."""
-
-    force: Array  #: [N]
-    first: Array  #: [N/s]
-    second: Array  #: [N/s^2]
-
-    @property
-    def magnitude(self) -> Array:
-        """R (N,) [N]."""
-        return _length(self.force)
-
-    @property
-    def swept(self) -> Array:
-        """F x F' = R^2 gamma' (N,) [N^2/s]."""
-        return _cross(self.force, self.first)
-
-    def turn(self) -> tuple[Array, Array]:
-        """Rates gamma' [rad/s] and gamma'' [rad/s^2], each (N,); not finite without a force."""
-        with np.errstate(divide='ignore', invalid='ignore'):
-            square = (self.force**2).sum(axis=0)
-            rate = self.swept / square
-            pull = (self.force * self.first).sum(axis=0) / square
-            return rate, _cross(self.force, self.second) / square - 2.0 * rate * pull
-
-
-@dataclass(frozen=True)
-class ForceCycle:
-    """Force of the pin on its bushing over one turn of the crank, periodic and smooth.
-
-    Made by `resolved`, `sampled` or `nominal`.
-
-    Attributes
-    ----------
-    curve : the two components [N]
-    clock : time [s]; its first and second derivative by the crank angle are asked for only
-    resolution : number of points in a turn that show every swing of the force
-    """
-
-    curve: Curve
-    clock: Curve
-    resolution: int
-
-    @classmethod
-    def resolved(cls, force: Callable[[Array], Array], speed: float) -> ForceCycle:
-        """A force known at every crank angle: as a Fourier series resolved to rounding.
-
-        Parameters
-        ----------
-        force : components (2, N) [N] at crank angles (N,) [rad], of period 2 pi
-        speed : of the crank [rad/s], with its sign
-
-        Raises
-        ------
-        ValueError
-            If the force is not finite, smooth and periodic, or the crank is at rest.
-        """
-        series = _resolve(force, 'the force')
-        points = max(360, 16 * series.order.size)
-        return cls(series, _constant_speed(speed), points)
-
-    @classmethod
-    def sampled(
-        cls,
-        angle: ArrayLike,
-        force: ArrayLike,
-        *,
-        speed: float | None = None,
-        time: ArrayLike | None = None,
-    ) -> ForceCycle:
-        """A force known at some crank angles: as a periodic spline of degree 5.
-
-        Parameters
-        ----------
-        angle : (N,) [rad] of the crank over one turn, increasing or decreasing; the end of the
-            turn may be left out if the speed is given
-        force : (2, N) [N]
-        speed : of the crank [rad/s], or
-        time : (N,) [s], from the start to the end of the turn
-
-        Raises
-        ------
-        ValueError
-            If the samples do not make one turn.
-        """
-        x, f = np.asarray(angle, dtype=float), np.asarray(force, dtype=float)
-        if x.ndim != 1 or f.shape != (2, x.size) or x.size < _FEWEST_SAMPLES:
-            raise ValueError(
-                f'a cycle needs at least {_FEWEST_SAMPLES} angles (N,) and as many forces (2, N), '
-                f'not {x.shape} and {f.shape}'
-            )
-        if (speed is None) == (time is None):
-            raise ValueError('give either the speed of the crank or the times of the samples')
-        t = None if time is None else np.asarray(time, dtype=float)
-        if x[-1] < x[0]:
-            x, f, t = x[::-1], f[:, ::-1], None if t is None else t[::-1]
-        steps = np.diff(x)
-        closed = abs(x[-1] - x[0] - TURN) <= 1e-9
-        if not (steps > 0.0).all() or not (closed or x[-1] - x[0] < TURN):
-            raise ValueError('the crank angles must go one way, and once around at most')
-        if TURN - (x[-1] - x[0]) > 2.0 * steps.max():
-            raise ValueError(f'the samples cover {x[-1] - x[0]:.6g} rad only, not a turn')
-        if closed:
-            if np.abs(f[:, -1] - f[:, 0]).max() > 1e-6 * np.abs(f).max():
-                raise ValueError('the force at the end of the turn is not that at its start')
-            knots, values = x[:-1], f[:, :-1]
-        else:
-            knots, values = x, f
-        points = max(360, 4 * knots.size)
-        curve = _Spline(knots, values)
-        if t is None:
-            return cls(curve, _constant_speed(float(speed or 0.0)), points)
-        if not closed or t.shape != x.shape:
-            raise ValueError('times are needed for all samples, the end of the turn included')
-        if np.unique(np.sign(np.diff(t))).tolist() not in ([1.0], [-1.0]):
-            raise ValueError('times must increase from sample to sample')
-        mean = float(t[-1] - t[0]) / TURN
-        wave = _Spline(knots, (t - t[0] - mean * (x - x[0]))[None, :-1])
-        return cls(curve, _Clock(mean, wave), points)
-
-    @classmethod
-    def nominal(
-        cls, linkage: FourBar, dynamics: InverseDynamics, joint: str, speed: float
-    ) -> ForceCycle:
-        """The force in a joint of an ideal four-bar at constant speed of the crank [rad/s].
-
-        It is that of the first-named on the second-named link of the joint.
-        """
-        index = [j.name for j in dynamics.mechanism.joints].index(joint)
-
-        def force(angle: Array) -> Array:
-            rate = np.full_like(angle, speed)
-            motion = linkage.motion(angle, rate, np.zeros_like(angle))
-            return np.asarray(dynamics(*motion).reaction[index])
-
-        return cls.resolved(force, speed)
-
-    def speed(self, angle: Array) -> Array:
-        """Speed of the crank (N,) [rad/s]."""
-        return np.asarray(1.0 / self.clock(angle, 1)[0])
-
-    def rates(self, angle: Array) -> ForceRates:
-        """Force and derivatives in time at crank angles (N,) [rad]."""
-        f, f1, f2 = (self.curve(angle, d) for d in range(3))
-        w = self.speed(angle)
-        drift = -(w**3) * self.clock(angle, 2)[0]  # angular acceleration of the crank
-        return ForceRates(f, w * f1, w * w * f2 + drift * f1)
-
-    def magnitude(self, angle: Array) -> Array:
-        """R (N,) [N]."""
-        return _length(self.curve(angle, 0))
-
-    def index(self, angle: Array) -> Array:
-        """Rate of turn of the force over its magnitude, |gamma'|/R (N,) [rad/(N s)]."""
-        rates = self.rates(angle)
-        force = rates.magnitude
-        with np.errstate(divide='ignore', invalid='ignore'):
-            return np.where(force > 0.0, np.abs(rates.swept) / force**3, np.inf)
-
-    @cached_property
-    def minima(self) -> tuple[ForceMinimum, ...]:
-        """Local minima of the magnitude in the order of the crank angle.
-
-        Where the magnitude does not change at all, the one at which the force turns fastest.
-        """
-        places = self._stationary(rising=True)
-        if not places:
-            i = int(self.index(self.grid[:-1]).argmax())
-            step = TURN / self.resolution
-            places = [_tip(self.index, self.grid[i] - step, self.grid[i] + step)[0]]
-        x = np.array(sorted(angle % TURN for angle in places))
-        rates = self.rates(x)
-        # Force and its derivative are square to each other here, so that gamma' = |F'|/R.
-        with np.errstate(divide='ignore'):
-            index = _length(rates.first) / rates.magnitude**2
-        rows = np.array([x, rates.magnitude, index]).T.tolist()
-        return tuple(ForceMinimum(*row) for row in rows)
-
-    @cached_property
-    def maximum(self) -> tuple[float, float]:
-        """Crank angle [rad] and magnitude [N] of the largest force."""
-        places = self._stationary(rising=False) or [self.minima[0].angle]
-        forces = self.magnitude(np.array(places))
-        return float(places[int(forces.argmax())] % TURN), float(forces.max())
-
-    @cached_property
-    def mean(self) -> float:
-        """Mean of the magnitude over time [N]."""
-        node, weight = np.polynomial.legendre.leggauss(6)
-        half = 0.5 * np.diff(self._mesh)[:, None]
-        x = (self._mesh[:-1, None] + half * (1.0 + node)).ravel()
-        dt = (half * weight).ravel() * self.clock(x, 1)[0]
-        return float((self.magnitude(x) * dt).sum() / dt.sum())
-
-    @property
-    def grid(self) -> Array:
-        """Crank angles [rad] over a turn, the end of it included, that show every swing."""
-        # Off the symmetric places, where roots like to be.
-        n = self.resolution
-        return np.asarray((np.arange(n + 1) + 0.382) * (TURN / n), dtype=np.float64)
-
-    @cached_property
-    def _mesh(self) -> Array:
-        """The grid, finer and finer towards the minima, where the direction may turn quickly."""
-        grid = self.grid
-        near = (TURN / self.resolution) * 0.5 ** np.arange(36)
-        close = np.concatenate([near, -near, [0.0]])
-        places = np.concatenate([m.angle + close for m in self.minima])
-        inner = grid[0] + np.mod(places - grid[0], TURN)
-        return np.unique(np.concatenate([grid, inner[inner < grid[-1]]]))
-
-    def _stationary(self, *, rising: bool) -> list[float]:
-        """Angles where the slope of the magnitude passes zero, rising or falling."""
-        sign = 1.0 if rising else -1.0
-
-        def slope(angle: Array) -> Array:
-            return np.asarray(sign * (self.curve(angle, 0) * self.curve(angle, 1)).sum(axis=0))
-
-        x = self.grid
-        forces = self.magnitude(x)
-        largest = float(forces.max())
-        if largest == 0.0:
-            raise ValueError('there is no force in this bearing')
-        if largest - float(forces.min()) <= 1e-12 * largest:
-            return []
-        values = slope(x)
-        values[-1] = values[0]
-        passed = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
-        return [_root(slope, x[i], x[i + 1]) for i in passed]
-
-    def spans(self, function: Callable[[Array], Array]) -> list[tuple[float, float]]:
-        """Spans of crank angle [rad], begin and end in [0, 2 pi), where a function is positive."""
-        x, values = _with_tips(function, self._mesh)
-        above = values > 0.0
-        begins = [_root(function, x[i], x[i + 1]) for i in np.flatnonzero(~above[:-1] & above[1:])]
-        ends = [_root(function, x[i], x[i + 1]) for i in np.flatnonzero(above[:-1] & ~above[1:])]
-        if begins and ends[0] < begins[0]:
-            ends = [*ends[1:], ends[0]]
-        return [(b % TURN, e % TURN) for b, e in zip(begins, ends, strict=True)]
-
-    def largest(self, function: Callable[[Array], Array]) -> tuple[float, float]:
-        """Crank angle [rad] and value of the maximum of a function."""
-        x, values = self._mesh, function(self._mesh)
-        i = int(values.argmax())
-        best = float(x[i]), float(values[i])
-        if math.isfinite(best[1]):
-            # With one more place at both ends every maximum on the circle is an inner one.
-            x = np.concatenate([[x[-2] - TURN], x, [x[1] + TURN]])
-            values = np.concatenate([values[-2:-1], values, values[1:2]])
-            for i in _peaks(values, best[1]):
-                best = max(best, _tip(function, x[i - 1], x[i + 1]), key=lambda tip: tip[1])
-        return best[0] % TURN, best[1]
 
 
 @dataclass(frozen=True)
@@ -465,7 +198,7 @@ def polar_plot(cycle: ForceCycle, nearness: float = 0.01) -> Prediction:
     """
     minima = np.array([m.angle for m in cycle.minima])
     distance = cycle.magnitude(minima) / cycle.maximum[1]
-    slope = _length(cycle.curve(minima, 1)) / cycle.maximum[1]
+    slope = length(cycle.curve(minima, 1)) / cycle.maximum[1]
     passes = (distance < nearness) & (slope > 1e-9)
     angles = tuple(float(angle) for angle in minima[passes])
     figure = float(distance.min())
@@ -504,7 +237,7 @@ def index_spans(cycle: ForceCycle, level: float = 1.0) -> list[tuple[float, floa
 
     A force that passes exactly through the origin without turning on its way makes an empty span.
     """
-    scale = cycle.maximum[1] * float(_length(cycle.rates(cycle.grid).first).max())
+    scale = cycle.maximum[1] * float(length(cycle.rates(cycle.grid).first).max())
 
     def excess(angle: Array) -> Array:
         # Both sides times R^3, so that nothing is divided by a force that may vanish.
@@ -595,7 +328,7 @@ def follow(
     if rate is None:
         n, t = np.array([math.cos(eta), math.sin(eta)]), np.array([-math.sin(eta), math.cos(eta)])
         rate = float(-t @ np.linalg.solve(m, 0.5 * speed * transport @ n))
-    inertia = _resolve(
+    inertia = resolve(
         lambda x: np.concatenate([part.reshape(4, -1) for part in link.inertia(x)]),
         'the inertia of the clearance link',
     )
@@ -634,15 +367,15 @@ def follow(
         def pull(x: Array, path: Callable[[Array], Array] = path) -> Array:
             return -swing(x, path(x))[0]
 
-        x, values = _with_tips(pull, np.linspace(solver.t_old, solver.t, 7), closed=False)
+        x, values = with_tips(pull, np.linspace(solver.t_old, solver.t, 7), closed=False)
         lost = np.flatnonzero(values > 0.0)
         if lost.size:
-            turned = _root(pull, x[lost[0] - 1], x[lost[0]])
+            turned = root(pull, x[lost[0] - 1], x[lost[0]])
             return Following(turned, (start + way * turned) % TURN, 0.0)
         if -values.max() < least:
             i = int(values.argmax())
-            tip = _tip(pull, x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)])[1]
-            least = -max(tip, float(values[i]))
+            highest = tip(pull, x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)])[1]
+            least = -max(highest, float(values[i]))
     if solver.status == 'failed':
         raise ArithmeticError(f'the clearance link could not be followed to {solver.t:.9g} rad')
     return Following(None, None, least)
@@ -664,143 +397,3 @@ def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Arra
         across = link.radial * (t * push).sum(axis=0)
     some = force > 0.0
     return np.where(some, contact, 0.0), np.where(some, across, np.inf), force
-
-
-def _length(a: Array) -> Array:
-    return np.asarray(np.hypot(a[0], a[1]))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[0] * b[1] - a[1] * b[0])
-
-
-# --- periodic curves --------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Fourier:
-    order: Array  #: (M,) 0, 1, 2, ...
-    coefficient: NDArray[np.complex128]  #: (k, M)
-
-    def __call__(self, angle: Array, derivative: int = 0) -> Array:
-        wave = np.exp(1j * np.outer(self.order, angle))
-        return np.asarray(((self.coefficient * (1j * self.order) ** derivative) @ wave).real)
-
-
-class _Spline:
-    """A periodic spline through samples (k, N) at angles (N,) that make less than a turn."""
-
-    def __init__(self, angle: Array, values: Array) -> None:
-        self._first = angle[0]
-        self._spline = scipy.interpolate.make_interp_spline(
-            np.append(angle, angle[0] + TURN),
-            np.column_stack([values, values[:, 0]]).T,
-            k=5,
-            bc_type='periodic',
-        )
-
-    def __call__(self, angle: Array, derivative: int = 0) -> Array:
-        within = self._first + np.mod(angle - self._first, TURN)
-        return np.asarray(self._spline(within, derivative).T)
-
-
-@dataclass(frozen=True)
-class _Clock:
-    """Time as a steady part [s/rad] and, maybe, a periodic one."""
-
-    steady: float
-    wave: Curve | None = None
-
-    def __call__(self, angle: Array, derivative: int = 0) -> Array:
-        steady = {0: self.steady * angle, 1: np.full_like(angle, self.steady)}
-        part = steady.get(derivative, np.zeros_like(angle))[None]
-        return part if self.wave is None else part + self.wave(angle, derivative)
-
-
-def _constant_speed(speed: float) -> _Clock:
-    if speed == 0.0 or not math.isfinite(speed):
-        raise ValueError(f'the crank must turn: its speed cannot be {speed:g} rad/s')
-    return _Clock(1.0 / speed)
-
-
-def _resolve(function: Callable[[Array], Array], what: str) -> _Fourier:
-    """The Fourier series of a periodic function (N,) -> (k, N), with all terms above rounding."""
-    n = 64
-    check = TURN * np.array([0.0123, 0.2718, 0.5772, 0.9159])  # at no fraction of the turn
-    while n <= _MOST_SAMPLES:
-        values = np.asarray(function(TURN * np.arange(n, dtype=np.float64) / n), dtype=np.float64)
-        if not np.isfinite(values).all():
-            raise ValueError(f'{what} is not finite everywhere')
-        size = float(np.abs(values).max())
-        terms = np.fft.rfft(values) / n
-        height = np.abs(terms).max(axis=0)
-        if height[n // 3 :].max() <= 1e-13 * size:
-            terms[:, 1:] *= 2.0
-            count = 1 + max(np.flatnonzero(height > 4.0 * _EPS * size), default=0)
-            series = _Fourier(np.arange(count, dtype=float), terms[:, :count])
-            if np.abs(series(check) - function(check)).max() <= 1e-10 * size:
-                return series
-        n *= 2
-    raise ValueError(
-        f'{what} is not a smooth function of the crank angle with period 2 pi; '
-        'a force may be given as samples instead'
-    )
-
-
-# --- roots and tips ---------------------------------------------------------------------------
-
-
-def _root(function: Callable[[Array], Array], a: float, b: float) -> float:
-    """The root in a bracket; an end where rounding hides the change of sign."""
-
-    def value(x: float) -> float:
-        return float(function(np.array([x]))[0])
-
-    ends = value(a), value(b)
-    if ends[0] * ends[1] >= 0.0 or not all(map(math.isfinite, ends)):
-        return float(a) if abs(ends[0]) < abs(ends[1]) else float(b)
-    return float(scipy.optimize.brentq(value, a, b, xtol=1e-300, rtol=4.0 * _EPS))
-
-
-def _tip(function: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
-    """Place and value of the maximum between two places."""
-    found = scipy.optimize.minimize_scalar(
-        lambda x: -float(function(np.array([x]))[0]),
-        bounds=(a, b),
-        method='bounded',
-        options={'xatol': 1e-9 * (b - a)},
-    )
-    return float(found.x), -float(found.fun)
-
-
-def _with_tips(
-    function: Callable[[Array], Array], x: Array, closed: bool = True
-) -> tuple[Array, Array]:
-    """Places and values, with peaks and troughs added that pass zero between two places."""
-    values = function(x)
-    if closed:
-        values[-1] = values[0]
-    places, heights = [x], [values]
-    for sign in (1.0, -1.0):
-        for i in _peaks(sign * values, 0.0):
-            if sign * values[i] > 0.0:
-                continue
-            place, height = _tip(_scaled(function, sign), x[i - 1], x[i + 1])
-            if height > 0.0:
-                places.append(np.array([place]))
-                heights.append(np.array([sign * height]))
-    x, values = np.concatenate(places), np.concatenate(heights)
-    order = np.argsort(x)
-    return x[order], values[order]
-
-
-def _peaks(values: Array, level: float) -> list[int]:
-    """Where values are highest among neighbours and, for all that is known, may pass a level."""
-    left, here, right = values[:-2], values[1:-1], values[2:]
-    with np.errstate(invalid='ignore'):
-        reach = here + (here - np.minimum(left, right))
-    return (1 + np.flatnonzero((here >= left) & (here >= right) & (reach >= level))).tolist()
-
-
-def _scaled(function: Callable[[Array], Array], factor: float) -> Callable[[Array], Array]:
-    return lambda x: factor * function(x)

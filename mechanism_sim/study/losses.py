@@ -9,10 +9,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.linkages.contact_loss import (
     ClearanceLink,
-    ForceCycle,
     Prediction,
     contact_loss,
 )
+from mechanism_sim.linkages.force_cycle import ForceCycle
 from mechanism_sim.scene import Machine, simulate
 
 
