@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 
@@ -16,13 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import quick
 import running
 from browsing import Tab, browsing
 from hypothesis import settings
 from middleware_network import Network
 
 from mechanism_sim import middleware
-from mechanism_sim.numerics import code_cache
+from mechanism_sim.numerics import code_cache, kernels
 
 # Wall time says nothing on a shared machine, and a test that fails must fail again.
 settings.register_profile('house', deadline=None, derandomize=True)
@@ -31,6 +33,14 @@ settings.load_profile('house')
 # Tests compile more than a user's cache holds, and open theirs once in a worker: heyoka's folder
 # with its usual limit. To compile all anew would be most of the work of many tests.
 code_cache.FOLDER, code_cache.LIMIT = 'heyoka', 20 * 2**30
+# Compiling all kernels takes 15 s of CPU in each worker, far more than they cost here as they are.
+kernels.COMPILING = math.inf
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of broad tests a sample is quick."""
+    quick.mark(items)
 
 
 ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}

@@ -96,6 +96,7 @@ def test_frames_of_svg_show_pins_where_the_run_has_them(machine, solution, tmp_p
     assert dx / ex > 100.0 * scale
 
 
+@pytest.mark.deep
 def test_an_mp4_lasts_as_long_as_it_should_and_moves(machine, solution, tmp_path):
     file = tmp_path / 'film.mp4'
     period = machine.period

@@ -291,6 +291,7 @@ def test_costs_by_size(monkeypatch):
     assert json.loads(json.dumps(report.scaling_json(costs)))[0]['size'] == 4
 
 
+@pytest.mark.deep
 def test_costs_of_loose_joints():
     runs = (('four_bar_clearance', 1, 0.2), ('slider_crank_engine', 2, 0.02))
     said: list[str] = []

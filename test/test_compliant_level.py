@@ -313,6 +313,7 @@ def test_a_touch_is_recorded_as_the_free_impact_that_it_is(made):
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-8)
 
 
+@pytest.mark.deep
 def test_touches_of_a_machine_add_up_to_what_was_lost_and_survive_a_snapshot():
     machine = compliant('hunt_crossley', 1e9, start='centred', **{f'{CLEARANCE}.friction': 0.1})
     solution = ms.simulate(machine, revolutions=1.0)
@@ -357,6 +358,7 @@ def test_books_and_snapshots_of_a_rattling_soft_bearing(law):
     np.testing.assert_array_equal(a.coefficients[-len(b) :], b.coefficients)
 
 
+@pytest.mark.deep
 def test_the_stiffer_the_bearing_the_nearer_its_rebounds_to_rigid_ones():
     """Elastic: the first flights begin at the times of the rigid impacts."""
     rigid = ms.simulate(

@@ -338,6 +338,7 @@ def test_modes_become_flags():
     assert np.isnan(flags.reshape(4, 6)[:, 3]).all()
 
 
+@pytest.mark.deep
 def test_a_run_has_the_same_bits_when_kernels_are_compiled(monkeypatch):
     clearance = {'radial': '0.2 mm', 'restitution': 0.5, 'friction': 0.2}
     joints = ('crank_coupler', 'coupler_rocker')

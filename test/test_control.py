@@ -477,6 +477,7 @@ def test_the_next_run_has_the_values_of_the_scene_that_are_asked_for(tmp_path):
         assert sum(len(m.samples) for m in samples) == 1000
 
 
+@pytest.mark.deep
 def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend, tmp_path):
     """PI control of the crank, one command for each sample, against the same loop by hand."""
     if backend == 'zenoh' and ros_found():

@@ -135,6 +135,7 @@ def test_who_joins_a_run_under_way_gets_the_descriptions(tmp_path):
     assert found['markers'] >= len(links)
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures('backend')
 def test_machines_in_two_namespaces_do_not_disturb_each_other(tmp_path):
     """They run at once in one domain, and with them one that is in no namespace."""

@@ -59,6 +59,7 @@ def test_shocks_of_several_contacts_keep_to_the_laws_and_never_make_energy(m):
     assert found > 5
 
 
+@pytest.mark.deep
 def test_sliding_whose_force_grows_without_end_stops_by_a_shock():
     """A joint of the ten links, at mu = 0.3: it ended with a hundredth of its energy missing."""
     clearance = {
@@ -102,6 +103,7 @@ def test_sliding_that_jams_at_a_finite_force_is_stopped():
     assert max(gains(solution.impacts)) < 1e-15
 
 
+@pytest.mark.deep
 def test_four_rough_joints_do_not_chatter_at_the_scale_of_rounding():
     """At 0.0188 s they struck each other 5e9 times a second, from heights of 1e-16 m."""
     joints = {'crank_coupler': 0.01, 'ground_crank': 0.005, 'coupler_rocker': 0.01,

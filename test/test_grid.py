@@ -87,6 +87,7 @@ def test_every_scene_of_the_grid_can_be_written(tmp_path):
         assert yaml.safe_load((tmp_path / f'{case.name}.yaml').read_text()) == case.draft().scene
 
 
+@pytest.mark.deep
 def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
     """The run is told that nothing keeps the contact; the second route finds what does."""
     machine = ms.load_scene('four_bar_clearance', {

@@ -39,6 +39,7 @@ def wanted(signal, *names, **limits):
     return parameters(signal.machine, names, signal.sensor, limits=limits)
 
 
+@pytest.mark.deep
 def test_clearance_is_found_and_an_idle_parameter_is_not():
     """At a prescribed speed the crank's inertia moves nothing but the torque of its drive."""
     signal = recorded(TRUTH | {f'{JOINT}.restitution': 0.5, f'{JOINT}.friction': 0.1}, SHORT)

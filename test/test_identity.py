@@ -84,6 +84,7 @@ def plain() -> ms.Machine:
     return scene_of({})
 
 
+@pytest.mark.deep
 def test_no_name_of_the_engine_means_anything_in_a_scene(plain: ms.Machine) -> None:
     """Its keys are read off the compiled scene, so that later ones are tried too."""
     expected = digest_of(plain)

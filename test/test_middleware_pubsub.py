@@ -82,6 +82,7 @@ def spin_until(node, condition):
         spin_once(node, timeout_sec=0.1)
 
 
+@pytest.mark.deep
 def test_twenty_thousand_messages_reach_a_slow_subscriber_in_order(joined):
     collector = joined.start(COLLECT, 20_000, 50e-6)
     node = Node('source')

@@ -185,6 +185,7 @@ shutdown()
 """
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures('backend')
 def test_a_slow_subscriber_loses_nothing(tmp_path):
     env = environment()
@@ -352,6 +353,7 @@ shutdown()
 """
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures('backend')
 def test_a_partner_that_leaves_is_named(tmp_path):
     env = environment()
@@ -378,6 +380,7 @@ def test_a_partner_that_leaves_is_named(tmp_path):
     drive.communicate()
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures('backend')
 def test_two_runs_on_one_network_are_kept_apart():
     env = environment()

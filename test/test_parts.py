@@ -447,6 +447,7 @@ def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
         assert np.abs(published - columns[column]).max() <= 1e-9 * np.abs(published).max()
 
 
+@pytest.mark.deep
 def test_integrating_and_following_say_the_same(tmp_path, alone):
     """The user starts a linkage beside the node of a scene that needs none."""
     beside = tmp_path / 'beside.mcap'

@@ -576,6 +576,7 @@ def test_the_four_bar_reads_as_in_the_thesis():
     assert all(value > 0.0 for value in values.values())
 
 
+@pytest.mark.deep
 def test_the_same_scene_is_always_printed_the_same():
     """Whatever the order in which sets of symbols come."""
     texts = {

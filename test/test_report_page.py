@@ -239,6 +239,7 @@ def test_a_click_over_the_angle_goes_to_when_the_drive_was_there(opened, record)
     )
 
 
+@pytest.mark.deep
 def test_paper_has_every_chart_and_no_controls(opened, record):
     count = sum(len(section.charts) for section in sections(record))
     drawn = opened.locator('.plot.js-plotly-plot')
@@ -297,6 +298,7 @@ def test_every_kind_of_scene_is_drawn(tab, tmp_path):
     assert all(request.startswith('file:') for request in tab.requests)
 
 
+@pytest.mark.deep
 def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
     second = {'joints.crank_coupler.clearance': {'radial': '0.1 mm', 'restitution': 0.3}}
     run = recorded(simulated('four_bar_clearance', second, duration=0.05))

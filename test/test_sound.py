@@ -135,6 +135,7 @@ def test_what_a_drive_holds_is_silent():
     assert {round(s.mass[1], 9) for s in later} == {machine.scene.links['valve'].mass}
 
 
+@pytest.mark.deep
 def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
     scene = ['four_bar_clearance', '--revolutions', '2']
     bag, live = tmp_path / 'bag.mcap', tmp_path / 'live.wav'

@@ -135,6 +135,7 @@ def test_runs_that_differ_in_their_sensors_share_a_motion_but_no_noise(reference
     assert abs(both) < 0.05
 
 
+@pytest.mark.deep
 def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
     stiffness = 'oscillators.frame.mounts.left.stiffness'
     text = (
@@ -171,6 +172,7 @@ def test_the_schema_says_units_and_a_reader_of_files_finds_all_of_them(reference
     assert np.isfinite(matrix).all()
 
 
+@pytest.mark.deep
 def test_float32_is_the_same_rounded(reference, tmp_path):
     text = SWEEP.replace('float64', 'float32')
     plan, table = read_plan(sweep_file(tmp_path, text)), tmp_path / 't.parquet'
@@ -186,6 +188,7 @@ def same(table, reference):
     return table.read_bytes() == reference.read_bytes()
 
 
+@pytest.mark.deep
 def test_two_workers_write_the_same_files_and_a_lost_one_is_made_again(reference, tmp_path):
     plan, table = read_plan(sweep_file(tmp_path, SWEEP)), tmp_path / 'one.parquet'
     sweep(plan, table, workers=2)
