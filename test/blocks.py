@@ -34,7 +34,6 @@ BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?')
-TIMEOUT = 120.0
 AFTERWARDS = """
 for _ in $(seq 30); do [ -z "$(jobs -pr)" ] && exit; sleep 0.1; done
 kill $(jobs -pr) || true
@@ -167,7 +166,7 @@ def _shell(text: str, given: str = '') -> subprocess.CompletedProcess[str]:
         input=given,
         capture_output=True,
         text=True,
-        timeout=TIMEOUT,
+        timeout=running.TIMEOUT,
         check=False,
     )
 

@@ -10,11 +10,11 @@ import threading
 import time
 from collections.abc import Callable
 
-from running import FOLLOW, free_port
+from running import FOLLOW, TIMEOUT, free_port
 
 from mechanism_sim import middleware
 
-PATIENCE = 30.0  # [s] for anything that has to happen; machines may be slow
+PATIENCE = TIMEOUT / 2.0  # [s] that a test may wait twice
 
 
 def eventually(condition: Callable[[], bool]) -> bool:

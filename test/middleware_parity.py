@@ -27,7 +27,7 @@ from mechanism_sim.messages import (
     Trigger,
 )
 
-PATIENCE = 30.0
+PATIENCE = 300.0
 
 
 def spin_until(node, condition):

@@ -21,7 +21,8 @@ import pytest
 from mechanism_sim import ending
 from mechanism_sim.cli import main
 
-TIMEOUT = 120.0
+TIMEOUT = 600.0
+"""[s] for what has to happen: waited for in full only if it never does; machines may be busy."""
 BACKENDS = ('zenoh', 'rclpy')
 middleware = 'zenoh'
 """Of the processes that are started; the fixture `backend` sets it."""

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from running import run, run_json
+from running import TIMEOUT, run, run_json
 
 from mechanism_sim.cli.first import SHELLS
 
@@ -74,7 +74,7 @@ def test_a_bash_completes_names_without_waiting_for_mechanics(tmp_path):
     environment = {**os.environ, 'PATH': path, 'PYTHONPATH': str(ROOT)}
     asked = subprocess.run(
         [bash, '--norc', '-c', script], cwd=tmp_path, env=environment, capture_output=True,
-        text=True, timeout=60, check=True,
+        text=True, timeout=TIMEOUT, check=True,
     )  # fmt: skip
     assert asked.stderr == ''
     assert (tmp_path / 'heavy').read_text() == '\n' * len(QUESTIONS)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from running import environment, ros_found, run_json, script, start
+from running import FOLLOW, TIMEOUT, environment, ros_found, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
@@ -118,10 +118,10 @@ def operate(tmp_path: Path, text: str, *args: str, given: Sequence[str] = ()) ->
     try:
         operator = subprocess.run(
             [sys.executable, str(script(tmp_path / 'operate.py', text)), *given],
-            env=env, capture_output=True, text=True, timeout=150, check=False,
+            env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False,
         )  # fmt: skip
         assert operator.returncode == 0, operator.stderr
-        assert running.wait(60) == 0, running.communicate()[1]
+        assert running.wait(TIMEOUT) == 0, running.communicate()[1]
     finally:
         running.kill()
         running.communicate()
@@ -260,7 +260,7 @@ def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
     """
     ended = subprocess.run(
         [sys.executable, str(script(tmp_path / 'end.py', END))],
-        env=environment(), capture_output=True, text=True, timeout=60, check=False,
+        env=environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
     reset, steps, paused, refused = json.loads(ended.stdout.splitlines()[-1])
@@ -483,7 +483,8 @@ def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend,
     if backend == 'zenoh' and ros_found():
         pytest.skip('the controller takes rclpy where that is installed')
     env, program = environment(), Path(__file__).parents[1] / 'docs' / 'speed_controller.py'
-    controller = subprocess.Popen([sys.executable, str(program)], env=env)
+    text = f"{FOLLOW}from runpy import run_path; run_path({str(program)!r}, run_name='__main__')"
+    controller = subprocess.Popen([sys.executable, '-c', text], env=env)
     args = ['--duration', '0.5', '--ros-args', '-p', 'crank_drive:command_period:=0.005', '--']
     try:
         bags = [tmp_path / 'first.mcap', tmp_path / 'second.mcap']
@@ -491,7 +492,7 @@ def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend,
             run_json('run', 'four_bar_governed', '--record', str(bag), *args, env=env)
     finally:
         controller.send_signal(signal.SIGTERM)
-        assert controller.wait(20) == 0
+        assert controller.wait(TIMEOUT) == 0
     first, second = (analyze(bag).digest for bag in bags)
     assert first == second
     states = [m for _, m, _ in read_bag(bags[0]).messages('/joint_states')]

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from running import environment, run_json, script, start
+from running import TIMEOUT, environment, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim import middleware
@@ -86,8 +86,8 @@ def test_a_burst_of_motion_reaches_a_far_slower_subscriber_in_bounded_memory(bac
         assert slow.stdout
         assert slow.stdout.readline() == 'listening\n'
         with program(tmp_path / 'source.py', SOURCE, env) as source:
-            sent = json.loads(source.communicate(timeout=60)[0])
-            taken = json.loads(slow.communicate(timeout=60)[0])
+            sent = json.loads(source.communicate(timeout=TIMEOUT)[0])
+            taken = json.loads(slow.communicate(timeout=TIMEOUT)[0])
     assert sent['spent'] < PAUSE / 10.0
     assert taken['in_order']
     assert sent['size'] > 180.0  # MiB
@@ -124,10 +124,10 @@ def test_who_joins_a_run_under_way_gets_the_descriptions(tmp_path):
     )  # fmt: skip
     try:
         with program(tmp_path / 'late.py', LATE, env) as late:
-            found = json.loads(late.communicate(timeout=60)[0])
+            found = json.loads(late.communicate(timeout=TIMEOUT)[0])
     finally:
         running.send_signal(signal.SIGINT)
-        _, said = running.communicate(timeout=60)
+        _, said = running.communicate(timeout=TIMEOUT)
     assert running.returncode == 130, said
     assert found['scene']['name'] == 'four_bar_clearance'
     links = ms.load_scene('four_bar_clearance').links
@@ -148,7 +148,7 @@ def test_machines_in_two_namespaces_do_not_disturb_each_other(tmp_path):
             '--record', str(tmp_path / f'{side}.mcap'), *home, env=env,
         )  # fmt: skip
     for side, speed in machines.items():
-        _, said = running[side].communicate(timeout=100)
+        _, said = running[side].communicate(timeout=TIMEOUT)
         assert running[side].returncode == 0, said
         args = ['--set', f'drive.speed={speed}', '--duration', '0.5']
         bag, prefix = tmp_path / f'{side}.mcap', f'{side}/' if side else ''

@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from running import FOLLOW, command, environment
+from running import FOLLOW, TIMEOUT, environment
 
 from mechanism_sim import ending
 
@@ -82,7 +82,7 @@ def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
             assert process.stdout is not None
             assert process.stdout.readline() == 'ready\n'
             process.send_signal(number)
-            started, said = process.communicate(timeout=30)
+            started, said = process.communicate(timeout=TIMEOUT)
         assert (process.returncode, said) == (130, 'mechanism-sim: interrupted\n')
         assert (started == 'started\n') == ('started' in moment)
 
@@ -96,13 +96,14 @@ def handles(pid: int, number: int) -> bool:
 @pytest.mark.parametrize(('number', 'after'), [(signal.SIGTERM, 0.0), (signal.SIGINT, 0.5)])
 def test_a_command_that_still_imports_ends_so_too(number, after):
     """At its first line, and while it imports what runs machines, or soon after."""
-    args = command('solve', 'four_bar_clearance', '--revolutions', '1e6')
+    text = f"{FOLLOW}import runpy; runpy.run_module('mechanism_sim', run_name='__main__')"
+    args = [sys.executable, '-c', text, 'solve', 'four_bar_clearance', '--revolutions', '1e6']
     with subprocess.Popen(args, env=environment(), stderr=subprocess.PIPE, text=True) as process:
         while not handles(process.pid, signal.SIGTERM):
             assert process.poll() is None
         time.sleep(after)
         process.send_signal(number)
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=TIMEOUT)
     assert (process.returncode, said) == (130, 'mechanism-sim: interrupted\n')
 
 
@@ -110,6 +111,6 @@ def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():
     env = {**os.environ, ending.PARENT: str(os.getppid())}  # not who starts it
     done = subprocess.run(
         [sys.executable, '-c', PROGRAM.format(body='time.sleep(30)')],
-        env=env, capture_output=True, text=True, timeout=20, check=False,
+        env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, '')

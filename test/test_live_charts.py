@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from running import TIMEOUT
 
 import mechanism_sim as ms
 from mechanism_sim.messages.events import describe
@@ -81,7 +82,7 @@ def shown(folder: Path, live: Live, batches: list[dict], seconds: float) -> list
     given = {'stage': live.stage.to_json(), 'batches': batches, 'seconds': seconds}
     done = subprocess.run(
         [interpreter(), str(folder / 'page.mjs')], input=json.dumps(given), capture_output=True,
-        text=True, check=False, timeout=60,
+        text=True, check=False, timeout=TIMEOUT,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

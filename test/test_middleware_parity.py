@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from middleware_network import Network
+from running import TIMEOUT
 
 SCRIPT = Path(__file__).parent / 'middleware_parity.py'
 OUTCOME = {
@@ -74,7 +75,7 @@ def outcome(request):
     settings = os.environ | network.settings | {'MECHANISM_SIM_MIDDLEWARE': request.param}
     run = subprocess.run(
         [sys.executable, SCRIPT, request.param],
-        env=settings, capture_output=True, text=True, timeout=150, check=False,
+        env=settings, capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     network.close()
     lines = [line for line in run.stdout.splitlines() if line.startswith('OUTCOME ')]

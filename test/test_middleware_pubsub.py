@@ -42,8 +42,7 @@ COLLECT = """
     node.create_subscription(Impact, 'last', lambda _: None, keep_all)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    end = time.monotonic() + 30
-    while len(got) < count and time.monotonic() < end:
+    while len(got) < count:
         executor.spin_once(0.1)
     print('got', len(got), got == list(range(count)))
     shutdown()
@@ -422,6 +421,6 @@ def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):
         done.set()
 
     threading.Thread(target=flood, daemon=True).start()
-    assert not done.wait(1.0)
+    assert not done.wait(1.0)  # were it not held up, it would be done by then
     stalled.kill()
-    assert done.wait(20.0)
+    assert done.wait(PATIENCE)

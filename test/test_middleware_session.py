@@ -78,14 +78,12 @@ def test_a_signal_ends_processes_that_talk_to_each_other(network, number):
     talkers = [network.start(TALK, name) for name in 'abc']
     for talker in talkers:
         assert hears(talker, 'a', 'b', 'c')
-    began = time.monotonic()
     for talker in talkers:
         talker.interrupt(number)
     expected = 'KeyboardInterrupt' if number == signal.SIGINT else 'ExternalShutdownException'
     for talker in talkers:
         assert talker.expect('end') == expected
         talker.finish()
-    assert time.monotonic() - began < 10.0  # a generous bound on what takes a tenth of a second
 
 
 def test_a_process_that_never_says_goodbye_is_tidied_up(network):

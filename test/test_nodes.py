@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from running import environment, run, run_json, script, start
+from running import TIMEOUT, environment, run, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
@@ -177,8 +177,7 @@ def done(message):
         finished.append(dict(zip(message.topics, map(int, message.counts)))['/impacts'])
 node.create_subscription(Progress, 'progress', done, RESULTS)
 print('listening', flush=True)
-end = time.monotonic() + 60
-while time.monotonic() < end and not (finished and len(got) >= finished[0]):
+while not (finished and len(got) >= finished[0]):
     spin_once(node, timeout_sec=0.1)
 print(finished[0], len(got), got == list(range(len(got))), flush=True)
 shutdown()
@@ -197,7 +196,7 @@ def test_a_slow_subscriber_loses_nothing(tmp_path):
     assert listener.stdout.readline() == 'listening\n'
     done = run('run', SCENE, '--revolutions', TURNS, '--processes', env=env)
     assert done.returncode == 0, done.stderr
-    assert listener.wait(60) == 0
+    assert listener.wait(TIMEOUT) == 0
     sent, received, in_order = listener.stdout.read().split()
     assert sent == received
     assert int(sent) > 50
@@ -233,8 +232,7 @@ def hear(sample):
     joints.append((sec + 1e-9 * nanosec, words, struct.unpack_from(f'<{count}d', data, at)))
 states = session.declare_subscriber(f'{domain}/joint_states/**', hear)
 print('listening', flush=True)
-end = time.monotonic() + 60
-while time.monotonic() < end and len(joints) < 20:
+while len(joints) < 20:
     time.sleep(0.05)
 kinds = sorted({key.split('/')[5] for key in tokens})
 nodes = sorted({key.split('/')[8] for key in tokens if key.split('/')[5] == 'NN'})
@@ -252,19 +250,18 @@ def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_state
         'run', SCENE, '--revolutions', '100000', '--processes', '--realtime-factor', '1', env=env
     )
     try:
-        deadline = time.monotonic() + 30
         path = script(tmp_path / 'foreign.py', text)
         foreign = None
-        while foreign is None and time.monotonic() < deadline:
+        while foreign is None and running.poll() is None:
             attempt = subprocess.run(
-                [sys.executable, str(path)], env=env, capture_output=True, text=True, timeout=90,
-                check=False,
+                [sys.executable, str(path)], env=env, capture_output=True, text=True,
+                timeout=TIMEOUT, check=False,
             )  # fmt: skip
             foreign = attempt.stdout if attempt.returncode == 0 else None
         assert foreign, attempt.stderr
     finally:
         running.send_signal(signal.SIGINT)
-        running.wait(20)
+        running.wait(TIMEOUT)
     kinds, nodes, joints = eval(foreign.splitlines()[-1])
     assert {'NN', 'MP', 'MS', 'SS'} <= set(kinds)
     assert {'crank_drive', 'linkage', 'sensors'} <= set(nodes)
@@ -281,12 +278,10 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
         'run', SCENE, '--revolutions', '100000', '--processes', '--realtime-factor', '1',
         '--record', str(bag), env=env,
     )  # fmt: skip
-    pid = _wait_for_child(running.pid, 'recorder')
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and not (bag.exists() and bag.stat().st_size > 100_000):
-        time.sleep(0.1)
+    pid = _wait_for_child(running, 'recorder')
+    wait_for_file(bag, 100_000, running)
     os.kill(pid, signal.SIGKILL)
-    assert running.wait(30) == 1
+    assert running.wait(TIMEOUT) == 1
     stderr = running.stderr.read() if running.stderr else ''
     assert "'recorder' was killed by signal 9" in stderr
     found = read_bag(bag)
@@ -297,19 +292,25 @@ def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
     assert 0.0 < last < max(times) / 1e9 + 1.0
 
 
-def _wait_for_child(parent: int, node: str) -> int:
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
+def _wait_for_child(parent: subprocess.Popen[str], node: str) -> int:
+    while parent.poll() is None:
         for entry in Path('/proc').glob('[0-9]*/cmdline'):
             try:
                 words = entry.read_bytes().decode().split('\0')
                 stat = (entry.parent / 'stat').read_text().split()
             except OSError:  # ended meanwhile
                 continue
-            if int(stat[3]) == parent and words[3:5] == ['node', node]:
+            if int(stat[3]) == parent.pid and words[3:5] == ['node', node]:
                 return int(entry.parent.name)
         time.sleep(0.05)
     raise AssertionError(f'{node} never started')
+
+
+def wait_for_file(path: Path, size: int, process: subprocess.Popen[str]) -> None:
+    """Until what a process writes has so many bytes."""
+    while not path.exists() or path.stat().st_size < size:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
 
 
 @pytest.mark.usefixtures('backend')
@@ -318,11 +319,9 @@ def test_a_signal_ends_the_run_with_the_bag_finished(tmp_path, processes, number
     env, bag = environment(), tmp_path / 'run.mcap'
     args = ['--processes'] if processes else []
     running = start('run', SCENE, '--revolutions', '100000', '--record', str(bag), *args, env=env)
-    deadline = time.monotonic() + 40
-    while time.monotonic() < deadline and not (bag.exists() and bag.stat().st_size > 20_000):
-        time.sleep(0.05)
+    wait_for_file(bag, 20_000, running)
     running.send_signal(number)
-    assert running.wait(30) == 130
+    assert running.wait(TIMEOUT) == 130
     found = read_bag(bag)
     assert found.complete
     assert found.topics['/motion'].count > 0
@@ -371,10 +370,10 @@ def test_a_partner_that_leaves_is_named(tmp_path):
         'node', 'linkage', '--scene', SCENE, '--partners', 'crank_drive', '--duration', '1e5',
         env=env,
     )  # fmt: skip
-    assert watcher.wait(60) == 0  # the linkage has begun: it has seen the drive
+    assert watcher.wait(TIMEOUT) == 0  # the linkage has begun: it has seen the drive
     assert drive.poll() is None
     drive.kill()
-    _, stderr = linkage.communicate(timeout=30)
+    _, stderr = linkage.communicate(timeout=TIMEOUT)
     assert linkage.returncode == 1
     assert "'crank_drive' left before the run was finished" in stderr
     drive.communicate()
@@ -382,15 +381,18 @@ def test_a_partner_that_leaves_is_named(tmp_path):
 
 @pytest.mark.deep
 @pytest.mark.usefixtures('backend')
-def test_two_runs_on_one_network_are_kept_apart():
-    env = environment()
-    first = start('run', SCENE, '--revolutions', '100000', '--realtime-factor', '1', env=env)
-    time.sleep(4.0)
+def test_two_runs_on_one_network_are_kept_apart(tmp_path):
+    env, bag = environment(), tmp_path / 'run.mcap'
+    first = start(
+        'run', SCENE, '--revolutions', '100000', '--realtime-factor', '1', '--record', str(bag),
+        env=env,
+    )  # fmt: skip
+    wait_for_file(bag, 1, first)
     try:
         second = run('run', SCENE, env=env)
     finally:
         first.send_signal(signal.SIGINT)
-        first.wait(20)
+        first.wait(TIMEOUT)
     assert second.returncode == 1
     assert 'is running in this domain' in second.stderr
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from running import environment, run, run_json, start
+from running import TIMEOUT, environment, run, run_json, start
 
 import mechanism_sim as ms
 from mechanism_sim import cli
@@ -459,7 +459,7 @@ def test_integrating_and_following_say_the_same(tmp_path, alone):
         )
     ]  # fmt: skip
     for node in nodes:
-        _, stderr = node.communicate(timeout=60)
+        _, stderr = node.communicate(timeout=TIMEOUT)
         assert node.returncode == 0, stderr
     kind = KINDS['geneva']
     one, other = (

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 import running
-from running import environment, ros_found, run_json
+from running import TIMEOUT, environment, ros_found, run_json
 
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
@@ -72,7 +72,7 @@ def ros(monkeypatch) -> dict[str, str]:
     return environment()
 
 
-def ros2(env: dict[str, str], *args: str, timeout: float = 150.0) -> tuple[int, str]:
+def ros2(env: dict[str, str], *args: str, timeout: float = TIMEOUT) -> tuple[int, str]:
     """Exit code and output of a command ``ros2``."""
     done = subprocess.run(
         ['ros2', *args], env=env, capture_output=True, text=True, timeout=timeout, check=False
@@ -199,6 +199,6 @@ def test_a_bag_of_ours_is_played_by_ros(ros, tmp_path):
     code, text = ros2(ros, 'bag', 'play', str(bag), '--delay', '4', '--disable-keyboard-controls')
     assert code == 0, text
     listener.send_signal(signal.SIGINT)
-    heard, _ = listener.communicate(timeout=30)
+    heard, _ = listener.communicate(timeout=TIMEOUT)
     indices = [int(line) for line in heard.splitlines() if line.isdecimal()]
     assert indices == list(range(outcome['impacts']))

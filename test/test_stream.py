@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from four_bars import as_bytes, loose
-from running import run, run_json
+from running import TIMEOUT, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -271,7 +271,8 @@ print(peak[0], peak[4])
 def test_memory_does_not_grow_with_the_run():
     """Of the motion of 1,200 more revolutions, 200 MB, nothing is left."""
     done = subprocess.run(
-        [sys.executable, '-c', MEASURE], capture_output=True, text=True, check=True, timeout=120
-    )
+        [sys.executable, '-c', MEASURE], capture_output=True, text=True, check=True,
+        timeout=TIMEOUT,
+    )  # fmt: skip
     early, late = map(int, done.stdout.split())
     assert late - early < 8_000  # kB

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from four_bars import RADIAL, loose
-from running import command, environment, run, run_json
+from running import TIMEOUT, command, environment, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -314,12 +314,12 @@ def test_a_sweep_that_was_ended_goes_on_and_writes_the_same_table(reference, tmp
         process.kill()
     else:
         os.killpg(process.pid, signal.SIGKILL if how == 'kill all' else signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=TIMEOUT)
     if how == 'Ctrl-C':
         assert process.returncode == 130
         assert 'the same command goes on from there' in said
         assert len(said.strip().splitlines()) == 1, said
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + TIMEOUT
     while in_session(process.pid):
         assert time.monotonic() < deadline, 'worker processes are left behind'
         time.sleep(0.05)
