@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import os
 import signal
+import sys
 
 # Before NumPy is loaded, and for all processes that tests start: threads of BLAS in several
 # processes on few cores wait for each other, ten times as long as the work takes.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+# Each of hundreds of processes would compile all modules anew, and pytest all tests.
+os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 # This process reads and compares without ROS; what runs on rclpy runs in processes of its own.
 os.environ.setdefault('MECHANISM_SIM_MIDDLEWARE', 'zenoh')
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +29,7 @@ from middleware_network import Network
 from mechanism_sim import middleware
 from mechanism_sim.numerics import code_cache, kernels
 
+sys.dont_write_bytecode = False
 # Wall time says nothing on a shared machine, and a test that fails must fail again.
 settings.register_profile('house', deadline=None, derandomize=True)
 settings.load_profile('house')
@@ -41,6 +45,15 @@ kernels.COMPILING = math.inf
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Of broad tests a sample is quick."""
     quick.mark(items)
+
+
+@pytest.fixture
+def compiled_kernels() -> Iterator[Callable[[], None]]:
+    """Compiles all kernels, for one test: numba makes code of each for what it is called with."""
+    before = [k.run for k in kernels._KERNELS]
+    yield kernels.compile_kernels
+    for k, run in zip(kernels._KERNELS, before, strict=True):
+        k.run = run
 
 
 ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}

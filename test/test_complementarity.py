@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from enumeration import solve_frictional_lcp as by_enumeration
 
-from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import (
     lemke,
     solve,
@@ -71,8 +70,8 @@ def test_random_and_degenerate_problems_are_all_solved():
 
 
 @pytest.mark.deep
-def test_ten_thousand_problems_of_up_to_twenty_contacts_are_all_solved():
-    kernels.compile_kernels()
+def test_ten_thousand_problems_of_up_to_twenty_contacts_are_all_solved(compiled_kernels):
+    compiled_kernels()
     check(10_000, 20, seed=2)
 
 
@@ -126,12 +125,12 @@ def test_linear_equations():
         np.testing.assert_allclose(J @ J.T @ X, B, atol=1e-9)
 
 
-def test_compiled_kernels_give_the_same_bits():
+def test_compiled_kernels_give_the_same_bits(compiled_kernels):
     rng = np.random.default_rng(6)
     problems = [problem(rng, m, kind) for m in (1, 2, 4) for kind in KINDS]
     given = [(np.zeros(len(mu), np.int64), np.zeros(2 * len(mu))) for *_, mu in problems]
     plain = [solve_contacts.function(*p, *g) for p, g in zip(problems, given, strict=True)]
-    kernels.compile_kernels()
+    compiled_kernels()
     assert solve_contacts.run is not solve_contacts.function
     for p, g, (x, grips, found) in zip(problems, given, plain, strict=True):
         again = solve_contacts(*p, *g)

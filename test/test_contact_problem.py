@@ -339,7 +339,7 @@ def test_modes_become_flags():
 
 
 @pytest.mark.deep
-def test_a_run_has_the_same_bits_when_kernels_are_compiled(monkeypatch):
+def test_a_run_has_the_same_bits_when_kernels_are_compiled(monkeypatch, compiled_kernels):
     clearance = {'radial': '0.2 mm', 'restitution': 0.5, 'friction': 0.2}
     joints = ('crank_coupler', 'coupler_rocker')
     scene = ms.load_scene(
@@ -351,7 +351,7 @@ def test_a_run_has_the_same_bits_when_kernels_are_compiled(monkeypatch):
         monkeypatch.setattr(k, 'run', k.function)
     plain = ms.simulate(scene, revolutions=0.5)
     assert len(plain.impacts) > 20
-    kernels.compile_kernels()
+    compiled_kernels()
     assert ms.simulate(scene, revolutions=0.5).digest() == plain.digest()
 
 

@@ -8,11 +8,13 @@ from mechanism_sim.bench.hard import cases, run
 
 DEEP = {
     'a_million_revolutions_later', 'closure_after_five_thousand_revolutions', 'cut_anywhere',
-    'forty_windows_in_a_line', 'four_loose_joints', 'friction_in_four_joints',
-    'hundred_thousand_revolutions', 'kane_in_a_bearing', 'measured_law', 'near_a_change_point',
+    'flywheel_and_clearance', 'forty_windows_in_a_line', 'four_loose_joints',
+    'friction_in_four_joints',
+    'hundred_thousand_revolutions', 'kane_in_a_bearing',
+    'loss_of_contact_at_every_tolerance', 'measured_law', 'near_a_change_point',
     'near_the_change_point', 'rigid_limit_of_hertz', 'statistics_at_every_tolerance',
     'stiff_motor', 'ten_links_two_loose_joints', 'ten_thousand_revolutions',
-    'ten_thousand_swings', 'thousand_indexings',
+    'ten_thousand_swings', 'thousand_indexings', 'to_the_last_bit', 'triggers_of_any_motion',
 }  # fmt: skip
 
 
