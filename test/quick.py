@@ -16,7 +16,7 @@ SEED = 1
 
 FIRST = (
     'four_bar_nominal', 'four_bar_clearance', 'slider_crank', 'valve_train', 'geneva', 'gear_pair',
-    'gear_rattle', 'planetary', 'pendulum', 'offset_roller_cam',
+    'gear_rattle', 'planetary', 'pendulum', 'offset_roller_cam', 'dump_truck',
 )  # fmt: skip
 """Scenes that stand for the others of their kind, where a test has them."""
 
