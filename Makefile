@@ -17,7 +17,7 @@ test: install
 	$(BIN)/pytest -n 3 --dist worksteal
 
 test-all: install
-	$(BIN)/pytest -n 3 --dist worksteal -m ''
+	FUZZ_EXAMPLES=200 $(BIN)/pytest -n 3 --dist worksteal -m ''
 
 lint: install
 	$(BIN)/ruff check .

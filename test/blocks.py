@@ -34,6 +34,13 @@ BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?')
+BEFOREHAND = f"""
+(while kill -0 {os.getpid()}; do sleep 0.5; done; kill -KILL -- -$$) < /dev/null &> /dev/null &
+watching=$!
+disown
+trap 'kill $watching' EXIT
+"""
+"""All that is started ends with this process, even if that is killed."""
 AFTERWARDS = """
 for _ in $(seq 30); do [ -z "$(jobs -pr)" ] && exit; sleep 0.1; done
 kill $(jobs -pr) || true
@@ -162,12 +169,13 @@ def _command(command: str) -> subprocess.CompletedProcess[str]:
 
 def _shell(text: str, given: str = '') -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        ['bash', '-euo', 'pipefail', '-c', f'{text}\n{AFTERWARDS}'],
+        ['bash', '-euo', 'pipefail', '-c', f'{BEFOREHAND}\n{text}\n{AFTERWARDS}'],
         input=given,
         capture_output=True,
         text=True,
         timeout=running.TIMEOUT,
         check=False,
+        start_new_session=True,
     )
 
 

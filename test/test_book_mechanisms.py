@@ -221,6 +221,7 @@ def test_rotary_engine_moves_as_printed_for_the_cylinder():
     assert push == pytest.approx(CubicSpline(t, slide)(t, 1), abs=1e-2)
 
 
+@pytest.mark.deep
 def test_a_driven_link_keeps_its_angle_where_its_bearing_is_loose():
     """With its bearing cut, the guide on the piston could carry the cylinder, without an angle."""
     loose = {'joints.ground_cylinder.clearance': {'radial': '0.1 mm', 'restitution': 0.5}}

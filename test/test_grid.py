@@ -57,6 +57,7 @@ def test_a_case_is_the_same_in_any_part_of_the_grid():
     assert other.draft() != few[0].draft()
 
 
+@pytest.mark.deep
 def test_the_noise_of_a_gap_does_not_rule_the_steps():
     """A rough pin that starts to roll: errors were taken back faster with every shorter step."""
     rough = {'radial': 2e-3, 'restitution': 0.05, 'friction': 'rough', 'pin_radius': 5e-3}

@@ -368,8 +368,17 @@ def test_without_masses_forces_are_unknown():
     assert np.isfinite(r.driven_velocity).all()
 
 
-def test_a_motion_message_carries_all_that_forces_need(mixed):
-    machine = ms.load_scene(str(mixed))
+SOFT = {
+    'drive': {'speed': '350 rpm', 'torque': {'constant': '0.1 N m'}},
+    'joints.coupler_rocker.clearance.contact': {'law': 'flores', 'stiffness': 1.0e8},
+}
+
+
+@pytest.mark.parametrize(
+    'scene', ['four_bar_clearance', pytest.param('mixed', marks=pytest.mark.deep)]
+)
+def test_a_motion_message_carries_all_that_forces_need(mixed, scene):
+    machine = ms.load_scene(str(mixed)) if scene == 'mixed' else ms.load_scene(scene, SOFT)
     motion = ms.simulate(machine, duration=0.02).motion
     names = machine.physics.coordinates, machine.physics.clearances
     message = pack(motion, *names, motion.curve.end)
