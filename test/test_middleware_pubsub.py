@@ -122,7 +122,9 @@ def test_a_publisher_that_ends_at_once_loses_nothing(either):
     collector.finish()
 
 
-@pytest.mark.parametrize('router', ['embedded', 'third process'])
+@pytest.mark.parametrize(
+    'router', [pytest.param('embedded', marks=pytest.mark.deep), 'third process']
+)
 def test_who_sees_the_last_endpoint_reaches_every_earlier_one(joined, router):
     if router == 'third process':
         shutdown()

@@ -230,6 +230,7 @@ def test_a_slider_crank_of_equal_arms_goes_through_the_position_where_its_rod_fo
     assert end['position.rod'][0] == pytest.approx(-exact[0], abs=1e-9)
 
 
+@pytest.mark.deep
 def test_forces_are_limits_at_the_position_or_said_to_have_none():
     def near(windows):
         machine = n_four_bar(windows)
