@@ -240,6 +240,7 @@ def test_a_damped_spring_gives_back_the_restitution(e):
     assert -out.y[1, -1] == pytest.approx(e, abs=1e-8)
 
 
+@pytest.mark.deep
 def test_the_nominal_mechanism_and_the_driven_crank_agree_with_their_references():
     for name, bound in (('four_bar_nominal', 1e-12), ('torque_crank', 1e-8)):
         problem = problems()[name]

@@ -43,14 +43,14 @@ init()
 node = Node('operator')
 
 def wait(future):
-    spin_until_future_complete(node, future, timeout_sec=60)
+    spin_until_future_complete(node, future, timeout_sec=300)
     return future.result()
 
 clients = {}
 def call(short, name, **fields):
     kind = service_class(f'{PACKAGE}/srv/{short}')
     client = clients.setdefault(name, node.create_client(kind, name))
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     return wait(client.call_async(kind.Request(**fields)))
 
 def step(n):
@@ -67,7 +67,7 @@ def state():
 def set_(owner, name, value):
     kind = service_class('rcl_interfaces/srv/SetParameters')
     client = node.create_client(kind, f'{owner}/set_parameters')
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     request = kind.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
     answer = wait(client.call_async(request)).results[0]
     return [answer.successful, answer.reason]
@@ -90,7 +90,7 @@ found['reset'] = call('ResetSimulation', 'reset_simulation', scope=0).result.res
 found['half a reset'] = call('ResetSimulation', 'reset_simulation', scope=1).result.result
 kind = action_class(f'{PACKAGE}/action/SimulateSteps')
 action = ActionClient(node, kind, 'simulate_steps')
-assert action.wait_for_server(60)
+assert action.wait_for_server(300)
 heard = []
 goal = wait(action.send_goal_async(
     kind.Goal(steps=30),
@@ -197,7 +197,7 @@ for paused, short, name, fields in (
         executor.spin_once(timeout_sec=0.1)
     steady = drive.law.degree == 1
     executor.remove_node(drive)  # as where it has a process of its own
-    executor.spin_until_future_complete(answer, timeout_sec=5)
+    executor.spin_until_future_complete(answer, timeout_sec=300)
     result = answer.result().result if answer.done() else None
     found.append(result and [result.result, result.error_message, steady])
     executor.remove_node(partner)
@@ -221,7 +221,7 @@ steps = ask.call_async(step.Request(steps=5000))
 while drive.announced < 3.0:
     executor.spin_once(timeout_sec=0.1)
 second = ask.call_async(step.Request(steps=1))
-executor.spin_until_future_complete(second, timeout_sec=20)
+executor.spin_until_future_complete(second, timeout_sec=300)
 request = state.Request()
 request.state.state = 2
 paused = stop.call_async(request)
@@ -230,7 +230,7 @@ for _ in range(20):
 early = [steps.done(), paused.done()]
 progress.publish(Progress(node='linkage', time=3.0))
 for answer in (steps, paused):
-    executor.spin_until_future_complete(answer, timeout_sec=20)
+    executor.spin_until_future_complete(answer, timeout_sec=300)
 found.append([early] + [
     [a.result().result.result, a.result().result.error_message] for a in (second, steps, paused)
 ] + [drive.announced])
@@ -241,7 +241,7 @@ reset = partner.create_client(kind, 'reset_simulation')
 while not reset.service_is_ready():
     executor.spin_once(timeout_sec=0.1)
 answer = reset.call_async(kind.Request())
-executor.spin_until_future_complete(answer, timeout_sec=20)
+executor.spin_until_future_complete(answer, timeout_sec=300)
 result = answer.result().result
 found.append([result.result, result.error_message, drive.announced, drive.run])
 for node in (partner, drive):
@@ -304,7 +304,7 @@ found['statuses'] = json.loads(json.dumps(statuses))  # later ones say more
 def parameter(owner, name):
     kind = service_class('rcl_interfaces/srv/GetParameters')
     client = node.create_client(kind, f'{owner}/get_parameters')
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     (value,) = wait(client.call_async(kind.Request(names=[name]))).values
     return [int(value.type), bool(value.bool_value), int(value.integer_value)]
 found['sim time'] = parameter(linkage, 'use_sim_time')
@@ -399,7 +399,7 @@ def ask(*values):
 def get(owner, name):
     kind = service_class('rcl_interfaces/srv/GetParameters')
     client = node.create_client(kind, f'{owner}/get_parameters')
-    assert client.wait_for_service(60)
+    assert client.wait_for_service(300)
     (value,) = wait(client.call_async(kind.Request(names=[name]))).values
     return value.string_value or value.double_value
 def reset():

@@ -23,16 +23,16 @@ def ready():
 
 def wait():
     ready()
-    time.sleep(30)
+    time.sleep(300)
 
 def held():
     with ending.held():
         ready()
-        end = time.monotonic() + 0.3
+        end = time.monotonic() + 0.1
         while time.monotonic() < end:
             pass
         print('started', flush=True)
-    time.sleep(30)
+    time.sleep(300)
 
 class Finalised:
     def __del__(self):
@@ -51,9 +51,9 @@ MOMENTS = {
         "ready(); hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)"
     ),
     'in an import that makes another error of it': (
-        'sys.path.insert(0, sys.argv[1]); import odd; time.sleep(30)'
+        'sys.path.insert(0, sys.argv[1]); import odd; time.sleep(300)'
     ),
-    'where Python cannot raise anything': 'Finalised(); time.sleep(30)',
+    'where Python cannot raise anything': 'Finalised(); time.sleep(300)',
     'when all is done, at exit': 'atexit.register(wait)',
     'while a process is being started': 'held()',
 }  # fmt: skip
@@ -110,7 +110,7 @@ def test_a_command_that_still_imports_ends_so_too(number, after):
 def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():
     env = {**os.environ, ending.PARENT: str(os.getppid())}  # not who starts it
     done = subprocess.run(
-        [sys.executable, '-c', PROGRAM.format(body='time.sleep(30)')],
+        [sys.executable, '-c', PROGRAM.format(body='time.sleep(300)')],
         env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, '')

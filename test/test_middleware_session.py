@@ -3,10 +3,9 @@
 import signal
 import socket
 import threading
-import time
 
 import pytest
-from middleware_network import Network, eventually
+from middleware_network import PATIENCE, Network, eventually
 
 from mechanism_sim.messages import Impact, JointState
 from mechanism_sim.middleware import (
@@ -103,7 +102,7 @@ def test_a_process_that_never_says_goodbye_is_tidied_up(network):
     node = Node('keen')
     got = []
     node.create_subscription(Impact, 'impacts', got.append, KEEP_ALL)
-    spin_once(node, timeout_sec=30.0)
+    spin_once(node, timeout_sec=PATIENCE)
     lazy.finish()
     assert got[0].index == 5
     assert eventually(lambda: node.get_node_names() == ['keen'])
@@ -133,7 +132,6 @@ def test_many_processes_start_at_once(network):
 
 def test_a_port_of_somebody_else_is_an_error_in_one_sentence(network, monkeypatch):
     monkeypatch.setattr(session, 'ROUTER_PATIENCE', 0.5)
-    began = time.monotonic()
     with socket.create_server(('127.0.0.1', network.port)) as foreign:
         threading.Thread(target=foreign.accept, daemon=True).start()
         with pytest.raises(MiddlewareError, match='not a Zenoh router: stop it, or set') as error:
@@ -141,7 +139,6 @@ def test_a_port_of_somebody_else_is_an_error_in_one_sentence(network, monkeypatc
         assert str(network.port) in str(error.value)
         assert len(str(error.value).splitlines()) == 1
         assert not ok()
-    assert time.monotonic() - began < 5.0
 
 
 @pytest.mark.parametrize(

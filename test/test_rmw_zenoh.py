@@ -163,12 +163,12 @@ node = Node('client', namespace='/elsewhere')
 seen = {}
 
 def get(future):
-    spin_until_future_complete(node, future, timeout_sec=20.0)
+    spin_until_future_complete(node, future, timeout_sec=300.0)
     return future.result()
 
 def ask(kind, name, **fields):
     client = node.create_client(kind, f'/machine/{name}')
-    assert client.wait_for_service(timeout_sec=20.0), name
+    assert client.wait_for_service(timeout_sec=300.0), name
     return get(client.call_async(kind.Request(**fields)))
 
 def put(name, kind, **value):
@@ -210,7 +210,7 @@ spin_until(lambda: len(answers) >= 500 and len(seen['latched']) >= 3)
 seen['answers'] = len(answers), answers == [2.0 * number for number in range(500)]
 
 steps = ActionClient(node, SimulateSteps, '/machine/simulate_steps')
-assert steps.wait_for_server(timeout_sec=20.0)
+assert steps.wait_for_server(timeout_sec=300.0)
 seen['feedback'] = []
 def hear(message):
     seen['feedback'].append(message.feedback.completed_steps)

@@ -173,7 +173,7 @@ def kill(folder: Path, kind: str, victim: str, number: int, moment: float, lengt
                 found.hit = True
             killed = time.monotonic()
         if not found.hit:  # it was done before
-            head.wait(60)
+            head.wait(300)
             killed = time.monotonic()
         while (left := alive(mark)) and time.monotonic() < killed + 10 * GONE:
             time.sleep(0.01)

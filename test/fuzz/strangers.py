@@ -36,6 +36,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from running import command, environment
 
 import mechanism_sim as ms
+from mechanism_sim import ending
 from mechanism_sim.analysis import analyze
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages import (
@@ -53,7 +54,7 @@ from mechanism_sim.messages import Parameter as ParameterMessage
 from mechanism_sim.messages.definitions import typestore
 
 SCENE = 'four_bar_clearance'
-PATIENCE = 60.0  # [s]
+PATIENCE = 300.0  # [s]
 PLAYING, QUITTING = 1, 3
 READING = 'get_', 'list_', 'describe_'
 TOKEN = re.compile(r'@ros2_lv/\d+(/[^/]+){3}/(NN|MP|MS|SS|SC)/[^/]+/[^/]+/([^/]+).*')
@@ -408,7 +409,7 @@ class Watched:
         self._said = (folder / 'stderr').open('w+')
         self.process = subprocess.Popen(
             command('run', SCENE, '--record', str(self.bag), '--overwrite', *args),
-            env=self.env, stdout=subprocess.DEVNULL, stderr=self._said,
+            env=ending.owned(self.env), stdout=subprocess.DEVNULL, stderr=self._said,
         )  # fmt: skip
         self.memory = 0.0  # [MB]
 
