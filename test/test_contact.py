@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mechanism_sim.contact.chatter import ChatterRule
-from mechanism_sim.contact.impact import ImpactLaw, strike_together
+from mechanism_sim.contact.impact import ImpactLaw, simultaneous_impact
 from mechanism_sim.numerics.complementarity import solve_frictional_lcp
 
 
@@ -26,7 +26,7 @@ def frictionless(A, b):
 def newton_impulses(A, rate, restitution):
     """The same of contacts that strike."""
     laws = [ImpactLaw(e) for e in restitution]
-    return [blow.normal for blow in strike_together(*padded(A, rate), laws)]
+    return [blow.normal for blow in simultaneous_impact(*padded(A, rate), laws)]
 
 
 @st.composite

@@ -68,7 +68,7 @@ def test_an_impact_changes_momentum_by_its_impulses_and_loses_what_it_says(m, fr
         before, energy, log = masses.v.copy(), masses.energy, np.zeros((m, 12))
         rate = masses.problem.rate
         touching, resting = np.zeros((2, m), dtype=bool)
-        done = instant.strike_all(
+        done = instant.impact_of_all(
             masses.problem, LIMITS, 0, 2.5, rates, masses.v, log, 0, touching, resting
         )
         assert done.found
@@ -148,7 +148,7 @@ def test_the_last_bounce_takes_all_of_the_approach_and_says_how_long_others_woul
         masses.v *= -speed / masses.problem.rate[0]
         log = np.zeros((1, 12))
         on, rests = np.zeros((2, 1), dtype=bool)
-        done = instant.strike_all(
+        done = instant.impact_of_all(
             masses.problem, limits, 0, 0.0, np.zeros(2), masses.v, log, 0, on, rests
         )
         assert log[0, instant.ENDS] == last
@@ -279,7 +279,7 @@ def test_what_is_closed_strikes_nobody_by_a_step_s_error():
     masses.closed[1] = True
     before, log = masses.v.copy(), np.zeros((2, 12))
     touching, resting = np.zeros((2, 2), dtype=bool)
-    done = instant.strike_all(
+    done = instant.impact_of_all(
         masses.problem, LIMITS, 0, 0.0, np.zeros(2), masses.v, log, 0, touching, resting
     )
     assert (done.entered, log[0, instant.GAP]) == (1, 0.0)

@@ -14,13 +14,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
 from mechanism_sim.contact.impact import (
-    Blow,
+    ContactImpulse,
     Hypothesis,
     ImpactLaw,
     energy_change,
     jam,
-    strike,
-    strike_together,
+    simultaneous_impact,
+    single_impact,
 )
 from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp
 
@@ -29,7 +29,7 @@ INF = math.inf
 
 
 def blow_of(A, v, law):
-    return strike(A[0][0], A[0][1], A[1][1], v[0], v[1], law)
+    return single_impact(A[0][0], A[0][1], A[1][1], v[0], v[1], law)
 
 
 def rates_after(A, v, impulses):
@@ -124,13 +124,13 @@ def test_a_blow_is_the_limit_of_small_steps_of_impulse(name, e, hypothesis):
     *contact, mu = PATHS[name]
     law = ImpactLaw(e, mu, hypothesis)
     p, q, vt = march(*contact, law)
-    blow = strike(*contact, law)
-    assert blow.normal == pytest.approx(p, rel=2e-3)
-    assert blow.tangential == pytest.approx(q, rel=2e-3, abs=2e-3 * p)
+    impulse = single_impact(*contact, law)
+    assert impulse.normal == pytest.approx(p, rel=2e-3)
+    assert impulse.tangential == pytest.approx(q, rel=2e-3, abs=2e-3 * p)
     if abs(vt) > 1e-3:
-        assert blow.slip == np.sign(vt)
+        assert impulse.slip == np.sign(vt)
     else:
-        assert blow.slip == 0
+        assert impulse.slip == 0
 
 
 @pytest.mark.parametrize('name', PATHS)
@@ -165,34 +165,34 @@ def test_stronges_hypothesis_is_a_stiff_spring_that_unloads_more_steeply(name):
         return k * deepest + k / (e * e) * (x - deepest)
 
     y = until(lambda y: unloading(y[2]), unloading, y)
-    p, q, _ = strike(Ann, Ant, Att, vn, vt, ImpactLaw(e, mu, STRONGE))
+    p, q, _ = single_impact(Ann, Ant, Att, vn, vt, ImpactLaw(e, mu, STRONGE))
     assert p == pytest.approx(y[3], rel=5e-3)
     assert q == pytest.approx(y[4], rel=5e-3, abs=5e-3 * p)
 
 
 def test_the_paths_of_these_tests_are_what_they_are_called():
     for name, (Ann, Ant, Att, vn, vt, mu) in PATHS.items():
-        blow, plastic = (
-            strike(Ann, Ant, Att, vn, vt, ImpactLaw(e, mu, POISSON)) for e in (0.6, 0.0)
+        impulse, plastic = (
+            single_impact(Ann, Ant, Att, vn, vt, ImpactLaw(e, mu, POISSON)) for e in (0.6, 0.0)
         )
         if 'through' in name or 'away' in name:
-            assert blow.slip == plastic.slip == np.sign(vt)
+            assert impulse.slip == plastic.slip == np.sign(vt)
         elif 'sticks' in name:
-            assert blow.slip == 0
+            assert impulse.slip == 0
             assert (plastic.slip == 0) == ('restitution' not in name)
         elif 'turns' in name:
-            assert blow.slip == -np.sign(vt)
-            assert (plastic.slip == blow.slip) == ('compression' in name)
+            assert impulse.slip == -np.sign(vt)
+            assert (plastic.slip == impulse.slip) == ('compression' in name)
         elif 'jams' in name:
             assert Ann < mu * np.sign(vt) * Ant
-            assert blow.slip == 0
+            assert impulse.slip == 0
         else:
-            assert blow.slip == 1
+            assert impulse.slip == 1
 
 
 def test_slip_that_stops_is_by_hand():
     """Ann = Att = 1, Ant = 0, mu = 1/2, vt = 3/4: vt = 0 at p = 3/2, in restitution."""
-    p, q, slip = strike(1.0, 0.0, 1.0, -1.0, 0.75, ImpactLaw(0.8, 0.5))
+    p, q, slip = single_impact(1.0, 0.0, 1.0, -1.0, 0.75, ImpactLaw(0.8, 0.5))
     assert (p, q, slip) == (pytest.approx(1.8), pytest.approx(-0.75), 0)
 
 
@@ -202,7 +202,7 @@ def test_a_jam_is_the_limit_of_an_approach_that_vanishes(mu, sign):
     Ann, Ant, Att, vt = 1.0, 1.2 * sign, 2.0, 0.7 * sign
     p, q, slip = jam(Ann, Ant, Att, vt, mu)
     assert slip == 0
-    assert (p, q) == approx(strike(Ann, Ant, Att, -1e-13, vt, ImpactLaw(0.0, mu))[:2])
+    assert (p, q) == approx(single_impact(Ann, Ant, Att, -1e-13, vt, ImpactLaw(0.0, mu))[:2])
     # stuck and in touch afterwards
     assert (p, q) == approx(np.linalg.solve([[Ann, Ant], [Ant, Att]], [0.0, -vt]))
     assert q * vt < 0.0
@@ -218,16 +218,18 @@ def approx(values):
     'contact', [(1.0, 1.2, 2.0, 0.7, 0.8), (1.0, 1.2, 2.0, -0.7, 5.0), (1.0, 1.2, 2.0, 0.0, 5.0)]
 )
 def test_a_contact_that_does_not_jam_gets_no_impulse(contact):
-    assert jam(*contact) == Blow(0.0, 0.0, np.sign(contact[3]))
+    assert jam(*contact) == ContactImpulse(0.0, 0.0, np.sign(contact[3]))
 
 
 @pytest.mark.parametrize('vn', [0.0, 0.3])
 @pytest.mark.parametrize('mu', [0.0, 0.5, INF])
 def test_a_contact_that_does_not_close_gets_no_impulse(vn, mu):
-    assert strike(1.0, 1.2, 2.0, vn, -2.0, ImpactLaw(0.5, mu)) == Blow(0.0, 0.0, -1)
+    assert single_impact(1.0, 1.2, 2.0, vn, -2.0, ImpactLaw(0.5, mu)) == ContactImpulse(
+        0.0, 0.0, -1
+    )
 
 
-# --- one contact: properties of random blows -------------------------------------------------
+# --- one contact: properties of random impacts -------------------------------------------------
 
 
 @pytest.mark.parametrize('hypothesis', [POISSON, STRONGE])
@@ -322,14 +324,14 @@ laws = st.builds(
 @given(compliances, approach, tangential, laws)
 def test_the_mirror_image_of_a_blow_is_the_blow_of_the_mirror_image(A, vn, vt, law):
     Ann, Ant, Att = A
-    p, q, slip = strike(Ann, Ant, Att, vn, vt, law)
-    assert strike(Ann, -Ant, Att, vn, -vt, law) == (p, -q, -slip)
+    p, q, slip = single_impact(Ann, Ant, Att, vn, vt, law)
+    assert single_impact(Ann, -Ant, Att, vn, -vt, law) == (p, -q, -slip)
 
 
 @given(compliances, approach, tangential, laws, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_a_blow_scales_with_mass_and_speed(A, vn, vt, law, mass, speed):
-    p, q, _ = strike(*A, vn, vt, law)
-    scaled = strike(*(a / mass for a in A), speed * vn, speed * vt, law)
+    p, q, _ = single_impact(*A, vn, vt, law)
+    scaled = single_impact(*(a / mass for a in A), speed * vn, speed * vt, law)
     unit = mass * speed * (p + abs(q))
     assert scaled.normal == pytest.approx(mass * speed * p, rel=1e-9, abs=1e-9 * unit)
     assert scaled.tangential == pytest.approx(mass * speed * q, rel=1e-9, abs=1e-9 * unit)
@@ -338,7 +340,7 @@ def test_a_blow_scales_with_mass_and_speed(A, vn, vt, law, mass, speed):
 @given(compliances, approach, tangential, st.floats(0.0, 1.0), st.sampled_from(Hypothesis))
 def test_without_friction_all_hypotheses_are_newtons_impulses(A, vn, vt, e, hypothesis):
     Ann, Ant, Att = A
-    p, q, slip = strike(Ann, Ant, Att, vn, vt, ImpactLaw(e, 0.0, hypothesis))
+    p, q, slip = single_impact(Ann, Ant, Att, vn, vt, ImpactLaw(e, 0.0, hypothesis))
     assert p == pytest.approx(*newton_impulses([[Ann]], [vn], [e]))
     assert q == 0.0
     assert slip == np.sign(vt + Ant * p)
@@ -347,12 +349,14 @@ def test_without_friction_all_hypotheses_are_newtons_impulses(A, vn, vt, e, hypo
 @given(compliances, approach, tangential, st.floats(0.0, 1.0), st.floats(0.0, 2.0))
 @example((2.0, 0.5, 3.0), -1.0, 4.0, 0.5, 0.3)
 def test_the_hypotheses_agree_where_slip_keeps_its_direction(A, vn, vt, e, mu):
-    blows = [strike(*A, vn, vt, ImpactLaw(e, mu, hypothesis)) for hypothesis in Hypothesis]
+    impacts = [
+        single_impact(*A, vn, vt, ImpactLaw(e, mu, hypothesis)) for hypothesis in Hypothesis
+    ]
     assume(vt != 0.0)
-    assume(any(blow.slip == np.sign(vt) for blow in blows))
-    assert blows[0] == blows[1] == blows[2]
+    assume(any(impulse.slip == np.sign(vt) for impulse in impacts))
+    assert impacts[0] == impacts[1] == impacts[2]
     p = (1.0 + e) * -vn / (A[0] - mu * np.sign(vt) * A[1])
-    assert blows[0].normal == pytest.approx(p, rel=1e-14)
+    assert impacts[0].normal == pytest.approx(p, rel=1e-14)
 
 
 @given(compliances, approach, tangential, laws)
@@ -361,8 +365,8 @@ def test_the_hypotheses_agree_where_slip_keeps_its_direction(A, vn, vt, e, mu):
 @example((1.0, -0.9, 1.0), -1.0, 1.2, ImpactLaw(0.5, INF, STRONGE))
 def test_rough_is_the_limit_of_much_friction(A, vn, vt, law):
     """Also where slip alone lifts the contact off, and no normal impulse is left."""
-    p, q, slip = strike(*A, vn, vt, ImpactLaw(law.restitution, INF, law.hypothesis))
-    much = strike(*A, vn, vt, ImpactLaw(law.restitution, 1e9, law.hypothesis))
+    p, q, slip = single_impact(*A, vn, vt, ImpactLaw(law.restitution, INF, law.hypothesis))
+    much = single_impact(*A, vn, vt, ImpactLaw(law.restitution, 1e9, law.hypothesis))
     # works add up: an error of 1/mu in one is that of its root in an impulse
     unit = (1e-4 if law.hypothesis is STRONGE else 1e-6) * (abs(q) + p)
     assert p >= 0.0
@@ -373,20 +377,20 @@ def test_rough_is_the_limit_of_much_friction(A, vn, vt, law):
 
 def test_a_rough_blow_that_lifts_off_by_friction_alone():
     Ann, Ant, Att, vn, vt = 1.0, -0.9, 1.0, -0.1, 2.0
-    blow = strike(Ann, Ant, Att, vn, vt, ImpactLaw(0.5, INF))
-    assert blow == (0.0, pytest.approx(-0.15 / 0.9), 1)
-    assert vn + Ant * blow.tangential == pytest.approx(0.05)
+    impulse = single_impact(Ann, Ant, Att, vn, vt, ImpactLaw(0.5, INF))
+    assert impulse == (0.0, pytest.approx(-0.15 / 0.9), 1)
+    assert vn + Ant * impulse.tangential == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize('mu', [1.0, 2.0, INF])
 def test_a_wedged_contact_is_an_error(mu):
     with pytest.raises(ArithmeticError, match='wedged'):
-        strike(1.0, 1.0, 1.0, -1.0, 0.5, ImpactLaw(0.5, mu))
+        single_impact(1.0, 1.0, 1.0, -1.0, 0.5, ImpactLaw(0.5, mu))
 
 
 def test_a_contact_that_cannot_move_sideways():
-    assert strike(2.0, 0.0, 0.0, -1.0, 0.0, ImpactLaw(0.5, 0.3)) == (0.75, 0.0, 0)
-    assert strike(2.0, 0.0, 0.0, -1.0, 1.0, ImpactLaw(0.5, 0.3)) == (0.75, -0.3 * 0.75, 1)
+    assert single_impact(2.0, 0.0, 0.0, -1.0, 0.0, ImpactLaw(0.5, 0.3)) == (0.75, 0.0, 0)
+    assert single_impact(2.0, 0.0, 0.0, -1.0, 1.0, ImpactLaw(0.5, 0.3)) == (0.75, -0.3 * 0.75, 1)
 
 
 # --- [SB] 5.4: the impact of coupler and rocker ----------------------------------------------
@@ -679,10 +683,10 @@ def test_a_force_that_vanishes_may_come_out_negative_by_rounding():
 
 
 def group(A, v, laws):
-    """Impulses (2m,) and the slips of `strike_together`."""
-    blows = strike_together(A.tolist(), list(v), laws)
-    x = [blow.normal for blow in blows] + [blow.tangential for blow in blows]
-    return np.array(x), [blow.slip for blow in blows]
+    """Impulses (2m,) and the slips of `simultaneous_impact`."""
+    impacts = simultaneous_impact(A.tolist(), list(v), laws)
+    x = [impulse.normal for impulse in impacts] + [impulse.tangential for impulse in impacts]
+    return np.array(x), [impulse.slip for impulse in impacts]
 
 
 @pytest.mark.parametrize('m', [1, 2, 3])
@@ -718,7 +722,7 @@ def test_contacts_that_do_not_feel_each_other_strike_one_by_one(hypothesis):
         v[i], v[2 + i] = vn, vt
     x, slip = group(A, v, laws)
     for i, contact in enumerate(single):
-        p, q, s = strike(*contact[:5], laws[i])
+        p, q, s = single_impact(*contact[:5], laws[i])
         assert (x[i], x[2 + i]) == (pytest.approx(p), pytest.approx(q))
         assert slip[i] == s
 
@@ -883,7 +887,7 @@ def test_more_restitution_means_more_impulse():
     for contact in PATHS.values():
         for hypothesis in Hypothesis:
             p = [
-                strike(*contact[:5], ImpactLaw(e, contact[5], hypothesis)).normal
+                single_impact(*contact[:5], ImpactLaw(e, contact[5], hypothesis)).normal
                 for e in np.linspace(0.0, 1.0, 201).tolist()
             ]
             assert all(a < b for a, b in pairwise(p))

@@ -171,7 +171,7 @@ def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
         (['four_bar_clearance', '--pulse', '0 s'], 'must last longer than 0 s'),
         (['four_bar_clearance', '--slow', '0'], '--slow 0: must be more than 0'),
         (['missing.mcap'], 'does not exist'),
-        (['x.mcap', '--revolutions', '1'], 'a bag is heard as it was recorded'),
+        (['x.mcap', '--revolutions', '1'], 'played as it was recorded'),
     ],
 )
 def test_wrong_requests_are_answered_by_a_sentence(options, said, tmp_path, monkeypatch, capsys):

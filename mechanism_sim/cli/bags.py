@@ -21,7 +21,7 @@ from mechanism_sim.cli.source import (
     namespace_option,
     recorded,
     simulated,
-    tell_if_cut,
+    warn_if_incomplete,
 )
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import echo
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('info', _info, 'say what a bag holds')
+    sub = command('info', _info, 'list what a bag holds')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
     sub = command('recover', _recover, 'close a bag whose recorder was killed')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
-    sub = command('analyze', _analyze, 'say what happened in a recorded run')
+    sub = command('analyze', _analyze, 'summarise a recorded run')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder of ros2 bag')
     namespace_option(sub)
     _detail_options(sub)
@@ -179,7 +179,7 @@ def _sound(options: argparse.Namespace) -> int:
     )
     if is_bag(options.scene):
         if options.duration or options.revolutions:
-            raise InputError('a bag is heard as it was recorded: leave out lengths')
+            raise InputError('the length does not apply to a bag: it is played as it was recorded')
         record = recorded(options)
     else:
         record = simulated(options)
@@ -259,7 +259,7 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
     def record_of(bag: str) -> Record:
         with progress.share('reading', options.json) as read:
             record = read_record(read_bag(bag, read), options.namespace)
-        tell_if_cut(record, bag)
+        warn_if_incomplete(record, bag)
         return record
 
     if options.against and not wanted.deviations:

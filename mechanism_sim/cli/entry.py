@@ -79,7 +79,7 @@ def make_parser() -> Overview:
         prog='mechanism-sim',
         description='Simulator of real (loose, rattling, vibrating) planar machines.',
     )
-    parser.add_argument('--version', action='store_true', help='say which version this is')
+    parser.add_argument('--version', action='store_true', help='print the version')
     parser.set_defaults(run=_start, parser=parser)
     commands = parser.add_subparsers(dest='command', metavar='COMMAND', parser_class=Parser)
 

@@ -17,7 +17,7 @@ def add(command: Command) -> None:
         action='store_true',
         help='what scenes may say, as a JSON schema for editors, instead of the list',
     )
-    sub = command('check', _check, 'say what a scene comes down to, without running it')
+    sub = command('check', _check, 'check a scene, and summarise its machine, without running it')
     scene_options(sub)
     sub = command('equations', _equations, "write down a scene's own equations")
     scene_options(sub)

@@ -67,7 +67,7 @@ class Overview(Parser):
             '',
             'Options:',
             f'  {"--help":{width}}  this list; of a command, after its name, its options',
-            f'  {"--version":{width}}  say which version this is',
+            f'  {"--version":{width}}  print the version',
             '',
             "'mechanism-sim' alone says how to begin.",
         ]

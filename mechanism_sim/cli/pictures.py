@@ -13,7 +13,7 @@ from mechanism_sim.cli.source import (
     refuse_overrides,
     run_of,
     source_options,
-    tell_if_cut,
+    warn_if_incomplete,
 )
 from mechanism_sim.errors import InputError
 
@@ -127,7 +127,7 @@ def _plot(options: argparse.Namespace) -> int:
     with progress.share('plot', options.json) as read:
         bag = read_bag(options.scene, read) if in_bag else None
         if bag and record is None:
-            tell_if_cut(bag, options.scene)
+            warn_if_incomplete(bag, options.scene)
         asked = Asked(bag, record, options.namespace)
         series = asked.series(options.what, start, end) if options.what else []
         if series and options.ideal:

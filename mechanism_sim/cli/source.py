@@ -57,11 +57,11 @@ def recorded(options: argparse.Namespace) -> Record:
     refuse_overrides(options)
     with progress.share('reading', options.json) as read:
         record = read_record(read_bag(options.scene, read), options.namespace)
-    tell_if_cut(record, options.scene)
+    warn_if_incomplete(record, options.scene)
     return record
 
 
-def tell_if_cut(bag: Bag | Record, path: str) -> None:
+def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
     """Say on standard error that a bag was cut short."""
     if not bag.complete:
         print(f'mechanism-sim: {path} was cut short; what could be read is shown', file=sys.stderr)

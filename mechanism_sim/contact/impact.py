@@ -1,8 +1,8 @@
 """Planar impact with Coulomb friction: Newton's, Poisson's and Stronge's hypotheses.
 
-A blow changes the rates of a contact to ``vn + Ann p + Ant q`` (normal, negative when closing) and
-``vt + Ant p + Att q`` (tangential). p >= 0 is the normal impulse, q the tangential one along +t on
-the same body, and A [1/kg] is symmetric and positive definite.
+An impact changes the rates of a contact to ``vn + Ann p + Ant q`` (normal, negative when closing)
+and ``vt + Ant p + Att q`` (tangential). p >= 0 is the normal impulse, q the tangential one along
++t on the same body, and A [1/kg] is symmetric and positive definite.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class ImpactLaw:
     hypothesis: Hypothesis = Hypothesis.NEWTON
 
 
-class Blow(NamedTuple):
+class ContactImpulse(NamedTuple):
     """The impulses of one contact at one instant.
 
     Attributes
@@ -92,8 +92,10 @@ class _Leg(NamedTuple):
     length: float
 
 
-def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: ImpactLaw) -> Blow:
-    """The blow of a single contact, by Routh's method.
+def single_impact(
+    Ann: float, Ant: float, Att: float, vn: float, vt: float, law: ImpactLaw
+) -> ContactImpulse:
+    """The impact of a single contact, by Routh's method.
 
     The normal impulse grows from 0. While the contact slips, ``dq = -mu sign(vt) dp``. When vt
     reaches 0 (or is 0 from the start) it sticks, ``dq = -Ant/Att dp``, if ``|Ant| <= mu Att``, and
@@ -112,9 +114,9 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
 
     Poisson's and Stronge's hypotheses never raise the energy, nor does Newton's for e = 0 or where
     the direction of slip never changes. Else Newton's may (Kane's paradox; T. R. Kane and D. A.
-    Levinson, Dynamics, 1985). A blow that slips first and sticks in the end changes the energy by
-    ``-((1 - e^2) Att vn^2 - 2 Ant vn vt + Ann vt^2)/(2 D)``, ``D = Ann Att - Ant^2``, which can be
-    positive only if ``e^2 > D/(Ann Att)``. No blow that turned its slip was found to beat that.
+    Levinson, Dynamics, 1985). An impact that slips first and sticks in the end changes the energy
+    by ``-((1 - e^2) Att vn^2 - 2 Ant vn vt + Ann vt^2)/(2 D)``, ``D = Ann Att - Ant^2``, which can
+    be positive only if ``e^2 > D/(Ann Att)``. No impact that turned its slip was found to beat that.
 
     Parameters
     ----------
@@ -126,17 +128,19 @@ def strike(Ann: float, Ant: float, Att: float, vn: float, vt: float, law: Impact
     ArithmeticError
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
-    p, q, slip = blow(Ann, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code)
+    p, q, slip = impulses_of_one(
+        Ann, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code
+    )
     if math.isnan(p):
         raise ArithmeticError(_WEDGED)
-    return Blow(p, q, slip)
+    return ContactImpulse(p, q, slip)
 
 
 @kernel
-def blow(
+def impulses_of_one(
     Ann: float, Ant: float, Att: float, vn: float, vt: float, e: float, mu: float, hypothesis: int
 ) -> tuple[float, float, int]:
-    """What `strike` says: normal and tangential impulse, and slip; the first is NaN if wedged."""
+    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged."""
     if vn >= 0.0:
         return 0.0, 0.0, _sign(vt)
     rebound = -e * vn
@@ -170,14 +174,14 @@ def blow(
     return p + more, q + last.tangential * more, last.slip
 
 
-def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
-    """Impact without collision: the blow of a closed contact (vn = 0) that slips and jams.
+def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> ContactImpulse:
+    """Impact without collision: the impact of a closed contact (vn = 0) that slips and jams.
 
     Where ``Ann - mu sign(vt) Ant < 0``, friction presses the bodies together faster than the
     normal force parts them, and no finite force is consistent (P. Painleve, 1895). The normal
     impulse grows until vt = 0, and then until vn is back at 0; there the contact sticks. This is
-    `strike` for e = 0 as vn rises to 0: there is no restitution, and energy never rises. A contact
-    that does not jam gets no impulse.
+    `single_impact` for e = 0 as vn rises to 0: there is no restitution, and energy never rises. A
+    contact that does not jam gets no impulse.
 
     Parameters
     ----------
@@ -192,12 +196,12 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Blow:
     """
     slide = _slide(Ann, Ant, Att, vt, friction)
     if slide.slip == 0 or slide.rise >= 0.0:
-        return Blow(0.0, 0.0, slide.slip)
+        return ContactImpulse(0.0, 0.0, slide.slip)
     last = _last(Ann, Ant, Att, friction, slide)
     if last.rise <= 0.0:
         raise ArithmeticError(_WEDGED)
     more = -slide.rise * slide.length / last.rise
-    return Blow(
+    return ContactImpulse(
         slide.normal * slide.length + more,
         slide.tangential * slide.length + last.tangential * more,
         last.slip,
@@ -209,7 +213,7 @@ def shock(
     rate: ArrayLike,
     acceleration: ArrayLike,
     friction: Sequence[float],
-) -> list[Blow]:
+) -> list[ContactImpulse]:
     """Impact without collision of m contacts that no forces can keep while they slide on.
 
     For one contact that is `jam`. Several follow the limit of small steps: over a time h the
@@ -218,7 +222,7 @@ def shock(
     a time-stepping scheme for rigid-body dynamics and resolution of Painleve's problem, Arch.
     Ration. Mech. Anal. 145, 1998). If forces kept the slip, impulses would vanish with h; as none
     do, they tend to finite ones that stop or turn some slip. That is the compression phase of
-    `strike_together` at no approach speed: there is no restitution and energy never rises.
+    `simultaneous_impact` at no approach speed: there is no restitution and energy never rises.
 
     Parameters
     ----------
@@ -269,7 +273,7 @@ def shock(
         raise ArithmeticError('contacts that do not jam cannot be freed by an impact')
     after = _rates(matrix, before, impulses)
     return [
-        Blow(float(p), float(q), _sign(float(vt)))
+        ContactImpulse(float(p), float(q), _sign(float(vt)))
         for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
     ]
 
@@ -313,7 +317,7 @@ def jam_margin(A: ArrayLike, friction: Sequence[float], slip: Sequence[int]) -> 
 
 def stop_slide(
     A: ArrayLike, rate: ArrayLike, friction: Sequence[float], slip: Sequence[int]
-) -> list[Blow]:
+) -> list[ContactImpulse]:
     """Impact without collision of m closed contacts at the instant at which their sliding jams.
 
     There the equations of their forces become singular: impulses along the null vector change no
@@ -357,7 +361,7 @@ def stop_slide(
     impulses = basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=1e-14)[0]
     after = _rates(matrix, before, impulses)
     return [
-        Blow(float(p), float(q), _sign(float(vt)))
+        ContactImpulse(float(p), float(q), _sign(float(vt)))
         for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
     ]
 
@@ -388,10 +392,10 @@ def _sign(x: float) -> int:
     return 1 if x > 0.0 else -1 if x < 0.0 else 0
 
 
-def strike_together(
+def simultaneous_impact(
     A: Sequence[Sequence[float]], rate: Sequence[float], laws: Sequence[ImpactLaw]
-) -> list[Blow]:
-    """The blows of m contacts that touch at one instant.
+) -> list[ContactImpulse]:
+    """The impulses of m contacts that touch at one instant.
 
     Rows and columns are ordered all normals first, then all tangentials; the tangential rows of a
     frictionless contact may be 0.
@@ -407,9 +411,9 @@ def strike_together(
     and counts as Poisson's here. A contact under Newton's, among others, expands without a least
     impulse, so as to end with ``vn+ >= -e vn`` if it was closing.
 
-    Both look at slip at the end of the blow or phase only, `strike` all the way. For m = 1 they
-    agree with it where the direction of slip does not change. A rough contact (mu = inf) that is
-    pressed sticks; else it is the limit of a large mu, as in `strike`.
+    Both look at slip at the end of the impact or phase only, `single_impact` all the way. For
+    m = 1 they agree with it where the direction of slip does not change. A rough contact (mu =
+    inf) that is pressed sticks; else it is the limit of a large mu, as in `single_impact`.
 
     Energy never rises
 
@@ -417,8 +421,8 @@ def strike_together(
       contact separates beforehand;
     - in two phases, Newton's contacts apart, if e is the same for all or nothing has friction.
 
-    Else it may: with friction in Moreau's form as in `strike`, and with friction and different e
-    in two phases.
+    Else it may: with friction in Moreau's form as in `single_impact`, and with friction and
+    different e in two phases.
 
     Parameters
     ----------
@@ -437,21 +441,21 @@ def strike_together(
     e = np.array([law.restitution for law in laws])
     friction = np.array([law.friction for law in laws])
     hypotheses = np.array([law.hypothesis.code for law in laws])
-    impulses, found = blows(matrix, before, e, friction, hypotheses)
+    impulses, found = simultaneous_impulses(matrix, before, e, friction, hypotheses)
     if not found:
         raise ArithmeticError('no impulses satisfy all contacts of this instant')
     after = _rates(matrix, before, impulses)
     return [
-        Blow(float(p), float(q), _sign(float(vt)))
+        ContactImpulse(float(p), float(q), _sign(float(vt)))
         for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
     ]
 
 
 @kernel
-def blows(
+def simultaneous_impulses(
     A: Array, rate: Array, e: Array, friction: Array, hypothesis: Indices
 ) -> tuple[Array, bool]:
-    """What `strike_together` says, of arrays: impulses (2m,), and whether there are any."""
+    """What `simultaneous_impact` says, of arrays: impulses (2m,), and whether there are any."""
     m = len(e)
     slip, least, b = np.zeros(m, dtype=np.int64), np.zeros(2 * m), rate.copy()
     newton = True
@@ -497,6 +501,6 @@ def energy_change(
 ) -> float:
     """Change of kinetic energy by impulses [J]: each times the mean of its rates [m/s].
 
-    Exact whatever happens during the blow; the work of a drive is not in it.
+    Exact whatever happens during the impact; the work of a drive is not in it.
     """
     return sum(0.5 * p * (u + v) for u, v, p in zip(before, after, impulses, strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.contact.chatter import ends, remaining_time
-from mechanism_sim.contact.impact import blow, blows
+from mechanism_sim.contact.impact import impulses_of_one, simultaneous_impulses
 from mechanism_sim.numerics.complementarity import (
     BACKWARD,
     FORWARD,
@@ -81,7 +81,7 @@ class Layout(NamedTuple):
         return 2 * m + 3 * r + r * (f + r + p) + compliant
 
 
-class Strike(NamedTuple):
+class ImpactOutcome(NamedTuple):
     """What an impact did."""
 
     rests: bool  #: whether some are at rest after it, or were closed before
@@ -168,17 +168,17 @@ def part_of(c: ContactProblem, gaps: Mask) -> tuple[Indices, Array, Array]:
 def impulses(
     A: Array, rate: Array, e: Array, mu: Array, hypothesis: Indices
 ) -> tuple[Array, Array, bool]:
-    """Impulses (2m,) of contacts that strike, the rates (2m,) after them, and if there are any."""
+    """Impulses (2m,) of an impact, the rates (2m,) after it, and whether there are any."""
     m = len(e)
     if m == 1:
         x = np.zeros(2)
         kind, vn, vt = hypothesis[0], rate[0], rate[1]
-        x[0], x[1], _ = blow(A[0, 0], A[0, 1], A[1, 1], vn, vt, e[0], mu[0], kind)
+        x[0], x[1], _ = impulses_of_one(A[0, 0], A[0, 1], A[1, 1], vn, vt, e[0], mu[0], kind)
         found = not math.isnan(x[0])
     else:
-        x, found = blows(A, rate, e, mu, hypothesis)
+        x, found = simultaneous_impulses(A, rate, e, mu, hypothesis)
         if not found:  # Moreau's form may have no solution with friction; two phases always have
-            x, found = blows(A, rate, e, mu, np.ones(m, dtype=np.int64))
+            x, found = simultaneous_impulses(A, rate, e, mu, np.ones(m, dtype=np.int64))
     after = np.empty(2 * m)
     for r in range(2 * m):
         after[r] = rate[r]
@@ -248,7 +248,7 @@ def is_last(c: ContactProblem, limits: Limits, gap: int, rebound: float, e: floa
 
 
 @kernel
-def strike_all(
+def impact_of_all(
     c: ContactProblem,
     limits: Limits,
     gap: int,
@@ -259,7 +259,7 @@ def strike_all(
     count: int,
     touching: Mask,
     resting: Mask,
-) -> Strike:
+) -> ImpactOutcome:
     """Impact in a gap and in all others that touch.
 
     A rebound that is the end of a chatter is left out. What is closed already, or parts, does not
@@ -303,7 +303,7 @@ def strike_all(
     if found and again:
         x, after, found = impulses(A, rate, e, mu, hypothesis)
     if not found:
-        return Strike(False, math.inf, count, False)
+        return ImpactOutcome(False, math.inf, count, False)
     horizon = math.inf
     old, new = np.empty(2), np.empty(2)
     for k in range(n):
@@ -322,7 +322,7 @@ def strike_all(
         rests = rests or resting[i] or c.closed[i]
         if not resting[i]:
             horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
-    return Strike(rests, horizon, count, True)
+    return ImpactOutcome(rests, horizon, count, True)
 
 
 @kernel
@@ -579,7 +579,7 @@ def drawn_in(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Mask, floa
 
 
 @kernel
-def strike_now(
+def impact_now(
     terms: Array,
     layout: Layout,
     laws: Array,
@@ -594,10 +594,10 @@ def strike_now(
     count: int,
     touching: Mask,
     resting: Mask,
-) -> Strike:
-    """`strike_all` of the problem that `problem_of` makes: a few arrays are handed over faster."""
+) -> ImpactOutcome:
+    """`impact_of_all` of the problem that `problem_of` makes: fewer arrays to pass on."""
     c = problem_of(terms, layout, laws, closed, hypothesis)
-    return strike_all(c, limits, gap, time, drives, v, log, count, touching, resting)
+    return impact_of_all(c, limits, gap, time, drives, v, log, count, touching, resting)
 
 
 @kernel

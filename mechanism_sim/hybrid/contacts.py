@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
-from mechanism_sim.contact.impact import Blow, Hypothesis, jam_margin, shock, stop_slide
+from mechanism_sim.contact.impact import ContactImpulse, Hypothesis, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import (
     FLIES,
     RECOVERS,
@@ -24,12 +24,12 @@ from mechanism_sim.contact.problem import (
     Mask,
     enter,
     horizon_of,
+    impact_now,
     problem_of,
     push,
     release,
     rest_now,
     slip_of,
-    strike_now,
 )
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base, horner
@@ -471,7 +471,7 @@ class Contacts:
         log = self.impacts
         log.reserve(len(self.modes))
         self._at_present(self._system.contact_function, out=self._arrays[0])
-        done = strike_now(
+        done = impact_now(
             *self._arrays,
             self._limits,
             gap,
@@ -647,8 +647,8 @@ class Contacts:
             for r, x in zip(rows, rates.tolist(), strict=True)
         ]
         friction = [math.inf if i == jammed else mu for i, mu in zip(gaps, friction, strict=True)]
-        blows = shock(A, before, terms.free_acceleration[rows], friction)
-        after = self._free(terms, gaps, blows)
+        impulses = shock(A, before, terms.free_acceleration[rows], friction)
+        after = self._free(terms, gaps, impulses)
         return [
             i
             for k, i in enumerate(gaps)
@@ -664,12 +664,12 @@ class Contacts:
         rows, A, friction = self._frictional(terms, closed)
         slip = [_SIGNS.get(self.modes[i], 0) for i in closed]
         try:
-            blows = stop_slide(A, terms.rate[rows], friction, slip)
+            impulses = stop_slide(A, terms.rate[rows], friction, slip)
         except ArithmeticError:
             with suppress(ArithmeticError):  # or else sliding goes on, or ends in `_rest`
                 return self._shock(terms, closed, closed, gap)
         else:
-            self._free(terms, closed, blows)
+            self._free(terms, closed, impulses)
         return closed
 
     def _jammed(self, closed: Sequence[int], slip: Sequence[int]) -> bool:
@@ -685,13 +685,15 @@ class Contacts:
         friction = [self._system.dynamics.friction[i] for i in gaps]
         return rows, terms.compliance[np.ix_(rows, rows)], friction
 
-    def _free(self, terms: ContactProblem, gaps: Sequence[int], blows: Sequence[Blow]) -> Array:
+    def _free(
+        self, terms: ContactProblem, gaps: Sequence[int], impulses: Sequence[ContactImpulse]
+    ) -> Array:
         """Apply and enter an impact without collision; the rates of all rows after it."""
         rows, A, _ = self._frictional(terms, gaps)
         rates, n, log = terms.rate[rows], len(gaps), self.impacts
-        after = rates + A @ [*(b.normal for b in blows), *(b.tangential for b in blows)]
+        after = rates + A @ [*(b.normal for b in impulses), *(b.tangential for b in impulses)]
         log.reserve(n)
-        for k, (i, (p, q, _slip)) in enumerate(zip(gaps, blows, strict=True)):
+        for k, (i, (p, q, _slip)) in enumerate(zip(gaps, impulses, strict=True)):
             if p or q:
                 push(terms, i, p, q, self._x[self._f :])
                 pair, row = [k, n + k], log.rows[log.count]

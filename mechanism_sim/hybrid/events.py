@@ -120,6 +120,6 @@ class ModeChange(NamedTuple):
 def gains(impacts: Iterable[Impact]) -> list[float]:
     """Energy made [J] at every instant of impacts, negative where it was lost.
 
-    Contacts that strike together pass energy to each other; only their sum says what was made.
+    Contacts in one impact pass energy to each other; only their sum says what was made.
     """
     return [-sum(i.energy_loss for i in group) for _, group in groupby(impacts, lambda i: i.t)]

@@ -49,7 +49,7 @@ class Totals:
     def gains(self) -> tuple[int, float]:
         """Number of instants at which impacts created energy, and how much in all [J].
 
-        Contacts that strike together pass energy to each other; only their sum says what was made.
+        Contacts in one impact pass energy to each other; only their sum says what was made.
         """
         if self._gain > _MADE:
             return self._gains + 1, self._made + self._gain

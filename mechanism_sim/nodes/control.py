@@ -42,8 +42,8 @@ class Control:
         # Who waits for partners must not keep their reports from being heard.
         group = ReentrantCallbackGroup()
         for short, name, answer in (
-            ('GetSimulatorFeatures', 'get_simulator_features', self._tell_features),
-            ('GetSimulationState', 'get_simulation_state', self._tell_state),
+            ('GetSimulatorFeatures', 'get_simulator_features', self._report_features),
+            ('GetSimulationState', 'get_simulation_state', self._report_state),
             ('SetSimulationState', 'set_simulation_state', self._set_state),
             ('StepSimulation', 'step_simulation', self._step),
             ('ResetSimulation', 'reset_simulation', self._reset),
@@ -61,7 +61,7 @@ class Control:
 
     # --- services -----------------------------------------------------------------------------
 
-    def _tell_features(self, _request: Any, response: Any) -> Any:
+    def _report_features(self, _request: Any, response: Any) -> Any:
         f = self._features
         response.features.features = [
             f.SIMULATION_RESET, f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE,
@@ -75,7 +75,7 @@ class Control:
         )
         return response
 
-    def _tell_state(self, _request: Any, response: Any) -> Any:
+    def _report_state(self, _request: Any, response: Any) -> Any:
         s = self._state
         if self._drive.playing:
             response.state.state = s.STATE_PLAYING

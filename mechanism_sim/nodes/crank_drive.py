@@ -126,7 +126,7 @@ class CrankDrive(SimulationNode):
         """
         playing = self.playing
         self.pause()
-        if reason := await self._handing.hand_out():
+        if reason := await self._handing.propagate():
             if playing:
                 self.play()
             return reason

@@ -113,7 +113,7 @@ def run_nodes(
     return code or (ending.INTERRUPTED if asked_to_end else 0)
 
 
-def tell_end(name: str, code: int) -> int:
+def report_end(name: str, code: int) -> int:
     """Say why another process ended where it did not say so itself; gives our exit code."""
     if code < 0:
         return tell(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)

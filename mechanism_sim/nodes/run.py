@@ -19,7 +19,7 @@ from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
-from mechanism_sim.nodes.process import run_nodes, tell_end
+from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.sensors import Sensors
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -187,7 +187,7 @@ class _Children:
         codes = {name: process.poll() for name, process in self._processes.items()}
         failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:
-            self.interrupt(tell_end(*next(iter(failed.items()))))
+            self.interrupt(report_end(*next(iter(failed.items()))))
         if self._deadline is not None and time.monotonic() > self._deadline:
             for process in self._processes.values():
                 process.kill()

@@ -80,7 +80,7 @@ class Handing:
         }
         drive.add_post_set_parameters_callback(self._announce)
 
-    async def hand_out(self) -> str:
+    async def propagate(self) -> str:
         """Give all partners the values for the next run; why it cannot be, empty if it is done.
 
         If one refuses, all have those of the present run again.

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from mechanism_sim import ending
 from mechanism_sim.middleware import Parameter
-from mechanism_sim.nodes.process import run_nodes, tell_end
+from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.pages.view import View, say_where
 
 
@@ -48,4 +48,4 @@ def view(
     ended = [r.wait() for r in runs]
     if code == ending.INTERRUPTED:
         return 0
-    return code or (tell_end('run', ended[0]) if ended else 0)
+    return code or (report_end('run', ended[0]) if ended else 0)

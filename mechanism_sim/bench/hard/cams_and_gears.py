@@ -352,7 +352,7 @@ def planetary_with_two_freedoms() -> list[Figure]:
 @hard_case(
     'Teeth thrown from flank to flank without loss, far faster than a step of the free motion is '
     'long: both flanks are crossed within every step.',
-    'Blows follow each other by width over speed, exactly.',
+    'Impacts follow each other by width over speed, exactly.',
 )
 def flank_to_flank() -> list[Figure]:
     """A thousand crossings of a backlash of 1 um."""
@@ -369,10 +369,10 @@ def flank_to_flank() -> list[Figure]:
     law = machine.laws[0]
     assert isinstance(law, DriveLaw)  # noqa: S101 - a steady drive
     return [
-        Figure('blows, less 1000', len(times) - 1000, 0.0),
+        Figure('impacts, less 1000', len(times) - 1000, 0.0),
         Figure('times over the interval', float(np.abs(times - exact).max()) / every, 1e-8),
-        Figure('blows that lost energy', sum(abs(i.energy_loss) > 1e-15 for i in solution.impacts),
-               0.0),
+        Figure('impacts that lost energy',
+               sum(abs(i.energy_loss) > 1e-15 for i in solution.impacts), 0.0),
         Figure('relative energy residual',
                relative_residual(solution), 1e-13),
     ]  # fmt: skip

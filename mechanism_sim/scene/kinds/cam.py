@@ -159,7 +159,7 @@ class CamKeys(PhaseKeys):
     law: LawPart | None = None
     """Displacement of the follower over the angle of the cam; required."""
     lift_off: LiftOffPart | None = None
-    """The follower may leave the cam and strike it again; without it the cam holds it."""
+    """The follower may leave the cam and meet it again in impacts; without it the cam holds it."""
     groove: GroovePart | None = None
     """A groove holds the roller from both sides."""
 
