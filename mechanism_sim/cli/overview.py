@@ -12,7 +12,7 @@ GROUPS = {
     'A machine': ('new', 'scenes', 'check', 'equations'),
     'Run it': ('solve', 'run', 'node'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
-    'What a recorded run tells': ('info', 'recover', 'analyze', 'identify', 'experiment'),
+    'Recorded runs': ('info', 'recover', 'analyze', 'identify', 'experiment'),
     'Many runs': ('sweep', 'statistics', 'starts', 'periodic', 'contact-loss', 'lift-off'),
     'For the workshop and other programs': ('profile', 'teeth', 'export'),
     'The program itself': ('bench', 'completion'),

@@ -116,7 +116,7 @@ def single_impact(
     the direction of slip never changes. Else Newton's may (Kane's paradox; T. R. Kane and D. A.
     Levinson, Dynamics, 1985). An impact that slips first and sticks in the end changes the energy
     by ``-((1 - e^2) Att vn^2 - 2 Ant vn vt + Ann vt^2)/(2 D)``, ``D = Ann Att - Ant^2``, which can
-    be positive only if ``e^2 > D/(Ann Att)``. No impact that turned its slip was found to beat that.
+    be positive only if ``e^2 > D/(Ann Att)``. None that turned its slip was found to beat that.
 
     Parameters
     ----------
