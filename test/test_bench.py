@@ -254,6 +254,7 @@ def test_the_nominal_mechanism_and_the_driven_crank_agree_with_their_references(
             assert problem.error(outcome.answer + 1e-3) == pytest.approx(1e-3, rel=1e-2)
 
 
+@pytest.mark.deep
 def test_bench_as_json_and_files(tmp_path):
     content = run_json(
         'bench', 'torque_crank', 'four_bar_nominal', '--methods', 'mechanism_sim,SciPy LSODA',

@@ -15,7 +15,10 @@ NOT_RUN = [block for found in PAGES.values() for block in found if block.mark ==
 
 
 DEEP = {
-    *(f'docs/{page}.md' for page in ('analysis', 'faq', 'looking', 'mechanisms')),
+    *(
+        f'docs/{page}.md'
+        for page in ('analysis', 'faq', 'linkages', 'looking', 'mechanisms', 'topics')
+    ),
     *(
         f'docs/{page}.md'
         for page in ('reproducibility', 'studies', 'howto/machine_learning', 'howto/my_mechanism')

@@ -80,6 +80,7 @@ def program(path: Path, text: str, env: dict[str, str]) -> Iterator[subprocess.P
         process.communicate()
 
 
+@pytest.mark.deep
 def test_a_burst_of_motion_reaches_a_far_slower_subscriber_in_bounded_memory(backend, tmp_path):
     env = environment()
     with program(tmp_path / 'slow.py', SLOW, env) as slow:

@@ -164,6 +164,7 @@ def test_a_machine_that_is_compared_with_no_other_has_no_alpha(found):
     assert sorted(draw(alone))[-3:] == ['figure_8_03', 'figure_8_11', 'figure_8_12']
 
 
+@pytest.mark.deep
 def test_the_command_writes_figures_and_prints_tables(bags, tmp_path):
     done = run('experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json')
     assert done.returncode == 0, done.stderr

@@ -436,6 +436,7 @@ def assert_states_follow_from_motion(bag, scene, name, rate=100.0):
     assert len(got) == int(np.ceil(rate * motion.curve.end)) * len(kind.joints(machine))
 
 
+@pytest.mark.deep
 def test_beside_a_linkage_the_node_follows(tmp_path, mixed):
     bag = tmp_path / 'run.mcap'
     outcome = run_json('run', str(mixed), '--record', str(bag))

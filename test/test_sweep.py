@@ -292,13 +292,8 @@ def in_session(session: int) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize(
-    'how',
-    [
-        'kill all',
-        *(pytest.param(how, marks=pytest.mark.deep) for how in ('kill the parent', 'Ctrl-C')),
-    ],
-)
+@pytest.mark.deep
+@pytest.mark.parametrize('how', ['kill all', 'kill the parent', 'Ctrl-C'])
 def test_a_sweep_that_was_ended_goes_on_and_writes_the_same_table(reference, tmp_path, how):
     file, table = sweep_file(tmp_path, SWEEP), tmp_path / 'again.parquet'
     journal = tmp_path / 'again.parquet.journal'

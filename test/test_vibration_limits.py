@@ -129,6 +129,7 @@ def test_without_a_spring(stiffness, damping):
             )
 
 
+@pytest.mark.deep
 def test_divided_differences_of_close_nodes():
     random = np.random.default_rng(5)
     for _ in range(300):
