@@ -31,7 +31,7 @@ CASES = {
     'hard/test_hard.py::test_hard_case': 12,
     'test_animation.py::test_every_kind_of_machine_makes_a_film': 2,
     'test_bag_states.py::test_every_command_reads_it_or_says_why_not': 8,
-    'test_blocks.py::test_what_a_page_says_can_be_run': 4,
+    'test_blocks.py::test_what_a_page_says_can_be_run': 3,
     'test_book_mechanisms.py::test_the_gallery_is_right_and_its_scenes_run': 10,
     'test_cam_pairs.py::test_a_follower_keeps_to_its_law_through_all_rows': 4,
     'test_cam_pairs.py::test_forces_are_those_of_newton_and_euler_at_the_drawn_profile': 4,
