@@ -301,8 +301,8 @@ def loads_of(scene):
         for load in scene.loads.values():
             link, point = find(load.at)
             if load.during:
-                angle = angles[load.during.coordinate] - load.during.begin
-                width = (load.during.end - load.during.begin) % (2.0 * math.pi)
+                angle = angles[load.during.coordinate] - load.during.begin.value
+                width = (load.during.end.value - load.during.begin.value) % (2.0 * math.pi)
                 if angle % (2.0 * math.pi) > width:
                     continue
             place, rate = moving(link, point)

@@ -13,7 +13,7 @@ import numpy as np
 
 from mechanism_sim.bench.problem import Answer
 from mechanism_sim.linkages.forces import AppliedForce
-from mechanism_sim.numerics.formula import expression, names
+from mechanism_sim.numerics.formula import Words, expression, names
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute, Vector2, rotate
 from mechanism_sim.scene import Machine
@@ -175,7 +175,7 @@ class Tree:
                 raise NotImplementedError('only forces on guided links are known here')
             used = sorted({x for part in load.force if isinstance(part, str) for x in names(part)})
             known = {name: hy.expression(name) for name in used}
-            x, y = (expression(str(part), known) for part in load.force)
+            x, y = (expression(str(part), Words(known)) for part in load.force)
             axis = rotate((1.0, 0.0), guide.axis)
             force = hy.cfunc([axis[0] * x + axis[1] * y], [*known.values()])
             found[guide.second] = Push(tuple(used), force)

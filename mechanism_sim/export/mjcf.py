@@ -50,6 +50,7 @@ def left_out(machine: Machine) -> list[str]:
         for c in machine.plan.prescribed
         if not steady(machine, c)
     ]
+    found += [f'{motor.coordinate}: left out: {motor.name}' for motor in machine.plan.motors]
     for element in machine.plan.elements(machine.plan.ideal):
         if isinstance(element, AppliedForce) and _constant(element) is None:
             found.append(f'{element.name}: left out: its force is not constant')

@@ -66,7 +66,8 @@ def left_out(machine: Machine) -> list[str]:
     ]
     found += [f'{element.name}: left out: forces are for plugins' for element in
               plan.elements(plan.ideal)]  # fmt: skip
-    drives = [c for c, (law, *_) in plan.laws.items() if any(law.coefficients)]
+    motors = [motor.coordinate for motor in plan.motors]
+    drives = [c for c, (law, *_) in plan.laws.items() if any(law.coefficients) or c in motors]
     found += [f'{c}: its drive is left out: drives are for plugins' for c in drives]
     return [*found, 'all links start at rest']
 

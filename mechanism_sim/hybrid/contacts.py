@@ -45,7 +45,7 @@ from mechanism_sim.hybrid.system import (
 )
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.numerics.kernels import charge, kernel
-from mechanism_sim.planar.switches import SWITCH_MARGIN
+from mechanism_sim.planar.switches import HOLDS, REST, SWITCH_MARGIN
 
 _SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 _SIGNS = {int(mode): sign for sign, mode in _SLIDING.items()}
@@ -53,6 +53,8 @@ INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has n
 _SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
 _BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same instant
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
+
+_STILL_TURNING, _MOST_TURNS = 1e-6, 1000  # [s] between turns of a switch, so many times in a row
 
 
 class Contacts:
@@ -128,6 +130,9 @@ class Contacts:
         ]  # fmt: skip
         self.approach = (1.0,) * len(system.approach_index)
         self.switches: tuple[int, ...] = (0,) * len(system.switches)
+        self._turns: dict[
+            int, tuple[float, int]
+        ] = {}  # when switches last did, how often in a row
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     @property
@@ -188,10 +193,13 @@ class Contacts:
         return values
 
     def set_switches(self, rows: tuple[int, ...] | None = None) -> None:
-        """Set the rows of the switches as told, or as the present state has them."""
+        """Set the rows of the switches to given ones, or as the present state has them."""
         switches = self._system.switches
         if rows is None:
-            rows = tuple(s.row_at(x) for s, x in zip(switches, self._places(), strict=True))
+            for _ in range(self._system.switch_levels):
+                places = zip(switches, self._places(), strict=True)
+                self.set_switches(tuple(s.row_at(x) for s, x in places))
+            return
         self.switches = rows
         for s, index, row in zip(switches, self._system.switch_index, rows, strict=True):
             self._set(index, s.values(row))
@@ -283,6 +291,8 @@ class Contacts:
         """A guard fell through zero."""
         found = self._system.guards[guard]
         if self._flies_free and found.switch is None and self._bounce(found.gap):
+            if self._system.holding:
+                self._release()
             if len(self._floor) == len(self.modes):
                 return
         else:
@@ -300,13 +310,19 @@ class Contacts:
             self._respond(self._system.guards[guard])
 
     def _respond(self, guard: Guard) -> None:
+        held = [k for k in self._system.holding if self.switches[k] == HOLDS]
+        if held:
+            self._freeze(held)
+        self._resolve(guard)
+        if held and guard.switch is None:
+            self._release()
+
+    def _resolve(self, guard: Guard) -> None:
         gap, before = guard.gap, self.modes
         if guard.switch is not None:
             k, rows = guard.switch, self.switches
-            try:
-                after = self._system.switches[k].row_after(rows[k], self._places()[k])
-            except RunError as error:
-                raise RunError(f'{error} (t = {self.time:.9g} s)') from error
+            self._count_turns(k)
+            after = self._row_after(k)
             self.set_switches((*rows[:k], after, *rows[k + 1 :]))
             if self._system.relations and not self.singular_joints():
                 self.project()  # another closure may hold from now on
@@ -351,6 +367,65 @@ class Contacts:
                 self._rest(at, at)
             return
         self._record_modes(before)
+
+    def _row_after(self, switch: int) -> int:
+        """The row of a switch that follows on the present one.
+
+        Raises
+        ------
+        RunError
+            If there is none.
+        """
+        known, row, place = (
+            self._system.switches[switch],
+            self.switches[switch],
+            self._places()[switch],
+        )
+        if switch in self._system.holding:
+            own = 3 * [*self._system.holding].index(switch)
+            *rates, part = self._at_present(self._system.held)[own : own + 3].tolist()
+            held = self._system.holding[switch].holding(row, rates, part, place)
+            if held is not None:
+                return held
+        try:
+            return known.row_after(row, place)
+        except RunError as error:
+            raise RunError(f'{error} (t = {self.time:.9g} s)') from error
+
+    def _freeze(self, held: Sequence[int]) -> None:
+        """Let contacts be resolved under the parts of switches that hold now."""
+        parts = self._at_present(self._system.held)[2::3].tolist()
+        for k, part in zip(self._system.holding, parts, strict=True):
+            if k in held:
+                self._pars[self._system.switch_index[k][0]] = part
+
+    def _release(self) -> None:
+        """Let switches hold no more what an impact has moved."""
+        places, rows = self._places(), list(self.switches)
+        for k in self._system.holding:
+            if rows[k] == HOLDS and abs(places[k]) > REST:
+                rows[k] = int(places[k] > 0.0)
+        if tuple(rows) != self.switches:
+            self.set_switches(tuple(rows))
+
+    def _count_turns(self, switch: int) -> None:
+        """Refuse a switch that turns over again and again at one place.
+
+        Raises
+        ------
+        RunError
+        """
+        since, count = self._turns.get(switch, (-math.inf, 0))
+        count = 1 if self.time - since > _STILL_TURNING else count + 1
+        self._turns[switch] = self.time, count
+        if count > _MOST_TURNS:
+            name = [*self._system.equations.frames.switches][switch]
+            load = '.'.join(name.replace(':', '.', 1).split('.')[:2])
+            raise RunError(
+                f'{load} turns over again and again at t = {self.time:.9g} s: a force that steps '
+                'against the motion (sign, or a condition on a rate) would hold it at rest; write '
+                'a steep function instead, such as tanh(vx/0.001)'
+            )
 
     def missed_event(self, seen_now: int | None = None) -> int | None:
         """A guard which is past zero already: the integrator would never see it fall.

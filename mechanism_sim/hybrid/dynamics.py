@@ -35,6 +35,7 @@ from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 
 ROUGH = 1e4
@@ -79,6 +80,7 @@ class Dynamics:
     exact, stabilised : the solution without and with Baumgarte's terms
     loads : forces and moments of the elements
     torques : of every powered coordinate the three coefficients of its law
+    drive_torques : of every powered coordinate that of its law and of its motor [N m, N]
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class Dynamics:
         relations: Sequence[Relation],
         powered: Sequence[str],
         elements: Sequence[ForceElement] = (),
+        motors: Sequence[Motor] = (),
     ) -> None:
         self.equations = eq = Equations(mechanism, gaps, relations)
         p = eq.parameters
@@ -104,6 +107,12 @@ class Dynamics:
         self.slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in self.frictional}
         self._alpha = p.reserve('stabilisation')
         self.torques = [p.reserve(f'drives:{c}.torque.{k}') for c in powered for k in range(3)]
+        own = {m.coordinate: m.torque(eq.frames) for m in motors}
+        self.drive_torques: Vector = []
+        for n, c in enumerate(powered):
+            k0, k1, k2 = self.torques[3 * n : 3 * n + 3]
+            law = k0 + k1 * eq.frames.q[c] + k2 * eq.frames.v[c]
+            self.drive_torques.append(add(law, own.get(c)))
         self.normal = eq.gap_jets
         self.laws = [gap.law for gap in gaps]
         self.compliant = any(law is not None for law in self.laws)
@@ -148,10 +157,8 @@ class Dynamics:
         self._a_p: Vector = [
             frames.a[eq.coordinates[i]] if self._degree > 1 else None for i in driven
         ]
-        torque: dict[int, Term] = {}
-        for n, c in enumerate(powered):
-            k0, k1, k2 = self.torques[3 * n : 3 * n + 3]
-            torque[eq.coordinates.index(c)] = k0 + k1 * frames.q[c] + k2 * frames.v[c]
+        index = [eq.coordinates.index(c) for c in powered]
+        torque: dict[int, Term] = dict(zip(index, self.drive_torques, strict=True))
         rhs: Vector = [
             add(
                 torque.get(i),

@@ -108,7 +108,7 @@ class Observer:
             'normal_force': forces_N,
             'friction_force': list(solved.T),
             'friction_power': [add(*friction)],
-            'drive_torque': torques,
+            'drive_torque': [*torques, *d.drive_torques],
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],
@@ -134,6 +134,9 @@ class Observer:
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
         groups = [self.system.unpulled(self._terms[name]) for name in names]
+        parts = self._parts
+        if parts:
+            groups = [list(hy.subs(group, parts)) for group in groups]
         if replace:
             groups = [list(hy.subs(group, replace)) for group in groups]
         frames = eq.frames
@@ -141,6 +144,10 @@ class Observer:
         prescribed = [frames.a[c] for c in self.system.prescribed]
         variables = [*symbols, *prescribed, *variables, *frames.outside.values()]
         return SwitchedFunction(frames, groups, variables)
+
+    @cached_property
+    def _parts(self) -> dict[hy.expression, hy.expression]:
+        return self.system.parts(self.system.dynamics.exact.a)
 
     @cached_property
     def _observe(self) -> SwitchedFunction:
@@ -173,11 +180,10 @@ class Observer:
         outside : (k, N) what is named by the attribute `outside`
         rows : values of the switches, if not those at these places
         """
-        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
         (
-            a, gap, _, N, T, friction, prescribed, reaction, moment, energy,
+            a, gap, _, N, T, friction, drive_torque, reaction, moment, energy,
         ) = self._observe(inputs, rows)  # fmt: skip
-        drive_torque = np.concatenate([prescribed, torque])
         return Observation(
             q,
             v,
@@ -206,9 +212,8 @@ class Observer:
         rows: Array | None = None,
     ) -> Account:
         """Terms of the energy balance at the instants of `observe`; far cheaper."""
-        inputs, torque = self._inputs(q, v, a_p, modes, torque, approach, outside)
-        gap, closure, N, friction, prescribed = self._account(inputs, rows)
-        drive_torque = np.concatenate([prescribed, torque])
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        gap, closure, N, friction, drive_torque = self._account(inputs, rows)
         closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
         ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
         farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
@@ -232,7 +237,7 @@ class Observer:
         rows: Array | None = None,
     ) -> TouchTerms:
         """Compliant contacts at the instants that `observe` would be given."""
-        inputs, _ = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
         return TouchTerms(*self._touch(inputs, rows))
 
     def _inputs(
@@ -244,8 +249,8 @@ class Observer:
         torque: Array | None,
         approach: Array | None,
         outside: Array | None,
-    ) -> tuple[Array, Array]:
-        """One array of all inputs, and the torques."""
+    ) -> Array:
+        """One array of all inputs."""
         d, count = self.system.dynamics, q.shape[1]
         torque = np.zeros((len(self.system.powered), count)) if torque is None else torque
         flags: list[NDArray[Any]] = [modes > Mode.FREE_FLIGHT]
@@ -259,7 +264,7 @@ class Observer:
             flags.append((modes > Mode.FREE_FLIGHT) & (modes < Mode.RECOVERING))
         given = np.zeros((len(self.system.outside), count)) if outside is None else outside
         rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, given)
-        return np.concatenate(rows), torque
+        return np.concatenate(rows)
 
     def distances(self, values: Array) -> Array:
         """The gaps (m, N) [m] that belong to values in their own measure."""

@@ -160,7 +160,7 @@ class DynamicPhysics:
             torque,
             motion.approach_at(segments, dt),
             outside(self.system.outside, self.coordinates, curve, segments, dt),
-            rows(self.system.edges, curve, segments, dt),
+            rows(self.system.edges, self.coordinates, curve, segments, dt),
         )
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
@@ -170,7 +170,9 @@ class DynamicPhysics:
             q, _ = curve.at_nodes(segments, dt)
         else:
             q = curve.local(segments, dt).T
-        values = self.observer.gap_values(q, rows(self.system.edges, curve, segments, dt))
+        values = self.observer.gap_values(
+            q, rows(self.system.edges, self.coordinates, curve, segments, dt)
+        )
         gaps = self.observer.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
 
@@ -221,6 +223,7 @@ def each_instant(
 
 def rows(
     edges: Edges | None,
+    coordinates: Sequence[str],
     curve: PiecewisePolynomial,
     segments: NDArray[np.intp],
     dt: Array | Nodes,
@@ -228,13 +231,18 @@ def rows(
     """Values (k, N) of the switches: of the whole segment that an instant is said to belong to.
 
     Where an instant lies on an edge, its place could not tell; the instants are those of
-    ``curve.at(segments, dt)``. None without switches.
+    ``curve.at(segments, dt)``, `coordinates` its columns. None without switches.
     """
     if edges is None:
         return None
-    at = curve.at if edges.unwound else curve.local
-    start, middle = np.zeros(len(segments)), 0.5 * curve.duration[segments]
-    found = edges.within(at(segments, start).T, at(segments, middle).T)
+    start, middle = (
+        np.concatenate([
+            *(curve.local(segments, t, derivative).T for derivative in (0, 1)),
+            outside(edges.outside, coordinates, curve, segments, t),
+        ])
+        for t in (np.zeros(len(segments)), 0.5 * curve.duration[segments])
+    )  # fmt: skip
+    found = edges.within(start, middle)
     return np.repeat(found, instants(dt), axis=1)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -21,9 +21,10 @@ from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.switched_functions import Edges
-from mechanism_sim.planar.switches import SWITCH_MARGIN
+from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, by_level
 
 Array = NDArray[np.float64]
 
@@ -75,6 +76,7 @@ class System:
     relations : closures of loops
     powered : names of the coordinates on which a drive's torque acts
     elements : forces between links that need no gap
+    motors : of powered coordinates, beside the drive's torque
 
     Attributes
     ----------
@@ -84,6 +86,7 @@ class System:
         it sticks, and the sign of its slip
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
+    switch_levels : how many times rows must be set until each follows from those before it
     switch_index : of every switch, which of them its present row is
     outside_index : of the time of the base and of whole turns that loads ask for, which of them
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
@@ -99,6 +102,7 @@ class System:
         relations: Sequence[Relation] = (),
         powered: Sequence[str] = (),
         elements: Sequence[ForceElement] = (),
+        motors: Sequence[Motor] = (),
     ) -> None:
         self.mechanism = mechanism
         self.gaps = tuple(gaps)
@@ -111,7 +115,9 @@ class System:
         self.prescribed_index = [self.coordinates.index(c) for c in self.prescribed]
         self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
-        self.dynamics = Dynamics(mechanism, gaps, prescribed, degree, relations, powered, elements)
+        self.dynamics = Dynamics(
+            mechanism, gaps, prescribed, degree, relations, powered, elements, motors
+        )
         self.elements = tuple(elements)
         self.equations = self.dynamics.equations
         p = self.equations.parameters
@@ -126,6 +132,7 @@ class System:
         self.guards += [Guard(i, sign) for i in d.frictional for sign in (1, -1)]
         frames = self.equations.frames
         self.switches = list(frames.switches.values())
+        self.switch_levels = len(by_level(self.switches))
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
         for name in self.outside:
@@ -203,7 +210,7 @@ class System:
         a = [dense(x) for x in self.dynamics.stabilised.a]
         rates = [frames.v[c] for c in self.turning]
         near = [self.dynamics.distance] if self.relations else []
-        driven = self._driven([*self._by_directions([*a, *self._guards, *near]), *rates])
+        driven = self._driven([*self._by_directions([*a, *self._guards, *near]), *rates], True)
         n, m, k = len(a), len(self._guards), len(near)
         a, guards, near = driven[:n], driven[n : n + m], driven[n + m : n + m + k]
         rates = driven[n + m + k :]
@@ -229,7 +236,11 @@ class System:
         result = []
         for gap, friction, switch in self.guards:
             if switch is not None:
-                result.append(self.switches[switch].guard + SWITCH_MARGIN)
+                known = self.switches[switch]
+                guard = known.guard
+                if isinstance(known, Switch) and known.holds is not None:
+                    guard += known.holds * (known.held_guard - 1.0)
+                result.append(guard + SWITCH_MARGIN)
                 continue
             s = d.closed[gap]
             if not friction:
@@ -255,6 +266,67 @@ class System:
                 idle = idle + sign * sign * (JAM_SCALE * (margin * margin - least * least))
             result.append(inside + idle + TINY)
         return result
+
+    @cached_property
+    def holding(self) -> dict[int, Switch]:
+        """The switches of rates, which may hold a motion where they act against it."""
+        return {
+            k: switch
+            for k, switch in enumerate(self.switches)
+            if isinstance(switch, Switch) and switch.holds is not None
+        }
+
+    def parts(self, a: Sequence[Term]) -> dict[hy.expression, hy.expression]:
+        """By the flag of each switch of rates what acts of it, its part while it holds.
+
+        The parts keep the functions of all that hold at zero: their rates ``A + B parts`` vanish
+        under accelerations `a` of the free coordinates, which depend linearly on the flags.
+        """
+        switches = [*self.holding.values()]
+        flags = [s.flag for s in switches]
+        none = dict.fromkeys(flags, hy.expression(0.0))
+        rates = [self._rate(s.inside, a) for s in switches]
+        A = list(hy.subs(rates, none)) if rates else []
+        B = [list(hy.subs(rates, none | {flag: hy.expression(1.0)})) for flag in flags]
+        rows = []
+        for k, s in enumerate(switches):
+            z: Any = s.holds
+            row = [z * (B[j][k] - A[k]) for j in range(len(flags))]
+            row[k] = row[k] - (1.0 - z) - TINY
+            rows.append([*row, -z * A[k] - (1.0 - z) * s.flag])
+        return dict(zip(flags, _eliminated(rows), strict=True))
+
+    @cached_property
+    def _parts(self) -> dict[hy.expression, hy.expression]:
+        return self.parts(self.dynamics.stabilised.a)
+
+    def _rate(self, function: hy.expression, a: Sequence[Term]) -> hy.expression:
+        """Time derivative of a function of coordinates, rates and time."""
+        frames, rate = self.equations.frames, [hy.expression(0.0)]
+        accelerations: dict[str, Term] = dict(zip(self.free, a, strict=True))
+        if self.degree > 1:
+            accelerations |= {c: frames.a[c] for c in self.prescribed}
+        for c in self.coordinates:
+            rate.append(hy.diff(function, frames.q[c]) * frames.v[c])
+            rate.append(hy.diff(function, frames.v[c]) * dense(accelerations.get(c)))
+        if 'time' in frames.outside:
+            rate.append(hy.diff(function, frames.outside['time']))
+        return hy.sum(rate)
+
+    @cached_property
+    def held(self) -> hy.cfunc_dbl:
+        """Of each switch of rates: rates of its function with flag 0 and 1, its part that acts.
+
+        Of the same vector as `watch`.
+        """
+        outputs = []
+        for switch in self.holding.values():
+            rate = self._rate(switch.inside, self.dynamics.stabilised.a)
+            others = {x: part for x, part in self._parts.items() if x != switch.flag}
+            for flag in (0.0, 1.0):
+                outputs += hy.subs([rate], others | {switch.flag: hy.expression(flag)})
+            outputs.append(self._parts[switch.flag])
+        return self._on_now(outputs)
 
     @cached_property
     def edges(self) -> Edges | None:
@@ -288,9 +360,16 @@ class System:
             replace |= {hy.cos(q): cosine, hy.sin(q): sine}
         return list(hy.subs(list(expressions), replace))
 
-    def _driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
-        """The expressions with the laws of the prescribed coordinates, and what loads ask for."""
+    def _driven(
+        self, expressions: Sequence[hy.expression], parts: bool = False
+    ) -> list[hy.expression]:
+        """The expressions with the laws of the prescribed coordinates, and what loads ask for.
+
+        With `parts` flags of switches that hold are their parts; else parameters, frozen.
+        """
         frames = self.equations.frames
+        if parts and self._parts:
+            expressions = hy.subs(list(expressions), self._parts)
         replace: dict[str | hy.expression, hy.expression] = {}
         for name, c in self._laws.items():
             for symbol, d in ((frames.q, 0), (frames.v, 1), (frames.a, 2)):
@@ -304,7 +383,7 @@ class System:
             replace[symbol] = hy.par[index] + hy.time if name == 'time' else hy.par[index]
         return list(hy.subs(list(expressions), replace))
 
-    def _on_now(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
+    def _on_now(self, outputs: Sequence[Term], parts: bool = False) -> hy.cfunc_dbl:
         """Compiled function of one vector: free coordinates, rates, parameters and time.
 
         A call with parameters and time apart takes more than twice as long.
@@ -313,7 +392,7 @@ class System:
         replace = {hy.par[i]: hy.make_vars(f'parameter{i}') for i in range(len(self.parameters))}
         replace[hy.time] = hy.make_vars('now')
         state = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
-        expressions = self._driven([dense(o) for o in outputs])
+        expressions = self._driven([dense(o) for o in outputs], parts)
         return compiled.function(hy.subs(expressions, replace), [*state, *replace.values()])
 
     @cached_property
@@ -325,12 +404,13 @@ class System:
         """
         d, places = self.dynamics, (s.place for s in self.switches)
         values = (jet.value for jet in d.normal if d.compliant)
-        return self._on_now([*self._guards, *(jet.rate for jet in d.normal), *values, *places])
+        rates = (jet.rate for jet in d.normal)
+        return self._on_now([*self._guards, *rates, *values, *places], parts=True)
 
     @cached_property
     def accelerations(self) -> hy.cfunc_dbl:
         """Of the free coordinates, as the integrator has them; of the same vector as `watch`."""
-        return self._on_now(self.dynamics.stabilised.a)
+        return self._on_now(self.dynamics.stabilised.a, parts=True)
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
@@ -407,3 +487,17 @@ class System:
             return found
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps))]
         return list(hy.subs(found, {x: hy.relu(x) for x in depths}))
+
+
+def _eliminated(rows: list[list[hy.expression]]) -> list[hy.expression]:
+    """Solve linear equations, the right side behind each row, by pivots on the diagonal."""
+    n = len(rows)
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
+    found: list[hy.expression] = []
+    for k in reversed(range(n)):
+        known = [rows[k][k + 1 + j] * x for j, x in enumerate(found)]
+        found.insert(0, (rows[k][n] - hy.sum([hy.expression(0.0), *known])) / rows[k][k])
+    return found

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import heyoka as hy
 
 from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
@@ -142,17 +143,43 @@ class TorsionSpring(_Element):
 
 @dataclass(frozen=True)
 class CycleRange:
-    """A part of the cycle: from one angle of a coordinate to another, counterclockwise."""
+    """A part of the cycle: between two places of a coordinate, or in one direction of motion."""
 
     coordinate: str
-    begin: float  #: [rad]
-    end: float  #: [rad]
+    begin: float | None  #: [rad, m]
+    end: float | None  #: [rad] counterclockwise from there; [m]
+    straight: bool = False  #: whether the coordinate is a displacement
+    way: int = 0  #: 1 only while it increases, -1 only while it decreases, 0 both
 
-    def guard(self, frames: Frames, mechanism: Mechanism, name: str) -> hy.expression:
-        """Positive within: ``cos(angle - middle) - cos(half the width)``."""
+    def guards(
+        self, frames: Frames, mechanism: Mechanism, name: str, along: Jet
+    ) -> Iterator[tuple[str, hy.expression]]:
+        """Names and functions that are all positive within.
+
+        Of an angle ``cos(angle - middle) - cos(half the width)``, of a displacement the distance
+        from each end, of the direction the rate.
+
+        Parameters
+        ----------
+        along : the coordinate
+        """
+        if self.straight:
+            ends = (('begin', self.begin, 1.0), ('end', self.end, -1.0))
+            for key, end, sign in ends:
+                if end is not None:
+                    place = frames.parameters.reserve(f'{name}.{key}', end)
+                    yield f'{name}.{key}', sign * (dense(along.value) - place)
+        elif self.begin is not None and self.end is not None:
+            yield name, self._inside(frames, mechanism, name, self.begin, self.end)
+        if self.way:
+            yield f'{name}.way', self.way * dense(along.rate)
+
+    def _inside(
+        self, frames: Frames, mechanism: Mechanism, name: str, begin: float, end: float
+    ) -> hy.expression:
         frame, offset = mechanism.frame(self.coordinate)
-        width = (self.end - self.begin) % (2.0 * math.pi)
-        middle = self.begin + 0.5 * width - offset
+        width = (end - begin) % (2.0 * math.pi)
+        middle = begin + 0.5 * width - offset
         p, q = frames.parameters, frames.q[frame]
         c, s = p(f'{name}.middle.x', math.cos(middle)), p(f'{name}.middle.y', math.sin(middle))
         along = add(mul(c, hy.cos(q)), mul(s, hy.sin(q)))
@@ -163,7 +190,8 @@ class CycleRange:
 class AppliedForce(_Element):
     """A force or a torque on a link, constant or by a formula, always or in a part of the cycle.
 
-    Formulas know the time ``t``, place ``x, y`` and velocity ``vx, vy`` of the point, and of every
+    No number of a force shapes the equations, so that another one compiles nothing. Formulas know
+    the time ``t``, place ``x, y`` and velocity ``vx, vy`` of the point, and of every
     link its angle, all turns counted, and its rate (``LINK``, ``LINK_rate``); of those in `guided`
     the displacement.
     """
@@ -176,9 +204,13 @@ class AppliedForce(_Element):
     during: CycleRange | None = None
     guided: Mapping[str, str] = field(default_factory=dict)
     """The prismatic joints along which displacements count, by link: also if they are cut here."""
+    tables: Mapping[str, Curve] = field(default_factory=dict)
+    """Functions that formulas may call."""
+    reaction: LinkPoint | None = None
+    """Where the opposite force and torque act, if not outside of the machine."""
 
     def loads(self, frames: Frames) -> list[Load]:
-        """The force at its point, and the torque."""
+        """The force at its point, the torque, and what is opposite."""
         bare = Load(self.key, *self.point)
         x, y = bare.place(frames, self.mechanism)
         force = (
@@ -197,13 +229,20 @@ class AppliedForce(_Element):
             )
             force = frames.world(frame, *force)
         if self.during:
-            flag = frames.switch(self.key, self.during.guard(frames, self.mechanism, self.key))
-            force, torque = (mul(flag, force[0]), mul(flag, force[1])), mul(flag, torque)
-        return [Load(self.key, *self.point, force, torque)]
+            along = self._motion(frames, self.during.coordinate)
+            for name, guard in self.during.guards(frames, self.mechanism, self.key, along):
+                flag = frames.switch(name, guard)
+                force, torque = (mul(flag, force[0]), mul(flag, force[1])), mul(flag, torque)
+        found = [Load(self.key, *self.point, force, torque)]
+        if self.reaction:
+            opposite = neg(force[0]), neg(force[1])
+            found.append(Load(f'{self.key}.reaction', *self.reaction, opposite, neg(torque)))
+        return found
 
     def _term(self, frames: Frames, part: str, given: float | str, x: Jet, y: Jet) -> Term:
         if not isinstance(given, str):
-            return frames.parameters(f'{self.key}.{part}', given)
+            present = given or (part != 'torque' and any(self.force))
+            return frames.parameters.reserve(f'{self.key}.{part}', given) if present else None
         frames.formulas.add(self.name)
         known = {'x': x.value, 'y': y.value, 'vx': x.rate, 'vy': y.rate}
         for name in formula.names(given) - known.keys() - {'t'}:
@@ -220,7 +259,22 @@ class AppliedForce(_Element):
         def number(value: float) -> hy.expression:
             return frames.parameters.reserve(f'{self.key}.{part}.number.{next(count)}', value)
 
-        return formula.expression(given, {k: dense(term) for k, term in known.items()}, number)
+        def flag(guard: hy.expression) -> hy.expression:
+            return frames.switch(f'{self.key}.{part}.flag.{next(count)}', guard)
+
+        def table(curve: Curve) -> Callable[[hy.expression], hy.expression]:
+            return lambda place: frames.lookup(
+                f'{self.key}.{part}.table.{next(count)}', place, curve.breaks, curve.rows,
+                curve.cyclic,
+            )  # fmt: skip
+
+        words = formula.Words(
+            {k: dense(term) for k, term in known.items()},
+            number,
+            flag,
+            {name: table(curve) for name, curve in self.tables.items()},
+        )
+        return formula.expression(given, words)
 
     def _unwound(self, frames: Frames, link: str) -> Term:
         """Angle of a link with all its turns [rad]."""
@@ -242,11 +296,13 @@ class AppliedForce(_Element):
 
     def power_lost(self, frames: Frames) -> Term:
         """Less what it feeds in: ``-(F.v + torque rate)``."""
-        (load,) = self.loads(frames)
-        x, y = load.place(frames, self.mechanism)
-        frame = self.mechanism.frame(load.link)[0]
-        spin = None if frame == GROUND else mul(load.moment, frames.v[frame])
-        return neg(add(mul(load.force[0], x.rate), mul(load.force[1], y.rate), spin))
+        fed: Term = None
+        for load in self.loads(frames):
+            x, y = load.place(frames, self.mechanism)
+            frame = self.mechanism.frame(load.link)[0]
+            spin = None if frame == GROUND else mul(load.moment, frames.v[frame])
+            fed = add(fed, mul(load.force[0], x.rate), mul(load.force[1], y.rate), spin)
+        return neg(fed)
 
     def energy(self, _: Frames) -> Term:
         """It stores none."""

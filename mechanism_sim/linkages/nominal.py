@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-import scipy
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
@@ -51,6 +52,7 @@ _LONGEST = 0.1
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
 _LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
+_AHEAD = 1e-9  # of a piece: where the rows are looked for that begin with it
 _END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
 """[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
@@ -216,34 +218,60 @@ class NominalRun:
         edges = self._edges
         if edges is None:
             return h
-        follow = {*edges.coordinates} - {*self._ideal.driven}
-        place = self._values if follow else self._driven
-        times = h * _ENDED
-        q = place(times)
-        edges.check(q)
-        present = edges.present(q[:, 0])
-        seen = edges.left(q, present)
-        over = np.flatnonzero((seen < 0.0).any(axis=0))
-        if not over.size or over[0] == 0:
-            return h
-        ends, rounding = [], 1e-15 * max(self.time + h, 1.0)
-        for i in np.flatnonzero(seen[:, over[0]] < 0.0):
+        follow = bool({*edges.coordinates} - {*self._ideal.driven})
 
-            def guard(t: float, i: int = int(i)) -> float:
-                return float(edges.left(place(np.array([t])), present)[i, 0])
+        def states(times: Array) -> Array:
+            return self._states(edges, times, follow)
 
-            a, b = times[over[0] - 1], times[over[0]]
-            ends.append(
-                float(scipy.optimize.brentq(guard, a, b, xtol=rounding) if guard(b) < 0.0 else b)
+        times, rounding = h * _ENDED, 1e-15 * max(self.time + h, 1.0)
+        every = states(times)
+        edges.check(every[: len(self._last)])
+        for ahead in (0.0, _AHEAD * h):  # what begins at an edge has the rows behind it
+            present = edges.present(states(np.array([ahead]))[:, 0])
+            seen = edges.left(every, present)
+            over = np.flatnonzero((seen < 0.0).any(axis=0))
+            if not over.size:
+                return h
+            ends, b = [], times[over[0]]
+            for i in np.flatnonzero(seen[:, over[0]] < 0.0):
+
+                def guard(t: float, i: int = int(i), present: Array = present) -> float:
+                    return float(edges.left(states(np.array([t])), present)[i, 0])
+
+                a = times[over[0] - 1] if over[0] else ahead
+                inside = guard(b) < 0.0 <= guard(a)
+                ends.append(float(brentq(guard, a, b, xtol=rounding)) if inside else a)
+            if min(ends) > max(ahead, rounding):
+                return min(ends)
+        return h
+
+    def _states(self, edges: Edges, times: Array, follow: bool) -> Array:
+        """What `edges` ask for at times [s] from now, of coordinates that follow if need be."""
+        q = self._followed(times)[0] if follow else self._driven(times)
+        v = np.zeros_like(q)
+        if edges.rated:
+            driven = [law.about(Fraction(self.time))[1] for law in self._laws]
+            v_p, a_p = (
+                np.array([polynomial.polyval(times, polynomial.polyder(c, m)) for c in driven])
+                for m in (1, 2)
             )
-        return min(ends) if min(ends) > rounding else h
-
-    def _values(self, times: Array) -> Array:
-        """The coordinates at times [s] from now: (n, N)."""
-        return self._followed(times)[0]
+            v[self._ideal.driven] = v_p
+            if follow:
+                _, v, _, _ = self._ideal.motion(q, v_p, a_p)
+        turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
+        known = [
+            self.time + times
+            if name == 'time'
+            else np.full(len(times), turns[name.removesuffix('.turns')])
+            for name in edges.outside
+        ]
+        return np.concatenate([q, v, *(x[None] for x in known)])
 
     def _followed(self, times: Array) -> tuple[Array, Array | None]:
-        """The same, and the direction of the branch at the last of them if need be."""
+        """The coordinates (n, N) at times [s] from now.
+
+        Also the direction of the branch at the last of them, if need be.
+        """
         q = self._driven(times)
         now = np.zeros((3, len(self._laws)))
         for row, law in enumerate(self._laws):
@@ -347,7 +375,7 @@ class NominalPhysics:
         curve = motion.curve
         q, v, a, passage = self._motion(curve, segments, dt)
         if self._forces is not None:
-            acting = rows(self._forces.edges, curve, segments, dt)
+            acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
             seen = self._forces(q, v, a, self._outside(curve, segments, dt), acting)
             self._check_formulas(seen, curve, segments, dt)
             if passage is None:
@@ -377,7 +405,7 @@ class NominalPhysics:
         driven = self._ideal.driven
         fitted, *along = (curve.at(segments, dt, d).T for d in range(3))
         v, a = along
-        closed_by = rows(self._ideal.edges, curve, segments, dt)
+        closed_by = rows(self._ideal.edges, self.coordinates, curve, segments, dt)
         return self._ideal.motion(fitted, v[driven], a[driven], (v, a), closed_by)
 
     def _outside(
@@ -411,7 +439,7 @@ class NominalPhysics:
         segment, since = each_instant(curve, segments, dt)
         bad = np.flatnonzero(~np.isfinite(seen.drive_torque).all(axis=0))
         known = self._outside(curve, segment[bad], since[bad])
-        acting = rows(forces.edges, curve, segment[bad], since[bad])
+        acting = rows(forces.edges, self.coordinates, curve, segment[bad], since[bad])
         motion = seen.position[:, bad], seen.velocity[:, bad], seen.acceleration[:, bad]
         with np.errstate(all='ignore'):
             supplied = forces.required(*motion, known, acting)
@@ -455,7 +483,7 @@ class NominalPhysics:
             times[still] = dt[still, None]
         driven[0] += TWO_PI * curve.turns[segments][:, indices].T[:, :, None]
         q, v, a = passage.states(beside, driven)
-        acting = rows(self._forces.edges, curve, segments, times)
+        acting = rows(self._forces.edges, self.coordinates, curve, segments, times)
         return self._forces(q, v, a, self._outside(curve, segments, times), acting)
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:

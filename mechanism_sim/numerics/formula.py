@@ -1,6 +1,9 @@
-"""Formulas that people write, as expressions: ``-0.2*rate + 3*sin(20*t)``.
+"""Formulas that people write, as expressions: ``-0.2*rate + 3*sin(20*t) if t > 2 else 0``.
 
-Only arithmetic and the functions below are read: nothing is executed.
+Only arithmetic, comparisons and the functions below are read: nothing is executed. Where a formula
+has a corner or a step (``min``, ``max``, ``abs``, ``sign``, a condition), it is made of flags that
+are 1 where something is positive and 0 elsewhere: who builds it says what a flag is, so that an
+integrator can locate the instants at which they change.
 """
 
 from __future__ import annotations
@@ -8,12 +11,13 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
 import heyoka as hy
 
-from mechanism_sim.errors import quoted
+from mechanism_sim.errors import nearest, quoted
 
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     'sin': hy.sin,
@@ -23,8 +27,12 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     'log': hy.log,
     'sqrt': hy.sqrt,
     'tanh': hy.tanh,
-    'abs': lambda x: hy.sqrt(x * x),
 }
+"""Smooth ones of one argument."""
+
+CORNERED = 'abs', 'sign', 'min', 'max'
+"""Those with a corner or a step."""
+
 LARGEST = 1e30
 """Of the numbers in a formula: beyond, products leave the range of floating-point numbers."""
 
@@ -78,7 +86,7 @@ def _depth(tree: ast.expr) -> int:
 
 
 def names(text: str) -> set[str]:
-    """Names of the variables in a formula.
+    """Names of the variables in a formula, not those of functions.
 
     Raises
     ------
@@ -91,59 +99,144 @@ def names(text: str) -> set[str]:
     return found - {'pi'}
 
 
-def expression(
-    text: str,
-    known: Mapping[str, hy.expression],
-    number: Callable[[float], hy.expression] = hy.expression,
-) -> hy.expression:
-    """A formula as an expression of what is known.
-
-    Parameters
-    ----------
-    text : the formula
-    known : expressions by the names that it may hold
-    number : makes expressions of its numbers in the order in which they are written; zero, one
-        and exponents, which shape the expression, are constants
+def functions(text: str) -> set[str]:
+    """Names of what a formula calls.
 
     Raises
     ------
     ValueError
-        If it names or calls something else.
+        If it cannot be read.
     """
-    return hy.expression(0.0) + _build(parse(text), {'pi': hy.pi, **known}, number, text)
+    calls = [n.func for n in ast.walk(parse(text)) if isinstance(n, ast.Call)]
+    return {f.id for f in calls if isinstance(f, ast.Name)}
 
 
-def _build(
-    node: ast.expr, known: Mapping[str, Any], number: Callable[[float], Any], text: str
-) -> Any:
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        if not abs(node.value) <= LARGEST:  # 1e400 is infinite to Python
-            raise ValueError(f'a number in {quoted(text)} is larger than {LARGEST:g}')
-        constant = hy.expression if node.value in (0, 1) else number
-        return constant(float(node.value))
-    if isinstance(node, ast.Name):
-        if node.id in known:
-            return known[node.id]
+def flag_of(guard: hy.expression) -> hy.expression:
+    """1 where an expression is positive, 0 elsewhere: for formulas that are only evaluated."""
+    return hy.select(hy.gt(guard, hy.expression(0.0)), hy.expression(1.0), hy.expression(0.0))
+
+
+@dataclass(frozen=True)
+class Words:
+    """What the words of a formula stand for.
+
+    Attributes
+    ----------
+    variables : expressions by the names that a formula may hold
+    number : makes expressions of its numbers in the order in which they are written; exponents,
+        which shape the expression, are constants
+    flag : makes the expression that is 1 where another one is positive, and 0 elsewhere
+    tables : functions of one argument beside the usual ones
+    """
+
+    variables: Mapping[str, hy.expression]
+    number: Callable[[float], hy.expression] = hy.expression
+    flag: Callable[[hy.expression], hy.expression] = flag_of
+    tables: Mapping[str, Callable[[hy.expression], hy.expression]] = field(default_factory=dict)
+
+
+def expression(text: str, words: Words) -> hy.expression:
+    """A formula as an expression.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, or names or calls what is not known.
+    """
+    return hy.expression(0.0) + _Builder(words, text).value(parse(text))
+
+
+class _Builder:
+    """Makes expressions of the nodes of a formula's tree."""
+
+    def __init__(self, words: Words, text: str) -> None:
+        self._words, self._text = words, text
+        self._variables = {'pi': hy.pi, **words.variables}
+
+    def value(self, node: ast.expr) -> Any:
+        """The expression of a node."""
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                if not abs(value) <= LARGEST:  # 1e400 is infinite to Python
+                    raise ValueError(
+                        f'a number in {quoted(self._text)} is larger than {LARGEST:g}'
+                    )
+                return self._words.number(float(value))
+            case ast.Name(id=name):
+                if name in self._variables:
+                    return self._variables[name]
+                raise ValueError(
+                    f"'{name}' in {quoted(self._text)} is not known; known are "
+                    f'{", ".join(self._variables)}'
+                )
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return -self.value(operand)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.value(operand)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+                return _BINARY[type(op)](self.value(left), self.value(right))
+            case ast.BinOp(left=base, op=ast.Pow(), right=right):
+                exponent = getattr(right, 'value', None)
+                if exponent in _POWERS:
+                    return reduce(operator.mul, [self.value(base)] * _POWERS[exponent])
+                raise ValueError(f'the power in {quoted(self._text)} must be 2, 3 or 4')
+            case ast.IfExp(test=test, body=body, orelse=other):
+                flag = self._condition(test)
+                return flag * self.value(body) + (1.0 - flag) * self.value(other)
+            case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+                return self._call(name, [self.value(x) for x in args])
         raise ValueError(
-            f"'{node.id}' in {quoted(text)} is not known; known are {', '.join(known)}"
+            f'{quoted(self._text)} is not a formula of numbers, names, + - * /, functions and '
+            "'A if X > Y else B'"
         )
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-        value = _build(node.operand, known, number, text)
-        return -value if isinstance(node.op, ast.USub) else value
-    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        left, right = (_build(side, known, number, text) for side in (node.left, node.right))
-        return _BINARY[type(node.op)](left, right)
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
-        exponent = node.right
-        value = getattr(exponent, 'value', None)
-        if value in _POWERS:
-            return reduce(operator.mul, [_build(node.left, known, number, text)] * _POWERS[value])
-        raise ValueError(f'the power in {quoted(text)} must be 2, 3 or 4')
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and len(node.args) == 1:
-        if node.func.id in FUNCTIONS:
-            return FUNCTIONS[node.func.id](_build(node.args[0], known, number, text))
+
+    def _call(self, name: str, args: list[Any]) -> Any:
+        text = quoted(self._text)
+        if name in ('min', 'max'):
+            if len(args) < 2:
+                raise ValueError(f'{name} in {text} needs at least two arguments')
+            sign = 1.0 if name == 'max' else -1.0
+            return reduce(lambda a, b: b + self._positive(sign * (a - b), a, b) * (a - b), args)
+        known = {*FUNCTIONS, *CORNERED, *self._words.tables}
+        if name not in known:
+            raise ValueError(
+                f"'{name}' in {text} is not a function known here{nearest(name, known)}; known "
+                f'are {", ".join(sorted(known))}'
+            )
+        if len(args) != 1:
+            raise ValueError(f'{name} in {text} needs one argument, but has {len(args)}')
+        (x,) = args
+        if name in ('abs', 'sign'):
+            sign = 2.0 * self._positive(x, x) - 1.0
+            return sign if name == 'sign' else sign * x
+        return {**FUNCTIONS, **self._words.tables}[name](x)
+
+    def _condition(self, node: ast.expr) -> Any:
+        """The flag of a condition."""
+        match node:
+            case ast.Compare(left=left, ops=ops, comparators=others) if all(
+                isinstance(op, ast.Gt | ast.GtE | ast.Lt | ast.LtE) for op in ops
+            ):
+                sides = [self.value(x) for x in (left, *others)]
+                flags = []
+                for op, a, b in zip(ops, sides, sides[1:], strict=False):
+                    rising = isinstance(op, ast.Gt | ast.GtE)
+                    flags.append(self._positive(a - b if rising else b - a, a, b))
+                return reduce(operator.mul, flags)
+            case ast.BoolOp(op=ast.And(), values=values):
+                return reduce(operator.mul, [self._condition(x) for x in values])
+            case ast.BoolOp(op=ast.Or(), values=values):
+                return 1.0 - reduce(operator.mul, [1.0 - self._condition(x) for x in values])
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return 1.0 - self._condition(operand)
         raise ValueError(
-            f"'{node.func.id}' in {quoted(text)} is not a function known here; known are "
-            f'{", ".join(FUNCTIONS)}'
+            f"a condition in {quoted(self._text)} must be made of < and >, 'and', 'or' and 'not'"
         )
-    raise ValueError(f'{quoted(text)} is not a formula of numbers, names, + - * / and functions')
+
+    def _positive(self, difference: Any, *sides: Any) -> Any:
+        """The flag of a difference, in the measure of what is compared.
+
+        Divided by it, large forces are compared as well as small displacements.
+        """
+        measure = reduce(operator.add, [x * x for x in sides], hy.expression(1.0))
+        return self._words.flag(difference / hy.sqrt(measure))

@@ -98,9 +98,15 @@ class Frames:
 
     def switch(self, name: str, guard: hy.expression) -> hy.expression:
         """A flag that is 1 where `guard` is positive and 0 elsewhere."""
-        symbol = hy.make_vars(f'on{len(self.switches)}')
-        known = self.switches.setdefault(name, Switch(symbol, guard))
-        return known.symbols[0]
+        for known in self.switches.values():
+            if isinstance(known, Switch) and known.inside == guard:
+                return known.flag
+        if name not in self.switches:
+            number = len(self.switches)
+            rated = {str(v) for v in self.v.values()}.intersection(hy.get_variables(guard))
+            holds = hy.make_vars(f'holds{number}') if rated else None
+            self.switches[name] = Switch(hy.make_vars(f'on{number}'), guard, holds)
+        return self.switches[name].symbols[0]
 
     def table(
         self, name: str, along: Jet, breaks: Array, rows: Array, periodic: bool
@@ -119,13 +125,35 @@ class Frames:
         -------
         The n symbols of the present row; the coordinate from the middle of the row.
         """
+        known = self._table(name, dense(along.value), breaks, rows, periodic)
+        local = Jet(known.local, along.gradient, along.rate, along.curvature)
+        return known.numbers, local
+
+    def lookup(
+        self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool
+    ) -> hy.expression:
+        """A piecewise polynomial of a place, which may be any function of motion and time.
+
+        Parameters
+        ----------
+        breaks : (k + 1,) as in `table`, or infinite at both ends
+        rows : (k, n) coefficients of powers, rising, of the place from the middle of its interval,
+            or from the finite end of an infinite one
+        """
+        known = self._table(name, place, breaks, rows, periodic)
+        value = known.numbers[-1]
+        for number in reversed(known.numbers[:-1]):
+            value = number + known.local * value
+        return value
+
+    def _table(
+        self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool
+    ) -> Table:
         known = self.switches.get(name)
         if not isinstance(known, Table):
             own = f'row{len(self.switches)}'
-            known = Table(name, own, dense(along.value), breaks, rows, periodic)
-            self.switches[name] = known
-        local = Jet(known.local, along.gradient, along.rate, along.curvature)
-        return known.numbers, local
+            known = self.switches[name] = Table(name, own, place, breaks, rows, periodic)
+        return known
 
     def world(self, frame: str, x: Term, y: Term) -> tuple[Term, Term]:
         """Components in the ground's frame of a vector given in a link's frame."""

@@ -12,7 +12,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, Table
+from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, Table, by_level
 
 Array = NDArray[np.float64]
 
@@ -26,22 +26,14 @@ class SwitchedFunction:
     ----------
     frames : of the expressions; all of their switches must have been asked for
     groups : of expressions
-    variables : v symbols, the coordinates first
+    variables : v symbols; switches that depend on others must not occur in the expressions
     """
 
     def __init__(
         self, frames: Frames, groups: Sequence[Sequence[Term]], variables: Sequence[hy.expression]
     ) -> None:
-        self._switches = [*frames.switches.values()]
-        coordinates = [*frames.q.values()]
-        self._count = len(coordinates)
-        parameters = frames.parameters.values
-        if self._switches:
-            places = with_all_turns(frames, [s.place for s in self._switches])
-            self._places = Evaluation(
-                compiled.function(places, coordinates), parameters, [len(places)]
-            )
-        symbols = [x for s in self._switches for x in s.symbols]
+        self._switches = _Switches(frames, variables)
+        symbols = self._switches.symbols
         terms = [x for group in groups for x in group]
         # a Jacobian of many links is mostly structural zeros, which take long to compile
         sparse = len(terms) > 2 * sum(x is not None for x in terms) > 0
@@ -49,7 +41,7 @@ class SwitchedFunction:
         expressions = [dense(terms[i]) for i in self._rows]
         function = compiled.function(expressions, [*variables, *symbols])
         sizes = [len(expressions)] if sparse else [len(group) for group in groups]
-        self._function = Evaluation(function, parameters, sizes)
+        self._function = Evaluation(function, frames.parameters.values, sizes)
         self._ends = np.cumsum([len(group) for group in groups]) if sparse else None
 
     def __call__(self, inputs: Array, rows: Array | None = None) -> list[Array]:
@@ -57,9 +49,8 @@ class SwitchedFunction:
 
         The values (k, N) of the switches are those at these places, unless they are given.
         """
-        if self._switches:
-            if rows is None:
-                rows = _values(self._switches, self._places(inputs[: self._count])[0])
+        if self._switches.symbols:
+            rows = self._switches(inputs)[1] if rows is None else rows[self._switches.known]
             inputs = np.concatenate([inputs, rows])
         found = self._function(inputs)
         if self._ends is None:
@@ -69,8 +60,68 @@ class SwitchedFunction:
         return np.split(every, self._ends[:-1])
 
 
+class _Switches:
+    """The switches that are determined by given variables, at their values.
+
+    Parameters
+    ----------
+    variables : v symbols
+
+    Attributes
+    ----------
+    symbols : of the switches, r
+    known : (R,) which of the symbols of all switches these are
+    """
+
+    def __init__(self, frames: Frames, variables: Sequence[hy.expression]) -> None:
+        every = [*frames.switches.values()]
+        places = _with_all_turns(frames, [s.place for s in every], variables)
+        given = {str(x) for x in variables}
+        own: list[int] = []
+        for k, place in enumerate(places):
+            if given.issuperset(hy.get_variables(place)):
+                own.append(k)
+                given.update(str(x) for x in every[k].symbols)
+        self.symbols = [x for k in own for x in every[k].symbols]
+        self.known = np.array([str(x) in given for s in every for x in s.symbols], bool)
+        self._levels: list[tuple[list[Switch | Table], Evaluation]] = []
+        symbols: list[hy.expression] = []
+        chosen = [every[k] for k in own]
+        for level in by_level(chosen, [places[k] for k in own]):
+            switches = [chosen[k] for k in level]
+            function = compiled.function([places[own[k]] for k in level], [*variables, *symbols])
+            self._levels.append(
+                (switches, Evaluation(function, frames.parameters.values, [len(level)]))
+            )
+            symbols += [x for s in switches for x in s.symbols]
+        self._order = [symbols.index(x) for x in self.symbols]
+
+    def __call__(self, inputs: Array) -> tuple[dict[int, Array], Array]:
+        """Places (N,) by the identity of each switch, and the values (r, N) of their symbols.
+
+        Parameters
+        ----------
+        inputs : (v, N)
+        """
+        placed: dict[int, Array] = {}
+        count = len(inputs)
+        for switches, function in self._levels:
+            (places,) = function(inputs)
+            placed |= {id(s): x for s, x in zip(switches, places, strict=True)}
+            values = [s.values_at(x) for s, x in zip(switches, places, strict=True)]
+            inputs = np.concatenate([inputs, *values])
+        return placed, inputs[count:][self._order]
+
+    @property
+    def depth(self) -> int:
+        """How many levels of switches depend on each other."""
+        return len(self._levels)
+
+
 class Edges:
     """Where along a motion other rows of switches begin.
+
+    States (2n + k, N) are coordinates, their rates, and what `outside` names.
 
     Parameters
     ----------
@@ -78,70 +129,80 @@ class Edges:
 
     Attributes
     ----------
-    coordinates : the indices of those that it takes to know
-    unwound : whether angles must be given with all their turns
+    outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
+    coordinates : the indices of those that it takes to know, by their values or their rates
+    rated : whether it takes any rate
     """
 
     def __init__(self, frames: Frames) -> None:
-        self._switches = [*frames.switches.values()]
-        coordinates, parameters = [*frames.q.values()], frames.parameters.values
-        places = with_all_turns(frames, [s.place for s in self._switches])
-        guards = with_all_turns(frames, [s.guard for s in self._switches])
-        named = {x for place in places for x in hy.get_variables(place)}
-        self.unwound = places != [s.place for s in self._switches]
-        self.coordinates = [i for i, q in enumerate(coordinates) if str(q) in named]
-        count = len(self._switches)
-        symbols = [x for s in self._switches for x in s.symbols]
-        self._places = Evaluation(compiled.function(places, coordinates), parameters, [count])
-        self._guards = Evaluation(
-            compiled.function(guards, [*coordinates, *symbols]),
-            parameters,
-            [count],
+        self.outside = tuple(frames.outside)
+        variables = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
+        self._every = every = [*frames.switches.values()]
+        self._switches = _Switches(frames, variables)
+        self._widths = [len(s.symbols) for s in every]
+        named = {x for s in every for x in hy.get_variables(s.place)}
+        rated = [str(v) in named for v in frames.v.values()]
+        self.rated = any(rated)
+        self.coordinates = [
+            i for i, q in enumerate(frames.q.values()) if str(q) in named or rated[i]
+        ]
+        function = compiled.function(
+            [s.guard for s in every], [*variables, *self._switches.symbols]
         )
+        self._guards = Evaluation(function, frames.parameters.values, [len(every)])
 
     def check(self, q: Array) -> None:
-        """Refuse coordinates (n, N) where a switch has no row.
+        """Refuse coordinates (n, N) at rest, at time zero, where a switch has no row.
 
         Raises
         ------
         RunError
         """
-        for known, places in zip(self._switches, self._places(q)[0], strict=True):
-            known.check(places)
+        rest = np.zeros((len(q) + len(self.outside), q.shape[1]))
+        states = np.concatenate([q, rest])
+        placed, _ = self._switches(states)
+        for switch in self._every:
+            switch.check(placed[id(switch)])
 
-    def present(self, q: Array) -> Array:
-        """The values (k, 1) of the switches at coordinates (n,)."""
-        return _values(self._switches, self._places(q[:, None])[0])
+    def present(self, state: Array) -> Array:
+        """The values (r, 1) of the switches in a state (2n + k,)."""
+        return self._switches(state[:, None])[1]
 
     def within(self, start: Array, middle: Array) -> Array:
-        """The values (k, N) of the switches in N segments of a motion, one row in each.
+        """The values (r, N) of the switches in N segments of a motion, one row in each.
 
         They are those at the start, unless their guards have fallen in the middle: a segment
         begins within a rounding of the edge that ended the one before, on either side of it.
 
         Parameters
         ----------
-        start, middle : coordinates (n, N) there
+        start, middle : states (2n + k, N) there
         """
-        (at_start,), (places,) = self._places(start), self._places(middle)
-        first = _values(self._switches, at_start)
-        (guards,) = self._guards(np.concatenate([middle, first]))
-        widths = [len(s.symbols) for s in self._switches]
-        left = np.repeat(guards + SWITCH_MARGIN <= 0.0, widths, axis=0)
-        return np.where(left, _values(self._switches, places), first)
+        (first, values), (then, later) = self._switches(start), self._switches(middle)
+        for _ in range(self._switches.depth):
+            (guards,) = self._guards(np.concatenate([middle, values]))
+            left = np.repeat(guards + SWITCH_MARGIN <= 0.0, self._widths, axis=0)
+            values = np.where(left, later, values)
+        own = np.split(values, np.cumsum(self._widths)[:-1])
+        kept = zip(self._every, own, strict=True)
+        return np.concatenate(
+            [s.values_between(first[id(s)], then[id(s)], known) for s, known in kept]
+        )
 
-    def left(self, q: Array, present: Array) -> Array:
-        """What is negative (g, N) at coordinates (n, N) where the present rows have ended."""
-        known = np.repeat(present, q.shape[1], axis=1)
-        return self._guards(np.concatenate([q, known]))[0]
+    def left(self, states: Array, present: Array) -> Array:
+        """What is negative (g, N) in states (2n + k, N) where the present rows have ended."""
+        known = np.repeat(present, states.shape[1], axis=1)
+        return self._guards(np.concatenate([states, known]))[0]
 
 
-def with_all_turns(frames: Frames, expressions: Sequence[hy.expression]) -> list[hy.expression]:
-    """The expressions of angles that count all their turns."""
-    turns = {x: hy.expression(0.0) for name, x in frames.outside.items() if name != 'time'}
+def _with_all_turns(
+    frames: Frames, expressions: Sequence[hy.expression], given: Sequence[hy.expression]
+) -> list[hy.expression]:
+    """The expressions of angles that count all their turns, unless the turns are given apart."""
+    known = {str(x) for x in given}
+    turns = {
+        x: hy.expression(0.0)
+        for name, x in frames.outside.items()
+        if name != 'time' and str(x) not in known
+    }
     return list(hy.subs(list(expressions), turns)) if turns else list(expressions)
-
-
-def _values(switches: Sequence[Switch | Table], places: Array) -> Array:
-    """The values (k, N) of switches at places (s, N)."""
-    return np.concatenate([s.values_at(x) for s, x in zip(switches, places, strict=True)])

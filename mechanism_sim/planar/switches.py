@@ -7,6 +7,7 @@ next row begins. So a table of any length costs the same.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import heyoka as hy
@@ -23,21 +24,39 @@ SWITCH_MARGIN = 1e-12
 _BEYOND = 1e-9  # of its length: what a table that is not periodic allows for rounding at its ends
 
 
-class Switch(NamedTuple):
-    """Something that acts only where a function of the coordinates is positive."""
+REST = 1e-10
+"""Size of a function of rates that is as good as zero: what steps there may hold a motion."""
 
-    flag: hy.expression  #: symbol of 1 or 0
+HOLDS = 2
+"""The row of a switch that holds a motion."""
+
+
+class Switch(NamedTuple):
+    """Something that acts only where a function of coordinates, rates and time is positive.
+
+    Where it acts against the motion on both sides of zero, it holds the motion there, in part:
+    A. F. Filippov, "Differential equations with discontinuous righthand sides", 1988, section 4.
+    """
+
+    flag: hy.expression  #: symbol of 1 or 0; where it holds, of its part then
     inside: hy.expression
+    holds: hy.expression | None = None  #: symbol of 1 where it holds; None if there are no rates
 
     @property
     def symbols(self) -> tuple[hy.expression, ...]:
-        """The flag."""
-        return (self.flag,)
+        """The flag, and whether it holds."""
+        return (self.flag,) if self.holds is None else (self.flag, self.holds)
 
     @property
     def guard(self) -> hy.expression:
-        """Falls through zero where the flag changes."""
-        return (2.0 * self.flag - 1.0) * self.inside
+        """Falls through zero where the flag changes; while it holds, `held_guard` does."""
+        beside = (2.0 * self.flag - 1.0) * self.inside
+        return beside if self.holds is None else (1.0 - self.holds) * beside + self.holds
+
+    @property
+    def held_guard(self) -> hy.expression:
+        """Falls through zero where it can hold no more: its part leaves 0 to 1."""
+        return self.flag * (1.0 - self.flag)
 
     @property
     def place(self) -> hy.expression:
@@ -51,17 +70,38 @@ class Switch(NamedTuple):
         """1 inside, else 0."""
         return int(place > 0.0)
 
-    def row_after(self, row: int, _: float) -> int:
-        """The other one."""
-        return 1 - row
+    def row_after(self, row: int, place: float) -> int:
+        """The other one; of one that holds that of the place."""
+        return int(place > 0.0) if row == HOLDS else 1 - row
+
+    def holding(self, row: int, rates: Sequence[float], part: float, place: float) -> int | None:
+        """The row that follows on one at zero, None if that of `row_after`.
+
+        Parameters
+        ----------
+        rates : of the function with the flag 0, and with the flag 1
+        part : of the flag that would hold
+        place : value of the function
+        """
+        if row == HOLDS:
+            return None if abs(place) > REST else int(part > 0.5)
+        return HOLDS if rates[1] < 0.0 < rates[0] and abs(place) <= REST else None
 
     def values(self, row: int) -> list[float]:
         """Of the symbols."""
-        return [float(row)]
+        held = [float(row == HOLDS)] if self.holds is not None else []
+        return [float(row % HOLDS), *held]
 
     def values_at(self, places: Array) -> Array:
-        """Of the symbol at places (N,): (1, N)."""
-        return (places > 0.0).astype(float)[None]
+        """Of the symbols at places (N,) as if it did not hold: (1, N) or (2, N)."""
+        return np.array([places > 0.0, np.zeros_like(places)][: len(self.symbols)], float)
+
+    def values_between(self, start: Array, middle: Array, values: Array) -> Array:
+        """Of the symbols in segments, from their places: where it stays at zero, it holds."""
+        if self.holds is None:
+            return values
+        held = np.maximum(np.abs(start), np.abs(middle)) <= REST
+        return np.where(held, np.array([[0.0], [1.0]]), values)
 
 
 class Table:
@@ -69,7 +109,9 @@ class Table:
 
     With the place x and the middle and the half length of the present row, the guard of a periodic
     table is ``1 - (sin((x - middle)/2)/sin(half/2))^2``, whatever the turns in x; of a straight
-    one ``1 - ((x - middle)/half)^2``, the outermost rows being a hair longer for it.
+    one ``1 - ((x - middle)/half)^2``, the outermost rows being a hair longer for it. Where the
+    outermost rows have no end, it is ``(1 + b (x - middle)) (c + d (x - middle))``, with the
+    finite end of such a row as its middle.
 
     Attributes
     ----------
@@ -90,8 +132,19 @@ class Table:
         self.name, self.place = name, place
         self._breaks, self._rows, self._periodic = np.array(breaks), np.array(rows), periodic
         ends = self._breaks
-        self._middle, half = 0.5 * (ends[1:] + ends[:-1]), 0.5 * np.diff(ends)
-        if periodic:
+        self._endless = bool(np.isinf(ends[-1]))
+        with np.errstate(invalid='ignore'):
+            self._middle, half = 0.5 * (ends[1:] + ends[:-1]), 0.5 * np.diff(ends)
+        if self._endless:
+            self._middle[[0, -1]] = ends[[1, -2]]
+            steep = 1.0 / half
+            steep[[0, -1]] = 1.0 / half[[1, -2]]
+            first, last = np.arange(len(half)) == 0, np.arange(len(half)) == len(half) - 1
+            bounds = [
+                self._middle, np.where(first | last, 0.0, steep), np.where(first | last, 0.0, 1.0),
+                np.where(last, steep, -steep),
+            ]  # fmt: skip
+        elif periodic:
             turned = 0.5 * self._middle
             bounds = [np.cos(turned), np.sin(turned), 1.0 / np.sin(0.5 * half)]
         else:
@@ -106,10 +159,14 @@ class Table:
             sine = s * own[0] - c * own[1]
             self.local = 2.0 * hy.atan(sine / (c * own[0] + s * own[1]))
             share = sine * own[2]
+            self.guard = 1.0 - share * share
+        elif self._endless:
+            self.local = place - own[0]
+            self.guard = (1.0 + own[1] * self.local) * (own[2] + own[3] * self.local)
         else:
             self.local = place - own[0]
             share = (place - own[1]) * own[2]
-        self.guard = 1.0 - share * share
+            self.guard = 1.0 - share * share
 
     @property
     def numbers(self) -> tuple[hy.expression, ...]:
@@ -122,6 +179,10 @@ class Table:
             first = self._breaks[0]
             places = first + (places - first) % (2.0 * math.pi)
         return np.searchsorted(self._breaks[1:-1], places, 'right')
+
+    def values_between(self, _start: Array, _middle: Array, values: Array) -> Array:
+        """As they are: a table holds nothing."""
+        return values
 
     def row_at(self, place: float) -> int:
         """The row at a place [rad, m]."""
@@ -136,6 +197,11 @@ class Table:
             If there is none.
         """
         away = place - float(self._middle[row])
+        if self._endless:
+            present = self.row_at(place)
+            first, last = row == 0, row == len(self._rows) - 1
+            onwards = first or (not last and away > 0.0)
+            return present if present != row else row + (1 if onwards else -1)
         if self._periodic:
             return (row + (1 if math.sin(away) > 0.0 else -1)) % len(self._rows)
         after = row + (1 if away > 0.0 else -1)
@@ -152,7 +218,9 @@ class Table:
         """
         first, last = self._breaks[[0, -1]]
         beyond = np.maximum(first - places, places - last)
-        if not self._periodic and beyond.max(initial=0.0) > 2.0 * _BEYOND * (last - first):
+        if not (self._periodic or self._endless) and beyond.max(initial=0.0) > 2.0 * _BEYOND * (
+            last - first
+        ):
             raise self._outside(float(places[beyond.argmax()]))
 
     def _outside(self, place: float) -> RunError:
@@ -171,3 +239,23 @@ class Table:
         """Of the n symbols at places (N,): (n, N)."""
         found: Array = self._values[self.rows_at(places)].T
         return found
+
+
+def by_level(
+    switches: Sequence[Switch | Table], places: Sequence[hy.expression] | None = None
+) -> list[list[int]]:
+    """The switches that depend on motion alone, those that depend on rows of these, and so on.
+
+    Parameters
+    ----------
+    places : if not their own
+    """
+    levels: dict[str, int] = {}
+    found: list[list[int]] = []
+    for k, switch in enumerate(switches):
+        named = hy.get_variables(switch.place if places is None else places[k])
+        level = 1 + max((levels.get(x, -1) for x in named), default=-1)
+        levels |= dict.fromkeys(map(str, switch.symbols), level)
+        found += [[] for _ in range(level + 1 - len(found))]
+        found[level].append(k)
+    return found

@@ -51,6 +51,7 @@ class _Derivation:
         self._symbols = Symbols(self._equations)
         self._vectors = Vectors(self._equations, self._symbols)
         self._say, self._terms = self._vectors.say, self._vectors.terms
+        self._motors = {motor.coordinate: motor for motor in machine.plan.motors}
         self._forces: list[Equation] = []
         self._on: dict[str, list[Expression]] = {c: [] for c in self._equations.coordinates}
 
@@ -96,7 +97,7 @@ class _Derivation:
         role = 'free' if self._system else 'follows from the closures'
         if q.name in plan.prescribed:
             role = 'prescribed'
-        elif q.name in plan.powered and not _idle(plan.laws[q.name]):
+        elif q.name in plan.powered and not self._idle(q.name):
             role = 'moved by its drive'
         return replace(q, meaning=f'{q.meaning}; {role}'), v, a
 
@@ -225,8 +226,8 @@ class _Derivation:
 
     def _drives(self) -> None:
         """What a drive brings about: the force of a prescribed motion is among the unknowns."""
-        for c, laws in self._machine.plan.laws.items():
-            if _idle(laws) or self._machine.level is Level.KINEMATIC:
+        for c in self._machine.plan.laws:
+            if self._idle(c) or self._machine.level is Level.KINEMATIC:
                 continue
             unit = self._symbols.unit_of_force(c)
             stem, what = ('tau', 'torque') if unit == 'N m' else ('F', 'force')
@@ -238,11 +239,15 @@ class _Derivation:
         lines = []
         symbols = self._symbols
         for c, laws in self._machine.plan.laws.items():
-            for law in () if _idle(laws) else laws:
+            motor = self._motors.get(c)
+            for law in () if self._idle(c) else laws:
                 since = f'for t >= {law.valid_from!r} s' if len(laws) > 1 else ''
                 if isinstance(law, TorqueLaw):
                     factors = (sympy.Integer(1), symbols.q[c], symbols.v[c])
-                    lines.append(Equation(c, (self._on[c][-1],), _sum(law, factors), since))
+                    given = _sum(law, factors) if any(law.coefficients) or not motor else ()
+                    if motor:
+                        given = (*given, *self._terms(motor.torque(self._equations.frames)))
+                    lines.append(Equation(c, (self._on[c][-1],), given, since))
                     continue
                 t = symbols.time - law.reference_time if law.reference_time else symbols.time
                 given = _sum(law, [t**k for k in range(law.degree + 1)])
@@ -251,6 +256,12 @@ class _Derivation:
                     twice = sympy.diff(sympy.Add(*given), symbols.time, 2)
                     lines.append(Equation(c, (symbols.a[c],), (twice,), since))
         return tuple(lines)
+
+    def _idle(self, c: str) -> bool:
+        """Whether law and motor of a coordinate leave it free."""
+        laws = self._machine.plan.laws[c]
+        still = all(isinstance(law, TorqueLaw) and not any(law.coefficients) for law in laws)
+        return still and c not in self._motors
 
     def _motion(self) -> tuple[Equation, ...]:
         """One row for each coordinate."""
@@ -287,11 +298,6 @@ def _is_trigonometric(expression: Expression) -> bool:
     functions = {type(x) for x in expression.atoms(sympy.Function)}
     powers = all(x.exp.is_Integer for x in expression.atoms(sympy.Pow))
     return powers and functions <= {sympy.sin, sympy.cos}
-
-
-def _idle(laws: Sequence[Law]) -> bool:
-    """Whether the laws of a coordinate leave it free."""
-    return all(isinstance(law, TorqueLaw) and not any(law.coefficients) for law in laws)
 
 
 def _sum(law: Law, factors: Sequence[Expression]) -> tuple[Expression, ...]:

@@ -170,9 +170,12 @@ def _drive(machine: Machine, coordinate: str) -> str:
     pace, force, place = ('m/s', 'N', 'm') if straight else ('rad/s', 'N m', 'rad')
     if not isinstance(law, DriveLaw):
         constant, per_angle, per_speed = law.coefficients
+        begin = machine.plan.begins.get(coordinate, (0.0, 0.0))[1]
+        for motor in machine.plan.motors:
+            if motor.coordinate == coordinate:
+                return f'free, moved by {motor.name}, from {begin:g} {pace}'
         if not any(law.coefficients):
             return 'free'
-        begin = machine.plan.begins[coordinate][1]
         return (
             f'free, moved by {constant:g} {force} {per_angle:+g} {force}/{place} times '
             f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '

@@ -9,8 +9,9 @@ from typing import Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, speed_profile
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.motor import InductionMotor, Motor, PointsOfTorque
 from mechanism_sim.scene.places import Places, kind_of
-from mechanism_sim.scene.schema import Commands, DrivePart, Motor
+from mechanism_sim.scene.schema import Commands, DrivePart, MotorPart
 
 _WAYS = 'profile', 'torque', 'force', 'motor'
 _POWERED = 'they are of speeds; a torque takes commands of effort without this key'
@@ -94,8 +95,7 @@ def read_laws(
     _check_commands(where, drive.commands, reason)
     if powered:
         if drive.motor:
-            _check_motor(where, drive.motor)
-            return (_motor_law(c, drive.motor.stall_torque, drive.motor.no_load_speed),), begin
+            return (_motor_law(where, c, drive.motor),), begin
         f, t = drive.force, drive.torque
         if f:
             return (TorqueLaw(c, (f.constant, f.per_position, f.per_speed)),), begin
@@ -140,13 +140,28 @@ def _check_commands(where: str, commands: Commands | None, reason: str) -> None:
         raise InputError(f'{where}.commands: {reason}')
 
 
-def _check_motor(where: str, motor: Motor) -> None:
-    """Refuse a motor that does not come to rest at a speed.
+def read_motor(coordinate: str, drive: DrivePart) -> Motor | None:
+    """The motor of a drive whose torque is no straight line over its speed, if it has one."""
+    motor = drive.motor
+    if motor is None or not (motor.curve or motor.induction):
+        return None
+    if motor.curve:
+        return Motor(coordinate, PointsOfTorque(motor.curve.curve), motor.ratio)
+    assert motor.induction is not None  # noqa: S101 - one of the two is there
+    by_formula = InductionMotor.of_data_sheet(**motor.induction.model_dump())
+    return Motor(coordinate, by_formula, motor.ratio)
+
+
+def _motor_law(where: str, coordinate: str, motor: MotorPart) -> TorqueLaw:
+    """The straight line of a direct-current motor; nothing beside another characteristic.
 
     Raises
     ------
     InputError
+        If it does not come to rest at a speed.
     """
+    if motor.stall_torque is None or motor.no_load_speed is None:
+        return TorqueLaw(coordinate)
     if motor.no_load_speed == 0.0:
         raise InputError(f'{where}.motor.no_load_speed must not be zero')
     if motor.stall_torque * motor.no_load_speed < 0.0:
@@ -155,8 +170,5 @@ def _check_motor(where: str, motor: Motor) -> None:
             f'{motor.no_load_speed:g} rad/s have opposite signs: it would run away; give both the '
             'sign in which it turns'
         )
-
-
-def _motor_law(coordinate: str, stall_torque: float, no_load_speed: float) -> TorqueLaw:
-    """The straight line of a direct-current motor."""
-    return TorqueLaw(coordinate, (stall_torque, 0.0, -stall_torque / no_load_speed))
+    torque, ratio = motor.stall_torque, motor.ratio
+    return TorqueLaw(coordinate, (torque * ratio, 0.0, -torque / motor.no_load_speed * ratio**2))

@@ -71,7 +71,9 @@ class DynamicModel(NominalModel):
             degree = max(degree, 2)  # commanded speeds are joined by ramps
         elements = [*films, *self.plan.elements(mechanism)]
         prescribed, powered = self.plan.prescribed, self.plan.powered
-        return System(mechanism, gaps, prescribed, degree, closing, powered, elements)
+        return System(
+            mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors
+        )  # fmt: skip
 
     @cached_property
     def physics(self) -> Physics:

@@ -15,6 +15,7 @@ from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
 from mechanism_sim.scene.schema import AnyScene, Scene
+from mechanism_sim.scene.table_keys import with_files
 
 MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
 
@@ -90,7 +91,7 @@ def read_yaml(path: Path, kind: str) -> dict[str, Any]:
     InputError
         If it cannot be read, or is no list of keys with values.
     """
-    data = documents.read(path, kind)
+    data = with_files(path.name, path.parent, documents.read(path, kind))
     if not isinstance(data, dict):
         raise InputError(
             f'{path.name}: a {kind} is a list of keys with values, see docs/{_DOCS[kind]}'

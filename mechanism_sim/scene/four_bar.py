@@ -16,14 +16,13 @@ from mechanism_sim.linkages.grashof import beside_change_point
 from mechanism_sim.scene.contact_keys import Clearance
 from mechanism_sim.scene.quantities import Length, Part
 from mechanism_sim.scene.schema import (
+    LOAD_SECTIONS,
     AnyScene,
     DrivePart,
     InitialPart,
     LinkPart,
-    LoadPart,
     PointMass,
     SensorPart,
-    SpringPart,
 )
 
 JOINTS = {
@@ -93,8 +92,8 @@ class FourBarJoints(Part):
     """The rocker's bearing in the frame."""
 
 
-class FourBarScene(AnyScene):
-    """A scene from the four-bar template."""
+class FourBarKeys(AnyScene):
+    """What a four-bar says, but for its loads."""
 
     mechanism: Literal['four_bar']
     """A template: links and joints have these names."""
@@ -108,14 +107,14 @@ class FourBarScene(AnyScene):
     """Point masses that links carry, by name."""
     drive: DrivePart
     """What moves the crank: a speed, a profile, a torque or a motor."""
-    springs: dict[str, SpringPart] = {}
-    """With their dampers, by name."""
-    loads: dict[str, LoadPart] = {}
-    """Forces and torques on links, by name."""
     initial: InitialPart = InitialPart()
     """Coordinates of a loose machine that start elsewhere than `start` says."""
     sensors: dict[str, SensorPart] = Field({})
     """Accelerometers, encoders and others, by name."""
+
+
+class FourBarScene(*LOAD_SECTIONS, FourBarKeys):  # type: ignore[misc]
+    """A scene from the four-bar template."""
 
     @model_validator(mode='after')
     def _driven_by_its_crank(self) -> FourBarScene:

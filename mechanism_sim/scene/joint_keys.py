@@ -70,6 +70,9 @@ class Names(Protocol):
     def shaft(self, where: str, link: str, on: str = GROUND) -> tuple[str, Vector2, Vector2]:
         """The joint in which a link turns on another, and where on that and on itself [m]."""
 
+    def coordinate(self, where: str, name: str) -> str:
+        """The name of a coordinate, which is that of a moving link."""
+
     def measure(
         self, where: str, measure: Measure, straight: bool, units: tuple[str, str]
     ) -> float:

@@ -14,12 +14,14 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     closing_joints,
 )
+from mechanism_sim.planar.motor import Motor
 from mechanism_sim.scene.contact_keys import Play
-from mechanism_sim.scene.drives import is_straight, read_drives, read_laws
-from mechanism_sim.scene.forces import Elements, read_forces
+from mechanism_sim.scene.drives import is_straight, read_drives, read_laws, read_motor
 from mechanism_sim.scene.gears import read_wheel
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.kinds.mesh import backlashes, check_bearings, in_mesh
+from mechanism_sim.scene.load_keys import Elements
+from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.structure import read_bodies, read_joints
@@ -44,6 +46,7 @@ class Plan:
     guess : rough values of coordinates
     points : named points of the links, in their frames [m]
     elements : springs, dampers and loads
+    motors : of the driven coordinates that have one whose torque is no straight line over speed
     weighed : whether every link has the mass properties that forces need
     """
 
@@ -59,6 +62,7 @@ class Plan:
     guess: dict[str, float] = field(default_factory=dict)
     points: dict[str, dict[str, Vector2]] = field(default_factory=dict)
     elements: Elements = lambda _: []
+    motors: tuple[Motor, ...] = ()
     weighed: bool = True
 
     def mechanism(self, cut: Sequence[str]) -> Mechanism:
@@ -167,6 +171,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         (silent, frozenset(c for c, drive in drives.items() if drive.speed is None)),
         guess,
         places.points,
-        read_forces(places, tree),
+        read_loads(places, tree),
+        tuple(m for c, drive in drives.items() if (m := read_motor(c, drive)) is not None),
         all(scene.links[x].mass is not None or x in weighing for x in places.links),
     )

@@ -8,10 +8,10 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from mechanism_sim.errors import nearest
-from mechanism_sim.numerics import formula
+from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.gear_keys import GearPart
-from mechanism_sim.scene.joint_keys import Reference
 from mechanism_sim.scene.kinds import KINDS
+from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
@@ -25,7 +25,6 @@ from mechanism_sim.scene.quantities import (
     Mass,
     Part,
     Position,
-    Quantity,
     Rate,
     Speed,
     Time,
@@ -38,38 +37,15 @@ from mechanism_sim.scene.quantities import (
 )
 from mechanism_sim.scene.sensor_keys import QUANTITIES
 from mechanism_sim.scene.sensors import SENSORS
+from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.sensing import chain
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import Measure, to_si
+from mechanism_sim.units import Measure
 
 Place = Annotated[Measure, si_of('rad', 'm')]
 Pace = Annotated[Measure, si_of('rad/s', 'm/s')]
-Stiffness = Annotated[Measure, si_of('N/m', 'N m/rad')]
-Damping = Annotated[Measure, si_of('N s/m', 'N m s/rad')]
 PerSpeed = Annotated[float, si('N s/m')]
 PerPosition = Annotated[float, si('N/m')]
-
-
-def _or_formula(unit: str) -> Quantity:
-    """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``."""
-
-    def read(value: Any) -> float | str:
-        try:
-            return to_si(value, unit)
-        except ValueError as error:
-            if not isinstance(value, str):
-                raise
-            try:
-                formula.names(value)
-            except ValueError as other:
-                raise (other if '(' in value else error) from error
-            return value
-
-    return Quantity(read, (unit,), 'a formula')
-
-
-ForceOrFormula = Annotated[float | str, _or_formula('N')]
-TorqueOrFormula = Annotated[float | str, _or_formula('N m')]
 Vector = tuple[Position, Position]
 
 
@@ -84,13 +60,55 @@ class AffineTorque(Part):
     """Times its speed; negative brakes."""
 
 
-class Motor(Part):
-    """The straight line of a direct-current motor."""
+class InductionPart(Part):
+    """An induction motor as its data sheet has it (Kloss' formula); signs as it turns."""
 
-    stall_torque: Torque
-    """Torque at rest."""
-    no_load_speed: Speed
-    """Speed at which there is no torque."""
+    synchronous_speed: Speed
+    """At which there is no torque, as 1500 rpm."""
+    rated_speed: Speed
+    """Of the shaft under the rated torque."""
+    rated_torque: Torque
+    """On the shaft."""
+    breakdown_torque: Torque
+    """The largest."""
+
+
+class MotorPart(Part):
+    """A motor, by one of three characteristics of its shaft, and the gear to the link."""
+
+    stall_torque: Torque | None = None
+    """Of a direct-current motor, whose torque falls along a straight line: that at rest."""
+    no_load_speed: Speed | None = None
+    """Of a direct-current motor: that at which there is no torque."""
+    curve: TablePart | None = None
+    """Torque over speed by points, as [1400 rpm, 30 N m]."""
+    induction: InductionPart | None = None
+    """Torque of an induction motor by its data sheet."""
+    ratio: Annotated[float, si(''), Field(allow_inf_nan=False)] = 1.0
+    """Turns of the shaft in one of the link; negative if it turns the other way."""
+    inertia: AddedInertia = 0.0
+    """Of what turns with the shaft; on the link it counts with the square of the ratio."""
+
+    @model_validator(mode='after')
+    def _one_characteristic(self) -> MotorPart:
+        direct = self.stall_torque is not None, self.no_load_speed is not None
+        if any(direct) + (self.curve is not None) + (self.induction is not None) != 1 or (
+            any(direct) and not all(direct)
+        ):
+            raise ValueError(
+                "needs one of: 'stall_torque' with 'no_load_speed', 'curve', 'induction'"
+            )
+        if self.ratio == 0.0:
+            raise ValueError('has ratio = 0: it must not be zero')
+        if self.curve:
+            units = [points[0].unit for points in zip(*self.curve.points, strict=True)]
+            if units[0] not in ('', 'rad/s') or units[1] not in ('', 'N m') or self.curve.cyclic:
+                raise ValueError(
+                    "has a curve that is not of speeds and torques, 'rad/s' and 'N m'"
+                )
+        if (data := self.induction) is not None:
+            InductionMotor.of_data_sheet(**data.model_dump())
+        return self
 
 
 class Commands(Part):
@@ -310,8 +328,8 @@ class DrivePart(Part):
     """On a link that turns: an affine law of angle and speed; {} moves freely."""
     force: AffineForce | None = None
     """On a link that slides: an affine law of displacement and speed; {} moves freely."""
-    motor: Motor | None = None
-    """A direct-current motor, instead of a torque."""
+    motor: MotorPart | None = None
+    """A motor with its characteristic, instead of a torque."""
     commands: Commands | None = None
     """Take commands of speed while the machine runs."""
     flywheel: AddedInertia = 0.0
@@ -321,46 +339,11 @@ class DrivePart(Part):
     start_position: Position | None = None
     """Of a link that slides, at t = 0; else that of `guess`, or 0."""
 
-
-class SpringPart(Part):
-    """Between two points, or, with an angular stiffness, between two links."""
-
-    between: Reference
-    """Two points; two links for a torsion spring."""
-    stiffness: Stiffness = Measure(0.0, '')
-    """Per length or per angle, which says what kind of spring it is."""
-    damping: Damping = Measure(0.0, '')
-    """Per speed of the same kind."""
-    free_length: Annotated[float, si('m')] | None = None
-    """Where it pulls nothing; else 0."""
-    free_angle: Angle | None = None
-    """Where a torsion spring turns nothing; else 0."""
-
-
-class DuringPart(Part):
-    """A part of the cycle of a coordinate."""
-
-    coordinate: str
-    """The link whose angle it is."""
-    begin: Angle = Field(alias='from')
-    """Where it begins."""
-    end: Angle = Field(alias='to')
-    """Where it ends, counterclockwise from there."""
-
-
-class LoadPart(Part):
-    """A force at a point of a link, a torque on it, or both."""
-
-    at: str
-    """LINK.POINT on which it acts."""
-    force: tuple[ForceOrFormula, ForceOrFormula] = (0.0, 0.0)
-    """Along x and y; quantities, or formulas such as "-5*vx + 3*sin(20*t)"."""
-    torque: TorqueOrFormula = 0.0
-    """Counterclockwise; a quantity or a formula."""
-    frame: Literal['world', 'link'] = 'world'
-    """Whether the force keeps its direction, or turns with the link."""
-    during: DuringPart | None = None
-    """The part of a cycle in which it acts; else always."""
+    @property
+    def added_inertia(self) -> float:
+        """What turns with the link beside its own inertia, as seen by it [kg m^2]."""
+        m = self.motor
+        return self.flywheel + (m.inertia * m.ratio**2 if m else 0.0)
 
 
 class InitialPart(Part):
@@ -391,10 +374,12 @@ class AnyScene(Part):
     """How exact the solution is to be."""
     oscillators: dict[str, Oscillator] = {}
     """Frames on springs that the machine shakes, by name."""
+    tables: dict[str, TablePart] = {}
+    """Curves through points, by the names by which formulas call them, as in press(ram)."""
 
 
-class Scene(AnyScene):
-    """A scene that names its links and joints."""
+class Linkage(AnyScene):
+    """What a scene that names its links and joints says, but for its loads."""
 
     mechanism: Literal['linkage']
     """Written out: links and joints have the names given here."""
@@ -412,11 +397,14 @@ class Scene(AnyScene):
     """Further drives, by link."""
     guess: dict[str, Place] = {}
     """Rough angles and displacements by link, which choose how loops are closed."""
-    springs: dict[str, SpringPart] = {}
-    """With their dampers, by name."""
-    loads: dict[str, LoadPart] = {}
-    """Forces and torques on links, by name."""
     initial: InitialPart = InitialPart()
     """Coordinates that start elsewhere than drive and guess say."""
     sensors: dict[str, SensorPart] = Field({})
     """Accelerometers, encoders and others, by name."""
+
+
+LOAD_SECTIONS = tuple(kind.section for kind in LOADS.values())
+
+
+class Scene(*LOAD_SECTIONS, Linkage):  # type: ignore[misc]
+    """A scene that names its links and joints."""

@@ -87,7 +87,7 @@ def read_bodies(
                 parts.append((mass.mass, 0.0, at))
         body = _together(link, parts)
         if link in drives:
-            body = Body(link, body.mass, body.inertia + drives[link].flywheel, body.cog)
+            body = Body(link, body.mass, body.inertia + drives[link].added_inertia, body.cog)
         found.append(body)
     return tuple(found)
 

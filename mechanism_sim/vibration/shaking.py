@@ -55,7 +55,7 @@ class WholeMachine:
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force and moment."""
         q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
-        known = rows(self._force.edges, motion.curve, segments, dt)
+        known = rows(self._force.edges, self._coordinates, motion.curve, segments, dt)
         return self._force(q, v, a, self._outside(motion, segments, dt), known)
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:

@@ -1,0 +1,109 @@
+"""Curves through points, as polynomials between them: tables of forces, motors, profiles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from mechanism_sim.numerics.polynomials import TWO_PI, shift_powers
+
+Array = NDArray[np.float64]
+
+_WIDEST = 0.25 * TWO_PI
+"""Of the intervals of a curve that repeats every turn."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A piecewise polynomial; before the first and after the last point its value stays.
+
+    Attributes
+    ----------
+    breaks : (k + 1,) between which the polynomials hold; infinite at both ends, or those of a turn
+    rows : (k, n) coefficients of powers, rising, of the place from the middle of its interval, or
+        from the finite end of an infinite one
+    cyclic : whether it repeats every turn
+    """
+
+    breaks: Array
+    rows: Array
+    cyclic: bool = False
+
+    def __call__(self, x: Array) -> Array:
+        """Values at places (N,); at a step that behind it."""
+        if self.cyclic:
+            x = self.breaks[0] + (x - self.breaks[0]) % TWO_PI
+        row = np.clip(np.searchsorted(self.breaks, x, 'right') - 1, 0, len(self.rows) - 1)
+        with np.errstate(invalid='ignore'):
+            origin = 0.5 * (self.breaks[1:] + self.breaks[:-1])
+        if not self.cyclic:
+            origin[[0, -1]] = self.breaks[[1, -2]]
+        powers = (x - origin[row])[:, None] ** np.arange(self.rows.shape[1])
+        return np.asarray((self.rows[row] * powers).sum(axis=1))
+
+
+def through(
+    points: Sequence[tuple[float, float]],
+    ramp: Literal['linear', 'smooth'] = 'linear',
+    cyclic: bool = False,
+) -> Curve:
+    """The curve through points (x, y) whose x do not fall; two of the same x are a step.
+
+    Between steps it is straight, or of continuous slope and without extremes of its own (cubic
+    Hermite polynomials with the slopes of Fritsch and Butland, SIAM J. Sci. Stat.
+    Comput. 5, 1984).
+
+    Raises
+    ------
+    ValueError
+        One sentence: what is wrong with the points.
+    """
+    x, y = (np.array(column, float) for column in zip(*points, strict=True))
+    if len(x) < 2 or (np.diff(x) < 0.0).any() or ((x[2:] == x[:-2]) & (x[1:-1] == x[2:])).any():
+        raise ValueError('needs two points or more, with rising x; two of the same x are a step')
+    steps = np.flatnonzero(np.diff(x) == 0.0) + 1
+    if cyclic and abs(x[-1] - x[0] - TWO_PI) > 1e-9:
+        raise ValueError(
+            f'is cyclic, so that its points must span a turn of 360 deg: they span '
+            f'{np.degrees(x[-1] - x[0]):.6g} deg'
+        )
+    parts = [(a, b) for a, b in pairwise([0, *steps, len(x)]) if b > a + 1]
+    if not parts:
+        raise ValueError('is one step: give a point beside it')
+    closes = cyclic and not len(steps) and y[0] == y[-1]
+    breaks, rows = [x[0]], []
+    for begin, end in parts:
+        own, values = x[begin:end], y[begin:end]
+        if closes and ramp == 'smooth' and len(own) > 2:
+            own = np.concatenate([own[-3:-1] - TWO_PI, own, own[1:3] + TWO_PI])
+            values = np.concatenate([values[-3:-1], values, values[1:3]])
+        for a, b, row in _polynomials(own, values, ramp):
+            if x[begin] <= a < x[end - 1]:
+                parts_of = max(1, int(np.ceil((b - a) / _WIDEST))) if cyclic else 1
+                ends = np.linspace(a, b, parts_of + 1)
+                middles = 0.5 * (ends[1:] + ends[:-1])
+                rows += list(shift_powers(np.repeat([row], parts_of, axis=0), middles - a))
+                breaks += ends[1:].tolist()
+    if cyclic:
+        breaks[-1] = breaks[0] + TWO_PI
+        return Curve(np.array(breaks), np.array(rows), cyclic=True)
+    still = np.zeros((2, len(rows[0])))
+    still[:, 0] = y[[0, -1]]
+    return Curve(np.array([-np.inf, *breaks, np.inf]), np.array([still[0], *rows, still[1]]))
+
+
+def _polynomials(
+    x: Array, y: Array, ramp: Literal['linear', 'smooth']
+) -> list[tuple[float, float, Array]]:
+    """From where to where, and coefficients of powers, rising, of the place from there."""
+    if ramp == 'linear':
+        slopes = np.diff(y) / np.diff(x)
+        return [(a, b, np.array(c)) for a, b, *c in zip(x[:-1], x[1:], y, slopes, strict=False)]
+    found = PchipInterpolator(x, y)
+    return list(zip(found.x[:-1], found.x[1:], found.c[::-1].T, strict=True))

@@ -1,0 +1,164 @@
+"""Forces and torques on links: constant, by formulas of motion and time, or by tables."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+import heyoka as hy
+from pydantic import Field
+
+from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.linkages.forces import AppliedForce, CycleRange
+from mechanism_sim.numerics import formula
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.scene.joint_keys import Names
+from mechanism_sim.scene.load_keys import Elements, LoadKind, register
+from mechanism_sim.scene.quantities import Part, Quantity, si_of
+from mechanism_sim.units import Measure, to_si
+
+Place = Annotated[Measure, si_of('rad', 'm')]
+
+
+def _or_formula(unit: str) -> Quantity:
+    """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``."""
+
+    def read(value: Any) -> float | str:
+        try:
+            return to_si(value, unit)
+        except ValueError as error:
+            if not isinstance(value, str):
+                raise
+            try:
+                formula.names(value)
+            except ValueError as other:
+                raise (other if '(' in value or ' if ' in value else error) from error
+            return value
+
+    return Quantity(read, (unit,), 'a formula')
+
+
+ForceOrFormula = Annotated[float | str, _or_formula('N')]
+TorqueOrFormula = Annotated[float | str, _or_formula('N m')]
+
+
+class DuringPart(Part):
+    """A part of the cycle of a coordinate."""
+
+    coordinate: str
+    """The link whose angle or displacement it is."""
+    begin: Place | None = Field(None, alias='from')
+    """Where it begins; of an angle always needed, of a displacement its least value if any."""
+    end: Place | None = Field(None, alias='to')
+    """Where it ends: of an angle, counterclockwise from there; of a displacement its largest."""
+    moving: Literal['forward', 'backward'] | None = None
+    """Only while the coordinate increases, or only while it decreases; else both."""
+
+
+class LoadPart(Part):
+    """A force at a point of a link, a torque on it, or both."""
+
+    at: str
+    """LINK.POINT on which it acts."""
+    force: tuple[ForceOrFormula, ForceOrFormula] = (0.0, 0.0)
+    """Along x and y; quantities, or formulas such as "-5*vx + 3*sin(20*t)"."""
+    torque: TorqueOrFormula = 0.0
+    """Counterclockwise; a quantity or a formula."""
+    reaction: str | None = None
+    """LINK.POINT on which the opposite force and torque act; without it they act outside."""
+    frame: Literal['world', 'link'] = 'world'
+    """Whether the force keeps its direction, or turns with the link."""
+    during: DuringPart | None = None
+    """The part of a cycle in which it acts; else always."""
+
+
+class Loads(Part):
+    """The loads of a scene."""
+
+    loads: dict[str, LoadPart] = Field({})
+    """Forces and torques on links, by name."""
+
+
+def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements:
+    where = f'loads.{name}'
+    point = places.find(f'{where}.at', load.at)
+    other = places.find(f'{where}.reaction', load.reaction) if load.reaction else None
+    if other and other[0] == point[0]:
+        raise InputError(f'{places.name}: {where}: at and reaction name one link, {other[0]}')
+    for part in (*load.force, load.torque):
+        if isinstance(part, str):
+            _check_formula(places, where, part)
+    during = _range(places, f'{where}.during', load.during, tree) if load.during else None
+    guided = {c: tree.tree_joints[c].name for c in tree.sliding}
+    tables = {n: table.curve for n, table in places.scene.tables.items()}
+
+    return lambda mechanism: [
+        AppliedForce(
+            where, mechanism, point, load.force, load.torque, load.frame == 'link', during,
+            guided, tables, other,
+        )
+    ]  # fmt: skip
+
+
+def _check_formula(places: Names, where: str, text: str) -> None:
+    """Refuse a formula that names or calls what is not known.
+
+    Raises
+    ------
+    InputError
+    """
+    known = {'t', 'x', 'y', 'vx', 'vy', *places.links, *(f'{x}_rate' for x in places.links)}
+    used = formula.names(text)
+    for other in used - known:
+        raise InputError(
+            f"{places.name}: {where}: the formula {quoted(text)} names '{other}'"
+            f'{nearest(other, known)}; it may name t, x, y, vx, vy, a link, or LINK_rate'
+        )
+    for link in places.links:
+        if (rate := f'{link}_rate') in places.links and rate in used:
+            raise InputError(
+                f"{places.name}: {where}: '{rate}' in the formula {quoted(text)} may be "
+                f'the link {rate} or the rate of {link}; call one of the links otherwise'
+            )
+    symbols = {x: hy.expression(x) for x in known}
+    tables = dict.fromkeys(places.scene.tables, lambda x: x)
+    try:
+        formula.expression(text, formula.Words(symbols, tables=tables))
+    except ValueError as error:
+        raise InputError(f'{places.name}: {where}: {error}') from error
+
+
+def _range(places: Names, where: str, given: DuringPart, tree: Mechanism) -> CycleRange:
+    """The part of a cycle in which a load acts.
+
+    Raises
+    ------
+    InputError
+        If it is empty, or not one of the coordinate.
+    """
+    c = places.coordinate(f'{where}.coordinate', given.coordinate)
+    straight = tree.frame(c) != (c, 0.0)
+    ends = [
+        None if x is None else places.measure(f'{where}.{key}', x, straight, ('rad', 'm'))
+        for key, x in (('from', given.begin), ('to', given.end))
+    ]
+    begin, end = ends
+    if begin is None and end is None and given.moving is None:
+        raise InputError(f"{places.name}: {where} needs 'from' and 'to', or 'moving'")
+    if not straight and (begin is None) != (end is None):
+        raise InputError(f"{places.name}: {where}: of an angle give both 'from' and 'to'")
+    if begin is not None and end is not None:
+        if straight and not begin < end:
+            raise InputError(
+                f"{places.name}: {where}: 'from' = {begin:g} m must be less than 'to' = {end:g} m"
+            )
+        if not straight and abs(math.remainder(end - begin, 2.0 * math.pi)) < 1e-9:
+            raise InputError(
+                f"{places.name}: {where}: 'from' and 'to' are the same direction; for a load that "
+                "acts in the whole cycle leave out 'during'"
+            )
+    way = {None: 0, 'forward': 1, 'backward': -1}[given.moving]
+    return CycleRange(c, begin, end, straight, way)
+
+
+register(LoadKind(Loads, _read))
