@@ -16,7 +16,7 @@ from mechanism_sim.bench.problem import (
     Method,
     Outcome,
     Run,
-    found_in,
+    instances_in,
     nothing_missing,
 )
 from mechanism_sim.bench.tree import Tree
@@ -187,4 +187,4 @@ class Peer:
 @cache
 def peers() -> tuple[Peer, ...]:
     """All peers of the modules in `mechanism_sim.bench.peers`, in the order of their files."""
-    return tuple(found_in('mechanism_sim.bench.peers', Peer))
+    return tuple(instances_in('mechanism_sim.bench.peers', Peer))

@@ -54,7 +54,7 @@ def whole(work: Callable[[], Outcome]) -> Run:
     return run
 
 
-def found_in(package: str, kind: type[Thing]) -> list[Thing]:
+def instances_in(package: str, kind: type[Thing]) -> list[Thing]:
     """All things of a kind in the modules of a package, in the order of their files."""
     found: list[Thing] = []
     for module in iter_modules(import_module(package).__path__):
@@ -117,4 +117,4 @@ OURS = 'mechanism_sim'
 @cache
 def problems() -> dict[str, Problem]:
     """All problems of the modules in `mechanism_sim.bench.problems` by name, in their order."""
-    return {p.name: p for p in found_in('mechanism_sim.bench.problems', Problem)}
+    return {p.name: p for p in instances_in('mechanism_sim.bench.problems', Problem)}

@@ -112,16 +112,16 @@ def add(command: Command) -> None:
 def _info(options: argparse.Namespace) -> int:
     from mechanism_sim.recording import info, render_info  # noqa: PLC0415
 
-    return _tell(options, info(options.bag), render_info)
+    return _print_result(options, info(options.bag), render_info)
 
 
 def _recover(options: argparse.Namespace) -> int:
     from mechanism_sim.recording import recover, render_recovered  # noqa: PLC0415
 
-    return _tell(options, recover(options.bag), render_recovered)
+    return _print_result(options, recover(options.bag), render_recovered)
 
 
-def _tell(options: argparse.Namespace, found: Any, render: Callable[[Any], str]) -> int:
+def _print_result(options: argparse.Namespace, found: Any, render: Callable[[Any], str]) -> int:
     if options.json:
         print_json(found.to_json())
     else:

@@ -193,7 +193,7 @@ def _sweep(options: argparse.Namespace) -> int:
                 options.restart, show,
             )  # fmt: skip
     except Interrupted as interrupted:
-        return ending.say(str(interrupted))
+        return ending.report_signal(str(interrupted))
     if chart:
         report.draw(chart, plan, rows)
     if options.json:

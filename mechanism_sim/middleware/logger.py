@@ -56,31 +56,31 @@ class Logger:
 
     def log(self, message: str, severity: LoggingSeverity, **how: Any) -> bool:
         """Say it; ``once``, or every ``throttle_duration_sec``, for each line that calls this."""
-        return self._say(LoggingSeverity(severity), message, **how)
+        return self._log(LoggingSeverity(severity), message, **how)
 
     def debug(self, message: str, **how: Any) -> bool:
         """For those who look for an error."""
-        return self._say(LoggingSeverity.DEBUG, message, **how)
+        return self._log(LoggingSeverity.DEBUG, message, **how)
 
     def info(self, message: str, **how: Any) -> bool:
         """What happens."""
-        return self._say(LoggingSeverity.INFO, message, **how)
+        return self._log(LoggingSeverity.INFO, message, **how)
 
     def warning(self, message: str, **how: Any) -> bool:
         """What is not as it should be."""
-        return self._say(LoggingSeverity.WARN, message, **how)
+        return self._log(LoggingSeverity.WARN, message, **how)
 
     warn = warning
 
     def error(self, message: str, **how: Any) -> bool:
         """What failed."""
-        return self._say(LoggingSeverity.ERROR, message, **how)
+        return self._log(LoggingSeverity.ERROR, message, **how)
 
     def fatal(self, message: str, **how: Any) -> bool:
         """What ends the node."""
-        return self._say(LoggingSeverity.FATAL, message, **how)
+        return self._log(LoggingSeverity.FATAL, message, **how)
 
-    def _say(
+    def _log(
         self,
         level: LoggingSeverity,
         message: str,

@@ -50,7 +50,7 @@ class Service:
         self._context = context
         self._callback = callback
         self._tasks = node.tasks
-        self._say = node.voice.say
+        self._warn = node.voice.warn
         self.callback_group = group
         self._key = context.key(name, type_name(kind))
         self.inbox = Inbox(context, self, LIMIT, Overflow.REFUSE, group)
@@ -76,7 +76,7 @@ class Service:
             reason = f'{LIMIT} requests wait already'
         except MessageError as error:
             reason = str(error)
-        self._context.refuse(self.srv_name, 'request', reason, self._say)
+        self._context.refuse(self.srv_name, 'request', reason, self._warn)
         with query, suppress(zenoh.ZError):
             query.reply_err(reason)
 
@@ -121,7 +121,7 @@ class Client:
         self.srv_type = kind
         self.srv_name = name
         self._context = context
-        self._say = node.voice.say
+        self._warn = node.voice.warn
         self._sequence = count(1)
         token = node.token(wire.CLIENT, name, type_name(kind), qos)
         self._gid = wire.gid(wire.token_key(context.domain, token))
@@ -161,7 +161,7 @@ class Client:
             with suppress(IndexError):  # only the first counts
                 self.inbox.put((waiting.pop(), outcome))
 
-        self._ask(request, answered)
+        self._send_request(request, answered)
         return future
 
     def call(self, request: Any, timeout_sec: float | None = None) -> Any:
@@ -170,7 +170,7 @@ class Client:
         Raises TimeoutError, or MiddlewareError if the service refuses or goes away.
         """
         future = Future()
-        self._ask(request, lambda outcome: _fulfil(future, outcome))
+        self._send_request(request, lambda outcome: _fulfil(future, outcome))
         with self._context.waits:
             if not future.wait(timeout_sec):
                 raise TimeoutError(f'{self.srv_name} has not answered for {timeout_sec} s')
@@ -190,7 +190,7 @@ class Client:
         self.inbox.close()
         self._context.undeclare(self._querier)
 
-    def _ask(self, request: Any, answered: Callable[[Any], Any]) -> None:
+    def _send_request(self, request: Any, answered: Callable[[Any], Any]) -> None:
         """Send a request; ``answered`` gets every response, or MiddlewareError for there is none.
 
         What is no response is dropped: it is not from who serves this.
@@ -202,7 +202,7 @@ class Client:
             try:
                 answered(self._outcome(reply))
             except MessageError as error:
-                self._context.refuse(self.srv_name, 'reply', str(error), self._say)
+                self._context.refuse(self.srv_name, 'reply', str(error), self._warn)
 
         none = MiddlewareError(f'{self.srv_name} did not answer')
         callback = direct(receive, lambda: answered(none))

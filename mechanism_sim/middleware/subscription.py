@@ -58,7 +58,7 @@ class Subscription:
         self._context = context
         self._callback = node.tasks.plain(callback, group)
         self._with_info = _takes_info(callback)
-        self._say = node.voice.say
+        self._warn = node.voice.warn
         self._known = Likenesses(kind)
         # An advanced subscriber sees to this itself, and may bring in what came before.
         self._once = qos.durability == DurabilityPolicy.VOLATILE
@@ -150,7 +150,7 @@ class Subscription:
 
     def refuse(self, kind: str, reason: str) -> None:
         """Count what is not taken in, and warn of it now and then."""
-        self._context.refuse(self.topic_name, kind, reason, self._say)
+        self._context.refuse(self.topic_name, kind, reason, self._warn)
 
 
 def _takes_info(callback: Callable[..., Any]) -> bool:

@@ -11,9 +11,9 @@ class Voice:
     def __init__(self, context: Context, logger: Logger) -> None:
         self._context, self._logger = context, logger
         self.inbox = Inbox(context, self)
-        context.voices.append(self.say)
+        context.voices.append(self.warn)
 
-    def say(self, text: str) -> None:
+    def warn(self, text: str) -> None:
         """Have the node warn of this; from any thread."""
         self.inbox.put(text)
 
@@ -27,5 +27,5 @@ class Voice:
 
     def destroy(self) -> None:
         """Say nothing any more."""
-        self._context.voices.remove(self.say)
+        self._context.voices.remove(self.warn)
         self.inbox.close()

@@ -50,7 +50,7 @@ class RunBag:
     """
 
     def __init__(self, file: Path, machine: Machine, end: float) -> None:
-        with _told():
+        with _errors_as_sentences():
             self._writer = BagWriter(file, overwrite=True)
         self._names = (machine.physics.coordinates, machine.physics.clearances)
         self._impacts = 0
@@ -81,19 +81,19 @@ class RunBag:
             self._impacts += 1
 
     def _write(self, topic: str, message: Any, t: float) -> None:
-        with _told():
+        with _errors_as_sentences():
             self._writer.write(topic, serialize(message), round(1e9 * t))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_failure: object) -> None:
-        with _told():
+        with _errors_as_sentences():
             self._writer.close()
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def _errors_as_sentences() -> Iterator[None]:
     try:
         yield
     except (InputError, RunError) as error:

@@ -130,7 +130,7 @@ def read_plan(name: str) -> Plan:
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
     for one, point in product(file.runs or [{}], product(*grid)):
         given = {**one, **dict(point)}
-        where = f'{path.name}: run {len(runs)}{_said(given)}'
+        where = f'{path.name}: run {len(runs)}{_settings_text(given)}'
         try:
             scene = str(given.get(SCENE, file.scene))
             if scene not in bases:
@@ -215,7 +215,7 @@ def _is_path(scene: str) -> bool:
     return scene.endswith(('.yaml', '.yml'))
 
 
-def _said(given: Mapping[str, Any]) -> str:
+def _settings_text(given: Mapping[str, Any]) -> str:
     return f' ({", ".join(f"{k} = {v}" for k, v in given.items())})' if given else ''
 
 

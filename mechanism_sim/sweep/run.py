@@ -92,7 +92,7 @@ def sweep(
     with Journal(table, plan, restart) as journal:
         cut = shards(plan, into) if into else {}
         unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
-        tasks = [t for key, t in unique.items() if not _kept(t, journal.rows.get(key))]
+        tasks = [t for key, t in unique.items() if not _is_complete(t, journal.rows.get(key))]
         finished = kept = len(unique) - len(tasks)
         failed = sum(map(has_failed, journal.rows.values()))
         cores = len(os.sched_getaffinity(0))
@@ -130,7 +130,7 @@ def sweep(
     return summary, rows
 
 
-def _kept(task: Task, row: dict[str, Value] | None) -> bool:
+def _is_complete(task: Task, row: dict[str, Value] | None) -> bool:
     """Whether a run need not be made: its row is known, and so are its windows if it has any."""
     if row is None:
         return False

@@ -120,7 +120,7 @@ class ShardWriter:
         self._signals: list[np.ndarray[Any, Any]] = []
         self._curves: list[PiecewisePolynomial] = []  # of motion in which windows may begin
         self._part = shard.file.with_name(f'.{shard.file.name}.part')
-        with _told(shard.file):
+        with _errors_as_sentences(shard.file):
             self._stream = self._part.open('wb')
             self._parquet = pq.ParquetWriter(
                 self._stream,
@@ -166,7 +166,7 @@ class ShardWriter:
                     'longer, or ask for fewer or shorter ones'
                 )
         self._flush()
-        with _told(self._shard.file):
+        with _errors_as_sentences(self._shard.file):
             self._parquet.close()
             self._stream.flush()
             os.fsync(self._stream.fileno())
@@ -190,7 +190,7 @@ class ShardWriter:
             else pa.FixedSizeListArray.from_arrays(pa.array(flat), type=field.type)
             for field in schema
         ]
-        with _told(self._shard.file):
+        with _errors_as_sentences(self._shard.file):
             self._parquet.write_batch(pa.record_batch(columns, schema))
         self._rows, self._signals = [], []
 
@@ -246,7 +246,7 @@ class _Sensor:
 
 
 @contextmanager
-def _told(file: Path) -> Iterator[None]:
+def _errors_as_sentences(file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

@@ -114,10 +114,10 @@ def simulate(four_bar: LooseFourBar, method: str, rtol: float) -> Outcome:
     def touches(t: float, y: Array) -> float:
         return eq.gap(t, y)
 
-    def lets_go(t: float, y: Array) -> float:
+    def detachment(t: float, y: Array) -> float:
         return eq.force(t, y)
 
-    for event in (touches, lets_go):
+    for event in (touches, detachment):
         event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
     t, y, closed = 0.0, eq.start, four_bar.seated
     steps = impacts = 0
@@ -128,7 +128,7 @@ def simulate(four_bar: LooseFourBar, method: str, rtol: float) -> Outcome:
             (t, end),
             y,
             method,
-            events=lets_go if closed else touches,
+            events=detachment if closed else touches,
             rtol=rtol,
             atol=0.1 * rtol,
             first_step=first,

@@ -40,7 +40,7 @@ def ours(rtol: float) -> Run:
     return event_loop(machine, DURATION, lambda *run: relative_angles(at_end(*run)[order]))
 
 
-def given() -> tuple[Squeezer, Answer]:
+def initial_state() -> tuple[Squeezer, Answer]:
     """The mechanism, and its angles and rates at the start (14,)."""
     content = reference('andrews_squeezer')
     start = np.array([*map(float, content['start']), *[0.0] * 7])
@@ -52,7 +52,7 @@ def compiled(rtol: float) -> Run:
     """DOP853 on the same equations, all of it compiled by numba."""
     from mechanism_sim.bench.kernels.squeezer import integrate  # noqa: PLC0415
 
-    p, start = given()
+    p, start = initial_state()
     integrate(p, start, 1e-9, rtol)
 
     def work() -> Outcome:
@@ -64,7 +64,7 @@ def compiled(rtol: float) -> Run:
 
 def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the test set's coordinates."""
-    p, start = given()
+    p, start = initial_state()
 
     def rate(t: float, y: Answer) -> Answer:
         out = np.empty(14)

@@ -21,7 +21,7 @@ def error(answer: Answer) -> float:
     return float(np.abs(answer - np.array([right['force_x'], right['force_y']], float)).max())
 
 
-def known(force: Answer) -> Answer:
+def known_forces(force: Answer) -> Answer:
     """The forces (2, N) that the reference knows."""
     return force[:, :: SAMPLES // KNOWN]
 
@@ -35,7 +35,7 @@ def ours(_: float) -> Run:
 
     def run() -> Callable[[], Outcome]:
         observed = forces(*linkage.motion(CRANK, speed, rest))
-        return lambda: Outcome(known(observed.reaction[joint]))
+        return lambda: Outcome(known_forces(observed.reaction[joint]))
 
     return run
 
@@ -84,7 +84,7 @@ def newton_euler(_: float) -> Run:
             b[:, 3 * i : 3 * i + 2], b[:, 3 * i + 2] = mass * c.T, inertia * alpha
         A[:, 2, 8] = 1.0
         forces = np.asarray(np.linalg.solve(A, b[:, :, None])[:, :, 0], np.float64)
-        return lambda: Outcome(known(forces[:, 4:6].T))
+        return lambda: Outcome(known_forces(forces[:, 4:6].T))
 
     return run
 
