@@ -60,7 +60,8 @@ def render(found: Experiment) -> str:
         )
     else:
         head.append(
-            f'alpha = {found.alpha:.3g}: {_condition(found.assumed)} in its first turns with impacts '
+            f'alpha = {found.alpha:.3g}: {_condition(found.assumed)} in its first turns with '
+            'impacts '
             f'({found.assumed.bag}), as means over {MESHES[-1]:g} deg, over what the instrument '
             f'shows of {_condition(found.reference)} ({found.reference.bag})'
         )
