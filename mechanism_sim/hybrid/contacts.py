@@ -382,9 +382,9 @@ class Contacts:
             self._places()[switch],
         )
         if switch in self._system.holding:
-            own = 3 * [*self._system.holding].index(switch)
-            *rates, part = self._at_present(self._system.holding_rates)[own : own + 3].tolist()
-            held = self._system.holding[switch].holding(row, rates, part, place)
+            own = 5 * [*self._system.holding].index(switch)
+            seen = self._at_present(self._system.holding_rates)[own : own + 5].tolist()
+            held = self._system.holding[switch].holding(row, seen, place)
             if held is not None:
                 return held
         try:
@@ -394,7 +394,7 @@ class Contacts:
 
     def _freeze(self, held: Sequence[int]) -> None:
         """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._at_present(self._system.holding_rates)[2::3].tolist()
+        parts = self._at_present(self._system.holding_rates)[4::5].tolist()
         for k, part in zip(self._system.holding, parts, strict=True):
             if k in held:
                 self._pars[self._system.switch_index[k][0]] = part
