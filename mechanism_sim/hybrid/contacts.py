@@ -167,10 +167,14 @@ class Contacts:
     def _adopt(self) -> None:
         """Let what the array of modes says be known."""
         self.modes = tuple(self._modes.tolist())
-        self.status = Status(self.modes, self.approach)
+        self._set_status()
         self.flying = int(Mode.FREE_FLIGHT) in self.modes
         smooth = not (self._system.frictional or self._system.compliant)
         self._flies_free = smooth and not self._problem.closed.any()
+
+    def _set_status(self) -> None:
+        acting = tuple(self.switches[k] for k in self._system.holding)
+        self.status = Status(self.modes, self.approach, acting)
 
     def _set_flags(self, begins: bool) -> None:
         """Tell the equations the modes; of contacts that begin to slide, that they stick."""
@@ -203,6 +207,8 @@ class Contacts:
         self.switches = rows
         for s, index, row in zip(switches, self._system.switch_index, rows, strict=True):
             self._set(index, s.values(row))
+        if self._system.holding:
+            self._set_status()
 
     def pass_edges(self) -> None:
         """Let switches turn over that are at their edge now, where their guards fall too late.

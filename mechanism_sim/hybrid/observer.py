@@ -258,6 +258,23 @@ class Observer:
         power = (drive_torque * v[self.system.driven_index]).sum(axis=0)
         return Account(N, friction[0], power, float(left))
 
+    def parts(
+        self,
+        q: Array,
+        v: Array,
+        a_p: Array,
+        modes: NDArray[np.uint8],
+        torque: Array | None = None,
+        approach: Array | None = None,
+        outside: Array | None = None,
+        rows: Array | None = None,
+    ) -> Array:
+        """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        known = self._with_parts(inputs, rows)
+        flags, _ = self.system.holding_rows
+        return np.zeros((len(flags), q.shape[1])) if known is None else known[flags]
+
     @cached_property
     def _touch(self) -> SwitchedFunction:
         return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES[1:]])

@@ -100,15 +100,8 @@ class Switch(NamedTuple):
         return [float(row % HOLDS), *held]
 
     def values_at(self, places: Array) -> Array:
-        """Of the symbols at places (N,) as if it did not hold: (1, N) or (2, N)."""
+        """Of the symbols at places (N,), as if it did not hold: (1, N) or (2, N)."""
         return np.array([places > 0.0, np.zeros_like(places)][: len(self.symbols)], float)
-
-    def values_between(self, start: Array, middle: Array, values: Array) -> Array:
-        """Of the symbols in segments, from their places: where it stays at zero, it holds."""
-        if self.holds is None:
-            return values
-        held = np.maximum(np.abs(start), np.abs(middle)) <= REST
-        return np.where(held, np.array([[0.0], [1.0]]), values)
 
 
 class Table:
@@ -186,10 +179,6 @@ class Table:
             first = self._breaks[0]
             places = first + (places - first) % (2.0 * math.pi)
         return np.searchsorted(self._breaks[1:-1], places, 'right')
-
-    def values_between(self, _start: Array, _middle: Array, values: Array) -> Array:
-        """As they are: a table holds nothing."""
-        return values
 
     def row_at(self, place: float) -> int:
         """The row at a place [rad, m]."""
