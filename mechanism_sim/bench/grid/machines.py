@@ -149,7 +149,8 @@ def _steps(random: Random, k: int) -> Draft:
     if k % 4 >= 2:
         extent = {'duration': 0.5}
     places = np.sort(random.uniform(0.1, 0.4, 5)).tolist()
-    forces = random.uniform(-100.0, 100.0, 7).tolist()
+    way = pick(random, MOVING)  # against it, or a loose pin would be driven without bounds
+    forces = (random.uniform(0.0, 100.0, 7) * (-1.0 if way == 'forward' else 1.0)).tolist()
     around = [float(x) for x in (0.0, *np.sort(random.uniform(0.1, 6.2, 3)), 2.0 * math.pi)]
     couples = random.uniform(-2.0, 2.0, 4).tolist()
     smooth = pick(random, ('linear', 'smooth'))
@@ -164,16 +165,16 @@ def _steps(random: Random, k: int) -> Draft:
     known: dict[str, Any] = {
         'rub': {'at': 'piston', 'force': [f'-{size}*sign(vx)', 0.0]},
         'work': {'at': 'piston', 'force': ['work(piston)', 0.0],
-                 'during': {'coordinate': 'piston', 'moving': pick(random, MOVING)}},
+                 'during': {'coordinate': 'piston', 'moving': way}},
         'turn': {'at': 'crank', 'torque': 'turn(crank)'},
         'stop': {'at': 'piston', 'force': [f'-{100.0 * size}*max(0, piston - {begin})', 0.0]},
         'drag': {'at': 'piston', 'force': [f'-min({size}, abs(5*vx))*sign(vx)', 0.0]},
         'late': {'at': 'rod', 'torque': '1 if t > 0.03 and not crank_rate < 0 else -0.5'},
         'pin': {'at': 'rod', 'reaction': 'crank',
                 'torque': f'-{0.01 * size}*sign(rod_rate - crank_rate)'},
-        'press': {'at': 'piston', 'force': [size, 0.0], 'during': {
+        'press': {'at': 'piston', 'force': [-size, 0.0], 'during': {
             'coordinate': 'piston', 'from': begin, 'to': end + 0.01,
-            'moving': pick(random, (None, *MOVING))}},
+            'moving': pick(random, (None, 'forward'))}},
     }  # fmt: skip
     chosen = random.choice([*known], int(random.integers(1, 5)), replace=False).tolist()
     scene = variant('slider_crank', {
