@@ -51,7 +51,7 @@ def methods(chosen: Sequence[Problem], text: str | None) -> set[str] | None:
     if text is None:
         return None
     known = list(dict.fromkeys(m.name for p in chosen for m in p.methods))
-    wanted = _known_names(text, known)
+    wanted = _split_names(text, known)
     for name in wanted:
         if name not in known:
             raise InputError(
@@ -60,7 +60,7 @@ def methods(chosen: Sequence[Problem], text: str | None) -> set[str] | None:
     return set(wanted)
 
 
-def _known_names(text: str, known: Sequence[str]) -> list[str]:
+def _split_names(text: str, known: Sequence[str]) -> list[str]:
     """Parts of a text between commas, in which a known name may hold one itself."""
     found, parts = [], [part.strip() for part in text.split(',')]
     while parts:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mechanism_sim.bench.problem import Answer, Outcome, Run, whole
+from mechanism_sim.bench.problem import Answer, Outcome, Run, run_once
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact
@@ -48,7 +48,7 @@ def positions(end: float) -> Callable[[Motion, list[Impact]], Answer]:
     return lambda motion, _: np.asarray(motion.curve(np.array([end]))[0])
 
 
-def solved(
+def run_solve_ivp(
     rate: Callable[[float, Answer], Any], start: Sequence[float] | Answer, end: float, method: str,
     rtol: float, count: int,
 ) -> Run:  # fmt: skip
@@ -58,4 +58,4 @@ def solved(
         found = solve_ivp(rate, (0.0, end), start, method, rtol=rtol, atol=0.1 * rtol)
         return Outcome(found.y[:count, -1], len(found.t) - 1)
 
-    return whole(work)
+    return run_once(work)

@@ -92,7 +92,7 @@ def loss_of_contact_at_every_tolerance() -> list[Figure]:
     ]
 
 
-def _loses(speed: float) -> bool:
+def _loses_contact(speed: float) -> bool:
     solution = simulate(thesis(drive__speed=speed), revolutions=1.0)
     return not math.isnan(_first_loss(solution))
 
@@ -107,7 +107,7 @@ def force_that_touches_zero() -> list[Figure]:
     low, high = SPEED, 1.5 * SPEED
     for _ in range(44):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _loses(middle) else (middle, high)
+        low, high = (low, middle) if _loses_contact(middle) else (middle, high)
     below = simulate(thesis(drive__speed=low), revolutions=1.0)
     above = simulate(thesis(drive__speed=high), revolutions=1.0)
     t = np.linspace(0.0, below.duration, 20001)

@@ -145,8 +145,8 @@ def prepare(bar: LooseFourBar, setting: float) -> Run:
     command = [interpreter() or 'python3', '-I', str(PROCESS)]
 
     def run() -> Callable[[], Outcome]:
-        told = json.loads(output(command, json.dumps(problem), folder.name))
-        return lambda: Outcome(np.array(told['answer']), steps, cpu_time=told['cpu_time'])
+        result = json.loads(output(command, json.dumps(problem), folder.name))
+        return lambda: Outcome(np.array(result['answer']), steps, cpu_time=result['cpu_time'])
 
     return run
 

@@ -7,7 +7,7 @@ from functools import partial
 from math import cos, sin, sqrt
 
 from mechanism_sim.bench.four_bar import LooseFourBar, reference
-from mechanism_sim.bench.integration import event_loop, positions, solved
+from mechanism_sim.bench.integration import event_loop, positions, run_solve_ivp
 from mechanism_sim.bench.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
@@ -67,7 +67,7 @@ def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
 def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the one coordinate."""
     f = LooseFourBar.thesis()
-    return solved(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
+    return run_solve_ivp(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
 
 
 PROBLEM = Problem(
