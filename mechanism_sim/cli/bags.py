@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     length_options,
-    print_json,
+    print_result,
     quantity,
     scene_options,
 )
@@ -110,23 +110,15 @@ def add(command: Command) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import info, render_info  # noqa: PLC0415
+    from mechanism_sim.recording import BagInfo, info, render_info  # noqa: PLC0415
 
-    return _tell(options, info(options.bag), render_info)
+    return print_result(options, info(options.bag), BagInfo.to_json, render_info, echo)
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import recover, render_recovered  # noqa: PLC0415
+    from mechanism_sim.recording import Recovery, recover, render_recovery  # noqa: PLC0415
 
-    return _tell(options, recover(options.bag), render_recovered)
-
-
-def _tell(options: argparse.Namespace, found: Any, render: Callable[[Any], str]) -> int:
-    if options.json:
-        print_json(found.to_json())
-    else:
-        echo(render(found))
-    return 0
+    return print_result(options, recover(options.bag), Recovery.to_json, render_recovery, echo)
 
 
 def _analyze(options: argparse.Namespace) -> int:
@@ -157,12 +149,8 @@ def _analyze(options: argparse.Namespace) -> int:
         return 0
     with progress.share('reading', options.json) as read:
         summary = analyze(read_bag(options.bag, read), namespace=options.namespace)
-    if options.json:
-        more = {'details': details.to_json()} if details else {}
-        print_json(summary.to_json() | more)
-    else:
-        echo(render(summary))
-    return 0
+    more = {'details': details.to_json()} if details and options.json else {}
+    return print_result(options, summary, lambda found: found.to_json() | more, render, echo)
 
 
 def _sound(options: argparse.Namespace) -> int:
@@ -188,11 +176,7 @@ def _sound(options: argparse.Namespace) -> int:
         say(f'of {len(run.impacts)} impacts')
         train = strikes(machine.mechanism, run.motion, run.impacts)
         written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
-    if options.json:
-        print_json(written)
-    else:
-        print(sound.render(written))
-    return 0
+    return print_result(options, written, asdict, sound.render)
 
 
 def _identify(options: argparse.Namespace) -> int:
@@ -219,11 +203,7 @@ def _identify(options: argparse.Namespace) -> int:
     )
     with progress.count('identify', sum(rounds), quiet=options.json) as show:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
-    if options.json:
-        print_json(report.to_json(found))
-    else:
-        print(report.render(found))
-    return 0
+    return print_result(options, found, report.to_json, report.render)
 
 
 def _experiment(options: argparse.Namespace) -> int:
@@ -242,11 +222,7 @@ def _experiment(options: argparse.Namespace) -> int:
 
         with figures.style():
             figures.save_all(draw(found), place)
-    if options.json:
-        print_json(report.to_json(found))
-    else:
-        print(report.render(found))
-    return 0
+    return print_result(options, found, report.to_json, report.render)
 
 
 def _details(options: argparse.Namespace, wanted: Any) -> Any:

@@ -6,7 +6,14 @@ import argparse
 import sys
 
 from mechanism_sim import output
-from mechanism_sim.cli.options import Command, print_json, quantity, read_machine, scene_options
+from mechanism_sim.cli.options import (
+    Command,
+    print_json,
+    print_result,
+    quantity,
+    read_machine,
+    scene_options,
+)
 from mechanism_sim.errors import InputError
 
 
@@ -162,11 +169,7 @@ def _cycle(options: argparse.Namespace) -> int:
             say('plots')
             with figures.style():
                 figures.save_all(draw(found), plots)
-    if options.json:
-        print_json(report.to_json(found))
-    else:
-        print(report.render(found))
-    return 0
+    return print_result(options, found, report.to_json, report.render)
 
 
 def _draw(options: argparse.Namespace) -> int:
@@ -273,8 +276,4 @@ def _teeth(options: argparse.Namespace) -> int:
         centre_distance=quantity('--centre-distance', distance, 'm')[0] if distance else None,
         modules=[quantity('--modules', m, 'm')[0] for m in modules.split(',')] if modules else (),
     )
-    if options.json:
-        print_json(teeth.to_json(found))
-    else:
-        print(teeth.render(found))
-    return 0
+    return print_result(options, found, teeth.to_json, teeth.render)

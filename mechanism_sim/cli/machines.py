@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import argparse
 
-from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
+from mechanism_sim.cli.options import (
+    Command,
+    print_json,
+    print_result,
+    read_machine,
+    scene_options,
+)
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import echo
 
@@ -54,14 +60,10 @@ def _scenes(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from mechanism_sim.scene.check import check, render  # noqa: PLC0415
+    from mechanism_sim.scene.check import Report, check, render  # noqa: PLC0415
 
     report = check(read_machine(options))
-    if options.json:
-        print_json(report.to_json())
-    else:
-        echo(render(report))
-    return 0
+    return print_result(options, report, Report.to_json, render, echo)
 
 
 def _equations(options: argparse.Namespace) -> int:

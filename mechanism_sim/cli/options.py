@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
@@ -12,6 +12,7 @@ from mechanism_sim.errors import InputError
 if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
 
+Result = TypeVar('Result')
 Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 """Adds a command: its name, what runs it and returns the exit code, what its help says."""
 
@@ -99,6 +100,21 @@ def print_json(data: object) -> None:
     """Print what `--json` asks for."""
     print(strict_json.dumps(data, indent=2))
     PRINTED.append(True)
+
+
+def print_result(
+    options: argparse.Namespace,
+    result: Result,
+    to_json: Callable[[Result], object],
+    render: Callable[[Result], object],
+    write: Callable[[str], None] = print,
+) -> int:
+    """Print a result as JSON or as text, and return the exit code 0."""
+    if options.json:
+        print_json(to_json(result))
+    else:
+        write(str(render(result)))
+    return 0
 
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from mechanism_sim import ending, output
-from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
+from mechanism_sim.cli.options import (
+    Command,
+    print_json,
+    print_result,
+    read_machine,
+    scene_options,
+)
 from mechanism_sim.errors import InputError
 
 
@@ -128,11 +135,7 @@ def _statistics(options: argparse.Namespace) -> int:
     end = options.revolutions * machine.period
     with progress.bar('statistics', end, quiet=options.json) as show:
         found = statistics(machine, options.revolutions, options.skip, show)
-    if options.json:
-        print_json(study.statistics_json(found))
-    else:
-        print(study.statistics(found))
-    return 0
+    return print_result(options, found, study.statistics_json, study.statistics)
 
 
 def _contact_loss(options: argparse.Namespace) -> int:
@@ -142,11 +145,7 @@ def _contact_loss(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.busy('contact-loss', options.json):
         found = losses(machine, options.revolutions)
-    if options.json:
-        print_json(study.losses_json(found))
-    else:
-        print(study.losses(found))
-    return 0
+    return print_result(options, found, study.losses_json, study.losses)
 
 
 def _lift_off(options: argparse.Namespace) -> int:
@@ -156,11 +155,7 @@ def _lift_off(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.busy('lift-off', options.json) as say:
         found = lift_offs(machine, say)
-    if options.json:
-        print_json(study.lift_offs_json(found))
-    else:
-        print(study.lift_offs(found))
-    return 0
+    return print_result(options, found, study.lift_offs_json, study.lift_offs)
 
 
 def _starts(options: argparse.Namespace) -> int:
@@ -170,11 +165,7 @@ def _starts(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
         found = starts(machine, options.angles, options.revolutions, show)
-    if options.json:
-        print_json(study.starts_json(found))
-    else:
-        print(study.starts(found))
-    return 0
+    return print_result(options, found, study.starts_json, study.starts)
 
 
 def _sweep(options: argparse.Namespace) -> int:
@@ -212,12 +203,7 @@ def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.report import bench, progress  # noqa: PLC0415
 
     if not options.names:
-        listed = choose.listing()
-        if options.json:
-            print_json(listed)
-        else:
-            print(bench.listing(listed))
-        return 0
+        return print_result(options, choose.listing(), dict, bench.listing)
     problems, cases, tables = choose.choose(options.names)
     if choose.GRID in options.names:
         return _bench_grid(options)
@@ -228,28 +214,27 @@ def _bench(options: argparse.Namespace) -> int:
     if options.repeats < 1:
         raise InputError('--repeats must be at least 1')
     here, content = machine(), bench.Pages(options.output)
+
+    @contextmanager
+    def entry() -> Iterator[Callable[[str], None]]:
+        with progress.busy('bench', options.json) as say:
+            yield say
+        if not options.json:
+            print(content.text[-1], flush=True)
+
     for problem in problems:
-        with progress.busy('bench', options.json) as say:
-            found = measure(problem, options.repeats, methods, tolerances, say)
-        content.add(found, here)
-        if not options.json:
-            print(content.text[-1], flush=True)
+        with entry() as say:
+            content.add(measure(problem, options.repeats, methods, tolerances, say), here)
     if choose.SCALING in tables:
-        with progress.busy('bench', options.json) as say:
+        with entry() as say:
             content.add_scaling(scaling(say), here)
-        if not options.json:
-            print(content.text[-1], flush=True)
     if choose.LOOSE_JOINTS in tables:
-        with progress.busy('bench', options.json) as say:
+        with entry() as say:
             costs = loose_joints(options.repeats, say)
             content.add_loose_joints(costs, here, *stretches(options.repeats, say))
-        if not options.json:
-            print(content.text[-1], flush=True)
     if choose.MIDDLEWARE in tables:
-        with progress.busy('bench', options.json) as say:
+        with entry() as say:
             content.add_middleware(middleware(options.repeats, say), here)
-        if not options.json:
-            print(content.text[-1], flush=True)
     if options.json:
         print_json(content.to_json(here))
     return 1 if any(row.failure for m in content.found for row in m.rows) else 0
