@@ -97,7 +97,7 @@ def measure(
     repeats : of every method at every setting, fewer where `BUDGET` is used up
     methods : names of those wanted; all if not given
     tolerances : replace the settings of the methods whose setting is rtol
-    show : told what is going on
+    show : called with the present action
     """
     from_disk = hy.llvm_state.get_diskcache_enabled()
     hy.llvm_state.set_diskcache_enabled(False)  # compile times are those of the first time

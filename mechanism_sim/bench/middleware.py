@@ -130,7 +130,7 @@ def backends() -> list[str]:
 
 
 def network(backend: str) -> dict[str, str]:
-    """Environment of processes that see nobody else's."""
+    """Environment of processes on a network of their own."""
     with socket.socket() as free:
         free.bind(('127.0.0.1', 0))
         port = free.getsockname()[1]
@@ -245,7 +245,7 @@ def _whole_run(
 def _time_command(
     words: Sequence[str], env: dict[str, str]
 ) -> tuple[float, float, dict[str, Any]]:
-    """CPU and wall time [s] of a command with its children, and the JSON that it tells."""
+    """CPU and wall time [s] of a command with its children, and the JSON that it prints."""
     began = time.perf_counter()
     child = _start(('mechanism_sim', *words), env)
     assert child.stdout is not None  # noqa: S101 - it is a pipe
@@ -260,7 +260,7 @@ def _time_command(
 
 
 def _run_processes(backend: str, *ends: Sequence[object]) -> list[dict[str, Any]]:
-    """Run processes on one network; what each tells, nothing if that is not JSON."""
+    """Run processes on one network; the JSON that each prints, nothing if it is none."""
     env = network(backend)
     children = [_start(words, env) for words in ends]
     try:

@@ -20,7 +20,7 @@ Instance = TypeVar('Instance')
 class Outcome(NamedTuple):
     """What a run came to.
 
-    `cpu_time` [s] is that of the timed work if another process did it, as that process tells it.
+    `cpu_time` [s] is that of the timed work if another process did it, as that process reports it.
     """
 
     answer: Answer
@@ -30,8 +30,8 @@ class Outcome(NamedTuple):
 
 
 Run = Callable[[], Callable[[], Outcome]]
-"""Calling it is the timed work, from the same start every time; what it returns tells the outcome
-and is not timed."""
+"""Calling it is the timed work, from the same start every time; what it returns gives the
+outcome and is not timed."""
 
 
 def nothing_missing() -> str | None:

@@ -1,4 +1,4 @@
-"""What recorded runs tell."""
+"""Commands on recorded runs."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     length_options,
+    option,
     print_result,
     quantity,
     scene_options,
@@ -19,8 +20,8 @@ from mechanism_sim.cli.options import (
 from mechanism_sim.cli.source import (
     is_bag,
     namespace_option,
-    recorded,
-    simulated,
+    read_run,
+    simulate_run,
     warn_if_incomplete,
 )
 from mechanism_sim.errors import InputError
@@ -44,20 +45,11 @@ def add(command: Command) -> None:
     scene_options(sub, 'a scene, or a bag (.mcap) of a run', 'SCENE|BAG')
     length_options(sub)
     namespace_option(sub)
-    sub.add_argument(
-        '-o', '--output', metavar='FILE', help='the .wav file; SCENE.wav if not given'
-    )
-    sub.add_argument(
-        '--distance', default='1 m', metavar='R', help='of the listener from the machine'
-    )
-    sub.add_argument(
-        '--direction',
-        default='0 deg',
-        metavar='ANGLE',
-        help='in which the listener is, from the x axis',
-    )
-    sub.add_argument('--pulse', metavar='T', help="how long impacts last, as '0.1 ms'")
-    sub.add_argument('--slow', type=float, default=1.0, metavar='N', help='play N times slower')
+    option(sub, '-o --output', 'FILE', 'the .wav file; SCENE.wav if not given')
+    option(sub, '--distance', 'R', 'of the listener from the machine', '1 m')
+    option(sub, '--direction', 'ANGLE', 'in which the listener is, from the x axis', '0 deg')
+    option(sub, '--pulse', 'T', "how long impacts last, as '0.1 ms'")
+    option(sub, '--slow', 'N', 'play N times slower', 1.0)
     sub = command('identify', _identify, "fit a bearing's parameters to an accelerometer's signal")
     sub.add_argument('bags', nargs='+', metavar='BAG', help='recorded, or made of a measurement')
     sub.add_argument(
@@ -68,44 +60,34 @@ def add(command: Command) -> None:
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help='change a value of the scenes',
     )  # fmt: skip
-    sub.add_argument(
-        '--fit', default='restitution,friction,radial', metavar='NAME,...',
-        help='what is to be found: some of these, noise, or dotted paths',
-    )  # fmt: skip
+    option(
+        sub,
+        '--fit',
+        'NAME,...',
+        'what is to be found: some of these, noise, or dotted paths',
+        'restitution,friction,radial',
+    )
     sub.add_argument(
         '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
         help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'",
     )  # fmt: skip
-    sub.add_argument('--joint', metavar='J', help='the loose joint, where there are several')
-    sub.add_argument('--sensor', metavar='S', help='the sensor, where there are several')
-    sub.add_argument(
-        '--skip',
-        type=float,
-        default=0.0,
-        metavar='S',
-        help='seconds to leave out at the beginning',
-    )
-    sub.add_argument(
-        '--seed', type=int, default=0, metavar='N', help='of the random numbers of the search'
-    )
-    sub.add_argument(
-        '--rounds', metavar='N,...', help='simulations in each round; 128,48,48,48 if not given'
-    )
-    sub.add_argument(
-        '--workers', type=int, metavar='N', help='processes; one for each core if not given'
-    )
+    option(sub, '--joint', 'J', 'the loose joint, where there are several')
+    option(sub, '--sensor', 'S', 'the sensor, where there are several')
+    option(sub, '--skip', 'S', 'seconds to leave out at the beginning', 0.0)
+    option(sub, '--seed', 'N', 'of the random numbers of the search', 0)
+    option(sub, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
+    option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
     sub = command(
         'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
     )
     sub.add_argument('folder', metavar='DIR', help='folder of bags, as sweep --bags writes them')
-    sub.add_argument(
-        '-o', '--output', metavar='DIR|FILE', help='draw the figures: a folder, .pdf or .svg'
-    )
-    sub.add_argument(
+    option(sub, '-o --output', 'DIR|FILE', 'draw the figures: a folder, .pdf or .svg')
+    option(
+        sub,
         '--skip',
-        type=int,
-        metavar='K',
-        help='whole turns to leave out at the beginning; the first half if not given',
+        'K',
+        'whole turns to leave out at the beginning; the first half if not given',
+        int,
     )
 
 
@@ -168,9 +150,9 @@ def _sound(options: argparse.Namespace) -> int:
     if is_bag(options.scene):
         if options.duration or options.revolutions:
             raise InputError('the length does not apply to a bag: it is played as it was recorded')
-        record = recorded(options)
+        record = read_run(options)
     else:
-        record = simulated(options)
+        record = simulate_run(options)
     machine, run = record.machine, record.piece
     with progress.busy('sound', options.json) as say:
         say(f'of {len(run.impacts)} impacts')
@@ -272,18 +254,8 @@ def _detail_options(sub: argparse.ArgumentParser) -> None:
     ):
         more.add_argument(f'--{name}', action='append', default=[], metavar=metavar, help=text)
     how = sub.add_argument_group('how')
-    how.add_argument(
-        '--against', metavar='BAG', help='divide deviations by those of this other bag'
-    )
-    how.add_argument('--band', metavar='A:B', help="frequencies of envelopes, as '500 Hz:2 kHz'")
-    how.add_argument(
-        '--skip',
-        type=int,
-        default=0,
-        metavar='N',
-        help='whole turns to leave out at the beginning',
-    )
-    how.add_argument(
-        '--pin-radius', metavar='R', help="for wear, as '6 mm'; that of the scene if not given"
-    )
-    how.add_argument('--plots', metavar='DIR|FILE', help='draw them: a folder, .pdf, .png or .svg')
+    option(how, '--against', 'BAG', 'divide deviations by those of this other bag')
+    option(how, '--band', 'A:B', "frequencies of envelopes, as '500 Hz:2 kHz'")
+    option(how, '--skip', 'N', 'whole turns to leave out at the beginning', 0)
+    option(how, '--pin-radius', 'R', "for wear, as '6 mm'; that of the scene if not given")
+    option(how, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')

@@ -6,6 +6,8 @@ import argparse
 
 from mechanism_sim.cli.options import (
     Command,
+    flag,
+    option,
     print_json,
     print_result,
     read_machine,
@@ -18,20 +20,16 @@ from mechanism_sim.terminal import echo
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('scenes', _scenes, 'list the scenes of the package')
-    sub.add_argument(
-        '--schema',
-        action='store_true',
-        help='what scenes may say, as a JSON schema for editors, instead of the list',
-    )
+    flag(sub, '--schema', 'what scenes may say, as a JSON schema for editors, instead of the list')
     sub = command('check', _check, 'check a scene, and summarise its machine, without running it')
     scene_options(sub)
     sub = command('equations', _equations, "write down a scene's own equations")
     scene_options(sub)
-    sub.add_argument('--rates', action='store_true', help='add the rates of closures and gaps')
+    flag(sub, '--rates', 'add the rates of closures and gaps')
     form = sub.add_mutually_exclusive_group()
-    form.add_argument('--latex', action='store_true', help='print a fragment of LaTeX')
-    form.add_argument('--markdown', action='store_true', help='print Markdown')
-    sub.add_argument('-o', '--output', metavar='FILE', help='write a .tex, .md or .txt file')
+    flag(form, '--latex', 'print a fragment of LaTeX')
+    flag(form, '--markdown', 'print Markdown')
+    option(sub, '-o --output', 'FILE', 'write a .tex, .md or .txt file')
 
 
 def _scenes(options: argparse.Namespace) -> int:

@@ -12,9 +12,11 @@ from mechanism_sim.errors import InputError
 if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
 
+    Options = argparse.ArgumentParser | argparse._ArgumentGroup
+
 Result = TypeVar('Result')
 Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
-"""Adds a command: its name, what runs it and returns the exit code, what its help says."""
+"""Adds a command: its name, what runs it and returns the exit code, its help."""
 
 NODE_NAMES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
@@ -29,6 +31,18 @@ NODE_MODULES = {
 """Where the nodes are that `node` runs: those, and the one that shows a run from outside."""
 
 
+def option(parser: Options, flags: str, metavar: str, text: str, default: object = str) -> None:
+    """Add an option with a value; `default` may be its type."""
+    kind = default if isinstance(default, type) else type(default)
+    value = None if default is kind else default
+    parser.add_argument(*flags.split(), metavar=metavar, type=kind, default=value, help=text)
+
+
+def flag(parser: Options, flags: str, text: str) -> None:
+    """Add an option without a value."""
+    parser.add_argument(*flags.split(), action='store_true', help=text)
+
+
 def scene_options(
     sub: argparse.ArgumentParser,
     text: str = 'a scene of the package, or a YAML file',
@@ -41,20 +55,18 @@ def scene_options(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
     )  # fmt: skip
-    sub.add_argument('--rtol', metavar='R', help='relative tolerance of a step, for solver.rtol')
-    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m], for solver.atol')
+    option(sub, '--rtol', 'R', 'relative tolerance of a step, for solver.rtol')
+    option(sub, '--atol', 'A', 'absolute tolerance [m], for solver.atol')
 
 
 def length_options(sub: argparse.ArgumentParser) -> None:
-    """Add what says how long a run is."""
-    sub.add_argument('--duration', type=float, metavar='S', help='length of the run in seconds')
-    sub.add_argument(
-        '--revolutions', type=float, metavar='N', help='length of the run in turns of the drive'
-    )
+    """Add the options for the length of a run."""
+    option(sub, '--duration', 'S', 'length of the run in seconds', float)
+    option(sub, '--revolutions', 'N', 'length of the run in turns of the drive', float)
 
 
 def overrides_of(options: argparse.Namespace) -> list[str]:
-    """The overrides that a command line asks for, tolerances among them."""
+    """The overrides on a command line, tolerances among them."""
     tolerances = [
         f'solver.{name}={value}'
         for name, value in (('rtol', options.rtol), ('atol', options.atol))
@@ -64,7 +76,7 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
 
 
 def read_machine(options: argparse.Namespace) -> Machine:
-    """The scene that a command line asks for, as a machine.
+    """The scene on a command line, as a machine.
 
     Raises
     ------
@@ -81,7 +93,7 @@ def read_machine(options: argparse.Namespace) -> Machine:
 
 
 def ros_args(options: argparse.Namespace) -> list[str]:
-    """What the command line says in the way of ROS, the namespace among it."""
+    """The ROS arguments of a command line, the namespace among them."""
     found = list(options.ros_args)
     if options.namespace is not None:
         found += [
@@ -97,7 +109,7 @@ PRINTED: list[bool] = []
 
 
 def print_json(data: object) -> None:
-    """Print what `--json` asks for."""
+    """Print a result as JSON."""
     print(strict_json.dumps(data, indent=2))
     PRINTED.append(True)
 

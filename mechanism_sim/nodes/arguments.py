@@ -63,7 +63,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _plain(message: str) -> str:
-    """What argparse says, without its own terms."""
+    """A message of argparse without its own terms."""
     for pattern, words in (
         (r'^argument ([^:]*): ', r'\1: '),
         (r'invalid float value: (.*)', r'\1 is not a number'),

@@ -39,7 +39,7 @@ class Control:
         self._result = message_class(f'{PACKAGE}/msg/Result')
         self._state = message_class(f'{PACKAGE}/msg/SimulationState')
         self._origin, self._steps = 0.0, 0
-        # Who waits for partners must not keep their reports from being heard.
+        # Reports of partners must come through while a callback waits for them.
         group = ReentrantCallbackGroup()
         for short, name, answer in (
             ('GetSimulatorFeatures', 'get_simulator_features', self._report_features),

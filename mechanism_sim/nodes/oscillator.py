@@ -63,7 +63,7 @@ class Oscillator(SimulationNode):
         self._schedule = Schedule(scene.outputs.part_states)
 
     def on_progress(self, message: Any) -> None:
-        """The last report of who publishes the motion says how much there is of it."""
+        """End if all motion has come."""
         self._following.look()
 
     def _take(self, motion: Motion) -> None:

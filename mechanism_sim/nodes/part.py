@@ -32,7 +32,7 @@ class Part(SimulationNode):
         self._role.begin()
 
     def on_progress(self, message: Any) -> None:
-        """A partner has moved on."""
+        """Check whether all motion has come."""
         self._role.look()
 
     def diagnose(self) -> Diagnosis:

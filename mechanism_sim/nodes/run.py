@@ -42,7 +42,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
 }
 
 START_PATIENCE = 120.0
-"""[s] nodes wait for each other where this process has started them: it sees those that fail."""
+"""[s] nodes wait for each other if this process has started them: it notices failures."""
 
 END_PATIENCE = 15.0
 """[s] other processes get to end by themselves once one has failed or the run is interrupted."""
@@ -62,7 +62,7 @@ class Plan:
     hold : pause at the end instead of ending
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
     display : whether viewers are to be served
-    listeners : other nodes that have to hear everything
+    listeners : other nodes that must receive all messages
     """
 
     machine: Machine
@@ -123,7 +123,7 @@ class Outcome:
     level: str
     duration: float  #: [s] simulated
     wall_time: float  #: [s] from the start of the first process to the end of the last
-    run_time: float  #: [s] from the first message to the last: what the bag says, if there is one
+    run_time: float  #: [s] from the first message to the last: by the bag, if there is one
     realtime_factor: float  #: by `run_time`
     impacts: int
     sent: dict[str, int]  #: messages by topic, as the nodes counted them

@@ -22,7 +22,7 @@ from mechanism_sim.scene.instruments import carrier
 
 
 class _Sensor:
-    """One sensor: its channel, and what its messages say beside the samples."""
+    """One sensor: its channel, and the fields of its messages beside the samples."""
 
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         sensor = machine.scene.sensors[name]
@@ -118,7 +118,7 @@ class Sensors(SimulationNode):
                 self._sensors.append((_Unit(self.machine, name, frame), imu))
 
     def on_progress(self, message: Any) -> None:
-        """The last report of who publishes the motion says how much there is to sample."""
+        """End if all motion has come."""
         self._following.look()
 
     def _take(self, motion: Motion) -> None:

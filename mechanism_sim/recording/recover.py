@@ -49,7 +49,7 @@ def recover(path: Path | str) -> Recovery:
 
     """
     file = file_of(path)
-    survey(file)  # says what is wrong with it
+    survey(file)  # raises what is wrong with it
     with file.open('rb') as stream:
         if not lock(stream):
             raise InputError(f'{file} is still being recorded: end its recorder first.')
@@ -111,7 +111,7 @@ def _rewrite(path: Path, stream: BinaryIO, layout: Layout, out: IO[bytes]) -> No
 
 
 def _own_metadata(path: Path, layout: Layout) -> dict[str, dict[str, str]]:
-    """Return what the recorder would have written at its end; others' we do not know."""
+    """Return what the recorder would have written at its end; nothing for files of others."""
     if layout.library != LIBRARY:
         return {}
     hashes = {c.topic: c.metadata.get('topic_type_hash', '') for c in layout.channels.values()}

@@ -79,7 +79,7 @@ def at_equal_angles(
     ----------
     turned : revolutions of the shaft at the samples of runs without a gap, (N,) each, rising
     values : the samples, likewise
-    per_turn : angles in a turn; as many as there are samples in the slowest turn unless told
+    per_turn : angles in a turn; by default the number of samples in the slowest turn
 
     Raises
     ------

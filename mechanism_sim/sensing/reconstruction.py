@@ -96,7 +96,7 @@ def by_trapezoids(rate: Array, sample_rate: float, start: float = 0.0) -> Array:
     return np.asarray(start + integrate.cumulative_trapezoid(rate, dx=1 / sample_rate, initial=0))
 
 
-def closing(rate: Array, sample_rate: float, mean: float = 0.0) -> Array:
+def by_whole_cycles(rate: Array, sample_rate: float, mean: float = 0.0) -> Array:
     """The same for a record of whole cycles of a motion that repeats: (N,).
 
     An angular velocity that comes back to where it was has a derivative whose mean is zero, so

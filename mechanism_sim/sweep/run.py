@@ -11,8 +11,8 @@ from pathlib import Path
 
 from mechanism_sim import output
 from mechanism_sim.errors import InputError
-from mechanism_sim.study.workers import on_this_machine
-from mechanism_sim.sweep.cluster import on_cluster
+from mechanism_sim.study.workers import run_local
+from mechanism_sim.sweep.cluster import run_on_cluster
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.row import DONE, Task, Value, compute
 from mechanism_sim.sweep.shards import Shard, name_of, shards, windows_in
@@ -38,8 +38,8 @@ class Summary:
     windows_folder: str | None = None
 
 
-class Interrupted(Exception):  # noqa: N818 - nothing went wrong
-    """SIGINT or SIGTERM ended a sweep; the text says how to go on."""
+class SweepInterrupted(Exception):  # noqa: N818 - nothing went wrong
+    """SIGINT or SIGTERM ended a sweep; the text tells how to resume it."""
 
 
 def sweep(
@@ -92,12 +92,12 @@ def sweep(
     with Journal(table, plan, restart) as journal:
         cut = shards(plan, into) if into else {}
         unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
-        tasks = [t for key, t in unique.items() if not _kept(t, journal.rows.get(key))]
+        tasks = [t for key, t in unique.items() if not _is_complete(t, journal.rows.get(key))]
         finished = kept = len(unique) - len(tasks)
         failed = sum(map(has_failed, journal.rows.values()))
         cores = len(os.sched_getaffinity(0))
         source = (
-            on_cluster(tasks, dask) if dask else on_this_machine(tasks, workers or cores, compute)
+            run_on_cluster(tasks, dask) if dask else run_local(tasks, workers or cores, compute)
         )
         try:
             with closing(source) as results:
@@ -109,7 +109,7 @@ def sweep(
                     if show:
                         show(finished, failed)
         except KeyboardInterrupt:
-            raise Interrupted(
+            raise SweepInterrupted(
                 f'interrupted after {finished} of {plan.size} runs, which are kept in '
                 f"'{journal.path}'; the same command goes on from there"
             ) from None
@@ -130,7 +130,7 @@ def sweep(
     return summary, rows
 
 
-def _kept(task: Task, row: dict[str, Value] | None) -> bool:
+def _is_complete(task: Task, row: dict[str, Value] | None) -> bool:
     """Whether a run need not be made: its row is known, and so are its windows if it has any."""
     if row is None:
         return False

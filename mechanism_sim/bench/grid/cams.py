@@ -1,7 +1,4 @@
-"""Cams and gear trains made by chance, as scenes, .
-
-Cams stand anywhere, turn either way, and lift in any direction; trains have any numbers of teeth.
-"""
+"""Random cams as scenes: they stand anywhere, turn either way, and lift in any direction."""
 
 from __future__ import annotations
 

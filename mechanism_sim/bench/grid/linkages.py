@@ -1,4 +1,4 @@
-"""Mechanisms made by chance: links anywhere, joints where the links happen to be.
+"""Random mechanisms: links anywhere, joints where the links happen to be.
 
 Every link gets a pose; joints are put between them there, so that whatever is tied together can be
 assembled, and the poses are the guess. No dimension is special.

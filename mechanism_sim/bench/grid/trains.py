@@ -1,7 +1,7 @@
-"""Gear trains made by chance: gears on the ground, on links that turn, inside of others.
+"""Random gear trains: gears on the ground, on links that turn, inside of others.
 
 From a shaft on the ground a chain of gears grows; each next one is pivoted on the ground or on a
-carrier, at the distance and in the direction that chance wants, with external or internal teeth.
+carrier, at a random distance and in a random direction, with external or internal teeth.
 """
 
 from __future__ import annotations

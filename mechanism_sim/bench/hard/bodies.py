@@ -50,7 +50,7 @@ def thesis(**overrides: Any) -> Machine:
 
 
 def residual(balance: Energy | None) -> float:
-    """What the energy balance leaves over [J]; infinite where there is none."""
+    """Energy residual [J]; infinite without an energy balance."""
     return balance.residual if balance else math.inf
 
 

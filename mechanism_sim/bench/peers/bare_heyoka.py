@@ -187,7 +187,7 @@ class BareLoop:
 
 
 def prepare(four_bar: LooseFourBar, tol: float, record: bool = False) -> Run:
-    """Compile, and be ready to run; `record`: so that it can tell the state at any instant."""
+    """Compile; with `record` all steps are kept, which give the state at any instant."""
     loop = BareLoop(four_bar, tol, [] if record else None)
 
     def run() -> Callable[[], Outcome]:

@@ -96,7 +96,7 @@ def output(command: list[str], text: str = '', folder: str | None = None) -> str
     Raises
     ------
     RuntimeError
-        If it fails, with what it says about it.
+        If it fails, with its standard error.
     """
     done = subprocess.run(  # noqa: S603 - commands of this module
         command, input=text, cwd=folder, capture_output=True, text=True, check=False

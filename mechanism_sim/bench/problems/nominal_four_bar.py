@@ -22,7 +22,7 @@ def error(answer: Answer) -> float:
 
 
 def select_samples(force: Answer) -> Answer:
-    """The forces (2, N) that the reference knows."""
+    """The forces (2, N) at the angles of the reference."""
     return force[:, :: SAMPLES // REFERENCE_ANGLES]
 
 

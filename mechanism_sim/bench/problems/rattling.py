@@ -1,6 +1,6 @@
 """A valve that leaves its cam and bounces, and gears that rattle: times of the impacts.
 
-Our method is the event loop of `simulate`, which knows nothing of these scenes but their files.
+Our method is the event loop of `simulate`, which gets these scenes from their files.
 The peers are written for their one coordinate alone, `mechanism_sim.bench.rattling`.
 """
 
