@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import signal
+
+from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.frequency_weights import (
     attenuate,
     band_above_noise,
@@ -13,9 +16,6 @@ from mechanism_sim.sensing.frequency_weights import (
     invert,
     noise_floor,
 )
-from scipy import signal
-
-from mechanism_sim.errors import InputError
 
 RATE = 2700.0
 T = np.arange(2700) / RATE

@@ -18,17 +18,20 @@ Result = TypeVar('Result')
 Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 """Adds a command: its name, what runs it and returns the exit code, its help."""
 
-NODE_NAMES = (
-    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
-    'display', 'recorder',
-)  # fmt: skip
-"""Nodes of a run, which `node` runs one by one."""
-
-NODE_MODULES = {
-    **{name: f'mechanism_sim.nodes.{name}' for name in NODE_NAMES},
-    'view': 'mechanism_sim.pages.view',
+NODE_CLASSES = {
+    'crank_drive': 'mechanism_sim.nodes.crank_drive:CrankDrive',
+    'linkage': 'mechanism_sim.nodes.linkage:Linkage',
+    'cam': 'mechanism_sim.nodes.part:Cam',
+    'gear_train': 'mechanism_sim.nodes.part:GearTrain',
+    'geneva': 'mechanism_sim.nodes.part:Geneva',
+    'oscillator': 'mechanism_sim.nodes.oscillator:Oscillator',
+    'sensors': 'mechanism_sim.nodes.sensors:Sensors',
+    'display': 'mechanism_sim.nodes.display:Display',
+    'recorder': 'mechanism_sim.nodes.recorder:Recorder',
+    'view': 'mechanism_sim.pages.view:View',
 }
-"""Where the nodes are that `node` runs: those, and the one that shows a run from outside."""
+NODE_NAMES = tuple(name for name in NODE_CLASSES if name != 'view')
+"""Nodes of a run; `view` shows a run from outside."""
 
 
 def option(parser: Options, flags: str, metavar: str, text: str, default: object = str) -> None:

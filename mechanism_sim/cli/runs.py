@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import (
-    NODE_MODULES,
+    NODE_CLASSES,
     Command,
     flag,
     length_options,
@@ -64,7 +64,7 @@ def add(command: Command) -> None:
     )
     option(sub, '--namespace', 'NS', 'namespace of all nodes and topics of the run')
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
-    sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_MODULES))
+    sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_CLASSES))
 
 
 def _solve(options: argparse.Namespace) -> int:
@@ -134,19 +134,21 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _node(options: argparse.Namespace) -> int:
-    from importlib import import_module  # noqa: PLC0415
+    from pkgutil import resolve_name  # noqa: PLC0415
+
+    from mechanism_sim.nodes.process import main_of  # noqa: PLC0415
 
     if options.name is None:
         options.parser.print_help()
         return 0
-    if options.name not in NODE_MODULES:
+    if options.name not in NODE_CLASSES:
         from mechanism_sim.errors import nearest  # noqa: PLC0415
 
         raise InputError(
-            f"there is no node '{options.name}'{nearest(options.name, NODE_MODULES)}; known are: "
-            f'{", ".join(NODE_MODULES)}'
+            f"there is no node '{options.name}'{nearest(options.name, NODE_CLASSES)}; known are: "
+            f'{", ".join(NODE_CLASSES)}'
         )
-    import_module(NODE_MODULES[options.name]).main([*options.rest, *options.ros_args])
+    main_of(resolve_name(NODE_CLASSES[options.name]), [*options.rest, *options.ros_args])
     return 0
 
 

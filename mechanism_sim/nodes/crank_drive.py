@@ -13,7 +13,6 @@ from mechanism_sim.nodes.commands import Commands
 from mechanism_sim.nodes.control import Control
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.pace import Pace
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.scene_values import OverridePropagation
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -252,12 +251,3 @@ class CrankDrive(SimulationNode):
                 found.level = DiagnosticStatus.WARN
                 found.message = f'{achieved:.3g} times real time instead of {asked:g}'
         return found
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(CrankDrive, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -12,7 +12,6 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.force_markers import Picture, preview
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -116,12 +115,3 @@ class _Following(Following):
         """End if all motion and all impacts are here."""
         if self._node.has_all_impacts():
             super().look()
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Display, args)
-
-
-if __name__ == '__main__':
-    main()

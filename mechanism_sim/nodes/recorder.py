@@ -14,7 +14,6 @@ from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.described_node import Diagnosis
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.topics import topics_of
@@ -225,12 +224,3 @@ def _run_of(data: bytes) -> int:
     end = 16 + int.from_bytes(data[12:16], 'little')  # of the name of the frame
     end += -end % 4
     return int.from_bytes(data[end : end + 4], 'little')
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Recorder, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
 from mechanism_sim.middleware import Parameter, backend
-from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
-from mechanism_sim.nodes.gear_train import GearTrain
-from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import Oscillator
+from mechanism_sim.nodes.part import Cam, GearTrain, Geneva
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.recorder import Recorder

@@ -14,7 +14,6 @@ from mechanism_sim.messages import Imu, SensorBlock, float64_array
 from mechanism_sim.messages.layout import Layout
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene import Machine
@@ -132,12 +131,3 @@ class Sensors(SimulationNode):
     def _send(self, final: bool) -> None:
         for sensor, publisher in self._sensors:
             self.send_all(publisher, sensor.messages(final))
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Sensors, args)
-
-
-if __name__ == '__main__':
-    main()
