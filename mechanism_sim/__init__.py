@@ -23,7 +23,7 @@ def _plot() -> Any:
     return plot
 
 
-plotting.drawn_by(_plot)
+plotting.register_plot(_plot)
 postpone_sympy()
 
 

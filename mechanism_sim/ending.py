@@ -77,7 +77,7 @@ def start(command: Sequence[str], **options: Any) -> Popen[Any]:
     """Start a program of this package, which ends with this process; `options` of Popen."""
     from subprocess import Popen  # noqa: PLC0415 - most commands start nothing
 
-    with held():
+    with signals_held():
         return Popen(command, env=owned(options.pop('env', os.environ)), **options)  # noqa: S603
 
 
@@ -106,7 +106,7 @@ def workers(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def signals_held() -> Iterator[None]:
     """While processes are started: they keep signals until they can take them, as we do."""
     global _holding  # noqa: PLW0603
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
@@ -129,7 +129,7 @@ def working() -> Iterator[None]:
         _working = False
 
 
-def say(text: str = 'interrupted') -> int:
+def report_signal(text: str = 'interrupted') -> int:
     """Say on standard error that a signal ended the program, once; gives the exit code."""
     global _silent  # noqa: PLW0603
     if not _silent:

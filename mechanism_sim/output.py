@@ -18,7 +18,7 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE}
 
 
 @contextmanager
-def told(path: Path | str) -> Iterator[None]:
+def errors_as_sentences(path: Path | str) -> Iterator[None]:
     """Errors of the system while a file is written, as one sentence.
 
     Raises
@@ -42,7 +42,7 @@ def beside(path: Path | str) -> Iterator[Path]:
     The name keeps its ending. Devices and pipes are written themselves.
     """
     named = Path(path)
-    with told(named):
+    with errors_as_sentences(named):
         target = named.resolve()
         if target.exists() and not target.is_file():
             yield target

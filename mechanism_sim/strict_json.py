@@ -23,7 +23,7 @@ def dumps(data: object, indent: int | None = None) -> str:
         If a number is not finite: which.
     """
     try:
-        return json.dumps(data, indent=indent, allow_nan=False, default=_known)
+        return json.dumps(data, indent=indent, allow_nan=False, default=_as_builtin)
     except ValueError as error:
         where = _not_finite(data)
         if where is None:
@@ -58,7 +58,7 @@ def loads(text: str | bytes) -> Any:
         raise ValueError('it is nested too deep') from None
 
 
-def _known(value: Any) -> Any:
+def _as_builtin(value: Any) -> Any:
     if hasattr(value, 'tolist'):  # of NumPy, whose import costs a tenth of a second
         return value.tolist()
     if is_dataclass(value) and not isinstance(value, type):
@@ -92,7 +92,7 @@ def _not_finite(data: Any, where: str = '') -> str | None:
     elif isinstance(data, list | tuple):
         parts = [(f'{where}[{i}]', x) for i, x in enumerate(data)]
     elif hasattr(data, 'tolist') or is_dataclass(data):
-        return _not_finite(_known(data), where)
+        return _not_finite(_as_builtin(data), where)
     else:
         return None
     return next((found for name, x in parts if (found := _not_finite(x, name))), None)

@@ -33,7 +33,7 @@ def echo(text: str) -> None:
     console.print(styled, soft_wrap=True)
 
 
-def tell(error: Exception, code: int) -> int:
+def print_error(error: Exception, code: int) -> int:
     """Say on standard error what went wrong, and give back the exit code."""
     console = _colours(sys.stderr)
     if console is None:

@@ -84,7 +84,7 @@ class _Unit(NamedTuple):
 
 
 @lru_cache
-def _known(text: str) -> _Unit | None:
+def _common_unit(text: str) -> _Unit | None:
     """A product of different common units, without pint; none for anything else."""
     factors = _FACTOR.findall(text)
     names = {name for _, name, _ in factors}
@@ -184,9 +184,9 @@ def _text_to_si(value: str, unit: str, hint: str) -> float:
         raise ValueError(f"has the unit '{given}' where a plain number belongs: {hint}")
     if not _UNIT.fullmatch(given) or _NO_UNIT.search(given):
         raise ValueError(f"has the unknown unit '{given}': {hint}")
-    written_in, wanted = _known(given), _known(unit)
+    written_in, wanted = _common_unit(given), _common_unit(unit)
     if written_in is None or wanted is None:
-        return _asked_of_pint(number, given, unit, hint)
+        return _converted_by_pint(number, given, unit, hint)
     mixed = written_in.angular if unit == 'Hz' else 'rad' in unit and written_in.hertz
     if written_in.powers != wanted.powers or mixed:
         raise ValueError(_other(given, unit, hint))
@@ -197,7 +197,7 @@ def _other(given: str, unit: str, hint: str) -> str:
     return f"has the unit '{given}', which is not a unit of '{unit}': {hint}"
 
 
-def _asked_of_pint(number: str, given: str, unit: str, hint: str) -> float:
+def _converted_by_pint(number: str, given: str, unit: str, hint: str) -> float:
     ureg = _registry()
     try:
         quantity = ureg.Quantity(Decimal(number), given)

@@ -270,7 +270,7 @@ def test_turns_at_the_start_can_be_left_out(loose):
 def test_sensors_and_frames_of_a_part_are_those_of_the_whole(loose):
     """They do not begin anew where the part begins."""
     part = loose.between(0.7 * loose.end, 0.8 * loose.end)
-    (sensor,) = part.heard
+    (sensor,) = part.sampled_sensors
     (run,), (t,) = part.signal(sensor).runs, part.signal(sensor).times
     (all_of_it,) = loose.signal(sensor).runs
     first = round((t[0] - loose.signal(sensor).starts[0]) * part.signal(sensor).rate)

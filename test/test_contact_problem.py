@@ -202,13 +202,13 @@ def test_what_closed_contacts_draw_in_is_told_from_what_comes_back():
     masses = Masses(np.random.default_rng(1), 3, 3)
     masses.J, masses.M = np.eye(3), np.ones(3)
     masses.v, masses.a = np.array([0.0, 1e-3, 0.0]), np.array([-1.0, -4.0, 1.0])
-    drawn, horizon = instant.drawn_in(masses.problem, LIMITS, np.zeros(3, dtype=bool))
+    drawn, horizon = instant.induced_closures(masses.problem, LIMITS, np.zeros(3, dtype=bool))
     assert drawn.tolist() == [True, False, False]
     assert horizon == pytest.approx(100.0 * 2.0 * 1e-3 / 4.0)
     known = np.array([True, False, False])
-    assert not instant.drawn_in(masses.problem, LIMITS, known)[0].any()
+    assert not instant.induced_closures(masses.problem, LIMITS, known)[0].any()
     masses.closed[:] = True
-    assert not instant.drawn_in(masses.problem, LIMITS, np.zeros(3, dtype=bool))[0].any()
+    assert not instant.induced_closures(masses.problem, LIMITS, np.zeros(3, dtype=bool))[0].any()
 
 
 def test_hypotheses_have_codes():

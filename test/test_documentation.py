@@ -153,7 +153,7 @@ def test_the_steps_make_the_ten_links(tmp_path):
         ('dump_truck', {'drives.piston.start_position': '3 m'},
          ['the nearest that can be assembled has piston = 1.', 'start the drive there']),
         ('slider_crank', {'loads.f': {'at': 'piston', 'force': ['3*sinn(crank)', 0]}},
-         ["loads.f: 'sinn' in '3*sinn(crank)' is not a function", "did you mean 'sin'", 'known are abs']),
+         ["loads.f: 'sinn' in '3*sinn(crank)' is not a function", 'known are abs']),
         ('slider_crank', {'loads.f': {'at': 'piston', 'force': ['crank**5', 0]}},
          ['must be 2, 3 or 4']),
         ('slider_crank', {'loads.f': {'at': 'piston', 'force': ['3*sin(crank', 0]}},

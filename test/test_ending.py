@@ -26,7 +26,7 @@ def wait():
     time.sleep(300)
 
 def held():
-    with ending.held():
+    with ending.signals_held():
         ready()
         end = time.monotonic() + 0.1
         while time.monotonic() < end:
@@ -42,7 +42,7 @@ try:
     with ending.working():
         {body}
 except KeyboardInterrupt:
-    sys.exit(ending.say())
+    sys.exit(ending.report_signal())
 """
 
 MOMENTS = {

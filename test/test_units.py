@@ -83,7 +83,7 @@ def test_common_units_are_those_of_pint_to_the_last_bit(number, factors):
     text = ''.join(''.join(f) for f in factors)[len(factors[0][0]) :]
     for unit in filter(None, EXAMPLES):
         mine = outcome(units._text_to_si, f'{number} {text}', unit, 'hint')
-        assert mine == outcome(units._asked_of_pint, str(number), text, unit, 'hint')
+        assert mine == outcome(units._converted_by_pint, str(number), text, unit, 'hint')
 
 
 @pytest.mark.parametrize('unit', EXAMPLES)

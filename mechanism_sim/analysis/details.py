@@ -66,7 +66,7 @@ class Line:
     unit: str
     band: tuple[float, float] | None = None  #: of an envelope [Hz]
 
-    def drawn(self, rate: float | None) -> tuple[float, Array, Array]:
+    def significant_part(self, rate: float | None) -> tuple[float, Array, Array]:
         """What is worth drawing of orders or of an envelope: its end, places and values (N,).
 
         Parameters
@@ -155,7 +155,7 @@ def _average(turns: Turns, unit: str) -> dict[str, Any]:
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
     """All that can be drawn of a run, in the way that is wanted: of each sensor and bearing."""
-    sensors = [x for x in record.heard if len(record.signal(x).longest) >= _FEWEST]
+    sensors = [x for x in record.sampled_sensors if len(record.signal(x).longest) >= _FEWEST]
     joints = record.loose_joints
     turning = sensors if record.has_turns else ()
     return replace(

@@ -181,7 +181,7 @@ class PartRanges:
             rows += [getattr(reading, field) for field in PARTS[kind.topic].fields]
         return np.array(rows, np.float64)
 
-    def found(self, topic: str) -> dict[str, tuple[Range, ...]]:
+    def by_joint(self, topic: str) -> dict[str, tuple[Range, ...]]:
         """The ranges by joint of the parts with this topic, where there was motion."""
         s = self._search
         ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)

@@ -93,7 +93,7 @@ class Asked:
             for column in columns_of(record.piece, np.array([start]), with_work=True):
                 if column != 't':
                     yield Name(column, unit_of(record.piece, column))
-            for sensor in record.heard:
+            for sensor in record.sampled_sensors:
                 yield Name(sensor, record.signal(sensor).unit)
         for topic in self._bag.topics.values() if self._bag else ():
             if topic.count:

@@ -280,7 +280,7 @@ class Record:
         return sorted({*self.signals, *self.machine.scene.sensors})
 
     @property
-    def heard(self) -> list[str]:
+    def sampled_sensors(self) -> list[str]:
         """The sensors that took samples: one that waits for a shock may have none."""
 
         def took_any(sensor: str) -> bool:

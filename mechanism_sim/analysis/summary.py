@@ -123,7 +123,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         loads=(run.peaks and of_motion(run.peaks, crank.angle)) or run.loads.summary(crank.angle),
         energy=run.energy.summary(),
         parts={
-            k: c.summary(run.ranges.found(k) if run.ranges else {})
+            k: c.summary(run.ranges.by_joint(k) if run.ranges else {})
             for k, c in run.parts.items()
             if present[k]
         },

@@ -136,9 +136,11 @@ def swing(
     outermost = next(iter(instruments.values()))
     bare = replace(outermost, noise=Noise(), converter=Converter())
     heard, heard_nominal = (
-        _heard(TurningLink(mechanism, link), bare, link, m)[0] for m in (motion, ideal)
+        _all_samples(TurningLink(mechanism, link), bare, link, m)[0] for m in (motion, ideal)
     )
-    read = [_heard(source(machine, name), x, name, motion) for name, x in instruments.items()]
+    read = [
+        _all_samples(source(machine, name), x, name, motion) for name, x in instruments.items()
+    ]
 
     def samples(within: tuple[int, int]) -> slice:
         window = record.times_at(np.array(within, float))
@@ -198,7 +200,9 @@ def _rms(x: Array) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _heard(mount: Source, instrument: Instrument, name: str, motion: Motion) -> tuple[Array, int]:
+def _all_samples(
+    mount: Source, instrument: Instrument, name: str, motion: Motion
+) -> tuple[Array, int]:
     """All samples of an instrument, from the start of the motion on, and how many were cut."""
     channel = Channel(mount, replace(instrument, trigger=None), name)
     channel.take(motion)

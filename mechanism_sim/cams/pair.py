@@ -232,7 +232,7 @@ class CamClosure(HigherClosure[CamPair]):
         """Of the cam [rad], or how far it has slid [m]."""
         joint = self.joint
         if joint.distance.slides:
-            return -self._seen(frames, joint.first, joint.on_first, 'cam')[1]
+            return -self._from_camshaft(frames, joint.first, joint.on_first, 'cam')[1]
         frame, offset = self.mechanism.frame(joint.first)
         start = frames.parameters(f'{self.name}.phase', joint.sense * offset + joint.phase)
         return frames.angle(frame) * float(joint.sense) + constant(start)
@@ -241,14 +241,16 @@ class CamClosure(HigherClosure[CamPair]):
         """Of the follower: from the camshaft [m], or from the line of centres [rad]."""
         joint = self.joint
         if not joint.distance.swings:
-            return self._seen(frames, joint.second, joint.on_second, 'follower')[0]
+            return self._from_camshaft(frames, joint.second, joint.on_second, 'follower')[0]
         frame, offset = self.mechanism.frame(joint.second)
         sign = float(joint.swing)
         start = sign * (offset + joint.arm_angle - joint.direction - math.pi)
         known = frames.parameters(f'{self.name}.place', math.remainder(start, 2.0 * math.pi))
         return frames.angle(frame) * sign + constant(known)
 
-    def _seen(self, frames: Frames, link: str, at: Vector2, label: str) -> tuple[Jet, Jet]:
+    def _from_camshaft(
+        self, frames: Frames, link: str, at: Vector2, label: str
+    ) -> tuple[Jet, Jet]:
         """From the camshaft to a point of a link, in the frame of `followers` [m]."""
         px, py = frames.position(self.mechanism.point(link, at), f'{self.name}.{label}')
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
@@ -258,7 +260,7 @@ class CamClosure(HigherClosure[CamPair]):
 
     def _arm(self, frames: Frames) -> tuple[Term, Term]:
         joint = self.joint
-        x, y = self._seen(frames, joint.second, joint.on_second, 'follower')
+        x, y = self._from_camshaft(frames, joint.second, joint.on_second, 'follower')
         return x.value, y.value
 
     def _axes(self, frames: Frames) -> list[Jet]:

@@ -24,7 +24,7 @@ from mechanism_sim.cli.options import PRINTED, print_json
 from mechanism_sim.cli.overview import Overview, render_start
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
-from mechanism_sim.terminal import echo, tell
+from mechanism_sim.terminal import echo, print_error
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -47,7 +47,7 @@ def main(args: Sequence[str] | None = None) -> None:
     except RunError as error:
         sys.exit(_report_failure(error, 1, given))
     except KeyboardInterrupt:
-        sys.exit(ending.say())
+        sys.exit(ending.report_signal())
     except BrokenPipeError:
         # Whoever read our output has had enough; Python must not complain while closing it.
         _mute()
@@ -57,7 +57,7 @@ def main(args: Sequence[str] | None = None) -> None:
             raise
         _mute()
         where = f"'{error.filename}'" if error.filename else 'the output'
-        sys.exit(tell(RunError(f'{where} cannot be written: {error.strerror}'), 1))
+        sys.exit(print_error(RunError(f'{where} cannot be written: {error.strerror}'), 1))
 
 
 def _mute() -> None:
@@ -70,7 +70,7 @@ def _report_failure(error: Exception, code: int, args: Sequence[str]) -> int:
     if '--json' in args and 'node' not in args[:1] and not PRINTED:
         print_json({'error': str(error), 'code': code})
         sys.stdout.flush()
-    return tell(error, code)
+    return print_error(error, code)
 
 
 def make_parser() -> Overview:

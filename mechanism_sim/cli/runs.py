@@ -125,7 +125,7 @@ def _run(options: argparse.Namespace) -> int:
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)
     if outcome.code == ending.INTERRUPTED:
-        ending.say(f'interrupted at {outcome.duration:.6g} s of {end:.6g} s')
+        ending.report_signal(f'interrupted at {outcome.duration:.6g} s of {end:.6g} s')
     if options.json:
         print_json(outcome.to_json())
     elif outcome.code == 0:

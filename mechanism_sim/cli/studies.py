@@ -145,7 +145,7 @@ def _sweep(options: argparse.Namespace) -> int:
                 options.restart, show,
             )  # fmt: skip
     except SweepInterrupted as interrupted:
-        return ending.say(str(interrupted))
+        return ending.report_signal(str(interrupted))
     if chart:
         report.draw(chart, plan, rows)
     if options.json:

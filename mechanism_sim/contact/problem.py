@@ -487,7 +487,7 @@ def come_to_rest(
     last : (1, 12) the impact of this instant in whose loss coming to rest is booked, or (0, 12)
     modes : (m,) changed in place, with ``c.closed``
     begins : (m,) set: which begin to slide, see `begin`
-    drawn : (m,) set: see `drawn_in`
+    drawn : (m,) set: see `induced_closures`
     """
     m = len(c.value)
     grips, forces, solved = press(c, limits, resting, given)
@@ -526,7 +526,7 @@ def come_to_rest(
         for k in range(len(kept)):
             gained += c.compliance[r, k] * forces[k]
         c.acceleration[r] = c.free_acceleration[r] + gained
-    drawn[:], horizon = drawn_in(c, limits, resting)
+    drawn[:], horizon = induced_closures(c, limits, resting)
     return Rest(
         True, changed, bool(begins.any()), bool(parts), bool(off), bool(drawn.any()), horizon
     )
@@ -556,7 +556,7 @@ def release(c: ContactProblem, gaps: Mask, target: float, x: Array) -> None:
 
 
 @kernel
-def drawn_in(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Mask, float]:
+def induced_closures(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Mask, float]:
     """Open gaps (m,) that those now closed draw shut before they rise; the horizon [s] of others.
 
     Parameters

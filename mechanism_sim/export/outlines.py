@@ -157,7 +157,7 @@ def pair_outline(pair: Pair, names: tuple[str, str] = ('pinion', 'wheel')) -> Ou
     )
     wheel = gear_outline(pair.wheel, facing + math.pi / pair.wheel.teeth)
     return _together(
-        _named(gear_outline(pair.pinion), names[0]), _moved(_named(wheel, names[1]), c)
+        _named(gear_outline(pair.pinion), names[0]), _shifted(_named(wheel, names[1]), c)
     )
 
 
@@ -193,7 +193,7 @@ def _named(outline: Outline, name: str) -> Outline:
     return replace(outline, edges=edges, guides=guides)
 
 
-def _moved(outline: Outline, x: float) -> Outline:
+def _shifted(outline: Outline, x: float) -> Outline:
     """So far along the x axis; guides are circles."""
     edges = tuple(replace(c, points=c.points + np.array([[x], [0.0]])) for c in outline.edges)
     guides = tuple(replace(c, centre=(x, 0.0)) for c in outline.guides if isinstance(c, Circle))

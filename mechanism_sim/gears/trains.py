@@ -133,7 +133,7 @@ class Train:
             If a name is unknown, the speeds given contradict the teeth, or leave some open.
         """
         names = self.members
-        self._known(given)
+        self._check_members(given)
         if not all(map(math.isfinite, given.values())):
             raise InputError('speeds are finite numbers')
         held = np.array([[float(name == g) for name in names] for g in given])
@@ -162,7 +162,7 @@ class Train:
             As `speeds`; or if the driven member stands still.
         """
         speeds = self.speeds({driver: 1.0, **dict.fromkeys(held, 0.0)})
-        self._known((driven,))
+        self._check_members((driven,))
         if abs(speeds[driven]) < RANK_TOLERANCE:
             raise InputError(f'{driven} stands still')
         return 1.0 / speeds[driven]
@@ -185,7 +185,7 @@ class Train:
         """
         names, moving = self.members, self.speeds(speeds)
         supports = tuple(dict.fromkeys(supports))
-        self._known((*torques, *supports))
+        self._check_members((*torques, *supports))
         if both := sorted(set(torques) & set(supports)):
             raise InputError(f'the torque of {", ".join(both)} is both given and looked for')
         if not all(map(math.isfinite, torques.values())):
@@ -215,7 +215,7 @@ class Train:
             rolling[mesh.name] = -on_first * (moving[mesh.first] - carried)
         return Flow(torque, {n: torque[n] * moving[n] for n in names}, rolling)
 
-    def _known(self, named: Iterable[str]) -> None:
+    def _check_members(self, named: Iterable[str]) -> None:
         if unknown := [name for name in named if name not in self.members]:
             raise InputError(
                 f'no member {", ".join(unknown)}; there are {", ".join(self.members)}'

@@ -383,7 +383,7 @@ class Contacts:
         )
         if switch in self._system.holding:
             own = 3 * [*self._system.holding].index(switch)
-            *rates, part = self._at_present(self._system.held)[own : own + 3].tolist()
+            *rates, part = self._at_present(self._system.holding_rates)[own : own + 3].tolist()
             held = self._system.holding[switch].holding(row, rates, part, place)
             if held is not None:
                 return held
@@ -394,7 +394,7 @@ class Contacts:
 
     def _freeze(self, held: Sequence[int]) -> None:
         """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._at_present(self._system.held)[2::3].tolist()
+        parts = self._at_present(self._system.holding_rates)[2::3].tolist()
         for k, part in zip(self._system.holding, parts, strict=True):
             if k in held:
                 self._pars[self._system.switch_index[k][0]] = part

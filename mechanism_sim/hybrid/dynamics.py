@@ -243,7 +243,7 @@ class Dynamics:
         """How much a row changes by a shift of the free coordinates."""
         return dot(row, shift)
 
-    def _drawn(self, jet: Jet, stabilised: bool) -> Term:
+    def _stabilising_term(self, jet: Jet, stabilised: bool) -> Term:
         """What draws a closed gap back to zero within about a step: Baumgarte's method.
 
         Its rate alpha is set by the event loop to the reciprocal of the last step, up to a bound:
@@ -268,7 +268,7 @@ class Dynamics:
                     dot(row, a),
                     dot(self._driven_row(jet), self._a_p),
                     jet.curvature,
-                    self._drawn(jet, stabilised),
+                    self._stabilising_term(jet, stabilised),
                 )
             )
             for row, jet in zip(self._G, self.relation, strict=True)
@@ -282,7 +282,7 @@ class Dynamics:
                 dot(row, a),
                 dot(self._driven_row(jet), self._a_p),
                 jet.curvature,
-                self._drawn(jet, stabilised),
+                self._stabilising_term(jet, stabilised),
             )
             for row, jet in zip(self.J, self.rows, strict=True)
         ]
@@ -301,7 +301,7 @@ class Dynamics:
         if self.compliant:
             N, friction = self._pushed(b[m:])
         elif not self.frictional:
-            N = solve_symmetric(self._kept(range(m), range(m)), [pressed])[0]
+            N = solve_symmetric(self._masked_compliance(range(m), range(m)), [pressed])[0]
         else:
             N, stuck = self._pressed(pressed, b[m:])
             for i, force in zip(self.frictional, stuck, strict=True):
@@ -311,7 +311,7 @@ class Dynamics:
         closing = self._with(closing, self._closing, factors) if self.relation else []
         return Solved(a, N, friction, closing)
 
-    def _kept(self, rows: Sequence[int], columns: Sequence[int]) -> Matrix:
+    def _masked_compliance(self, rows: Sequence[int], columns: Sequence[int]) -> Matrix:
         """Compliance of what is kept, and the identity for what is not."""
         K: Matrix = []
         for r in rows:
@@ -340,12 +340,12 @@ class Dynamics:
         if m > _CRAMER:
             return self._pressed_by_contact(right, tangential)
         normal, held = range(m), [m + i for i in self.frictional]
-        L, D = factorise(self._kept(held, held))
+        L, D = factorise(self._masked_compliance(held, held))
         free = forward(L, [neg(mul(self.active[r], tangential[r - m])) for r in held])
-        columns = zip(*self._kept(held, normal), strict=True)
+        columns = zip(*self._masked_compliance(held, normal), strict=True)
         each = [forward(L, column) for column in columns]
         scaled = [[div(x, d) for x, d in zip(y, D, strict=True)] for y in each]
-        smooth = self._kept(normal, normal)  # without the friction of what slides
+        smooth = self._masked_compliance(normal, normal)  # without the friction of what slides
         for i in normal:
             for k in range(i + 1):
                 smooth[i][k] = smooth[k][i] = add(smooth[i][k], neg(dot(scaled[i], each[k])))
@@ -374,7 +374,7 @@ class Dynamics:
             *(neg(mul(a, x)) for a, x in zip(self.active[m:], tangential, strict=True)),
         ]
         rows = [r for i in self._order() for r in (m + i, i) if r < m or i in self.mu]
-        kept = self._kept(rows, rows)
+        kept = self._masked_compliance(rows, rows)
         A = [list(row) for row in kept]
         for k, c in enumerate(rows):
             if c in self.mu:
@@ -453,7 +453,7 @@ class Dynamics:
             held = [m + i for i in self.frictional]
             left = [add(tangential[r - m], dot(self.compliance[r], [*N, *T])) for r in held]
             right = [neg(mul(self.active[r], x)) for r, x in zip(held, left, strict=True)]
-            stuck = solve_symmetric(self._kept(held, held), [right])[0]
+            stuck = solve_symmetric(self._masked_compliance(held, held), [right])[0]
             for i, force in zip(self.frictional, stuck, strict=True):
                 T[i] = add(T[i], force)
         return N, T

@@ -13,7 +13,7 @@ Plot = Callable[..., Any]
 _finders: list[Callable[[], Plot]] = []
 
 
-def drawn_by(find: Callable[[], Plot]) -> None:
+def register_plot(find: Callable[[], Plot]) -> None:
     """Make known what finds, when it is first needed, the function that draws runs."""
     _finders[:] = [find]
 

@@ -314,7 +314,7 @@ class System:
         return hy.sum(rate)
 
     @cached_property
-    def held(self) -> hy.cfunc_dbl:
+    def holding_rates(self) -> hy.cfunc_dbl:
         """Of each switch of rates: rates of its function with flag 0 and 1, its part that acts.
 
         Of the same vector as `watch`.

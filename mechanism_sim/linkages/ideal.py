@@ -204,8 +204,8 @@ class LinkageMotion:
         known = slope is not None and ends and self._continues(last, q, slope * shift[0])
         if failed or not known:
             raise failed or RunError(
-                f'the mechanism comes to a singular position at {self._said(now[0])}, and the '
-                'branch on which it goes on is not decided'
+                f'the mechanism comes to a singular position at {self._positions_text(now[0])}, '
+                'and the branch on which it goes on is not decided'
             )
         return q, None
 
@@ -258,7 +258,7 @@ class LinkageMotion:
         q, left = self.kinematics.positions(near)
         if left.any():
             k = int(np.argmax(left))
-            driven = self._said(near[self.driven, k])
+            driven = self._positions_text(near[self.driven, k])
             off = np.abs(self.kinematics.closure(q[:, k : k + 1])[0][0])
             joint = self.kinematics.rows[int(np.argmax(off))]
             raise RunError(
@@ -267,7 +267,7 @@ class LinkageMotion:
             )
         return q
 
-    def _said(self, driven: Array) -> str:
+    def _positions_text(self, driven: Array) -> str:
         """The driven coordinates (p,) for people."""
         return ', '.join(
             f'{self.coordinates[i]} = {x:.6g} m' if i in self.sliding

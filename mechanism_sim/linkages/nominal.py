@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
+import scipy
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
@@ -240,7 +240,9 @@ class NominalRun:
 
                 a = times[over[0] - 1] if over[0] else ahead
                 inside = guard(b) < 0.0 <= guard(a)
-                ends.append(float(brentq(guard, a, b, xtol=rounding)) if inside else a)
+                ends.append(
+                    float(scipy.optimize.brentq(guard, a, b, xtol=rounding)) if inside else a
+                )
             if min(ends) > max(ahead, rounding):
                 return min(ends)
         return h

@@ -127,7 +127,7 @@ def define_action(name: str, text: str) -> None:
 
 def definition(name: str) -> str:
     """MCAP schema text (``ros2msg``): the definition, then every nested one under its ruler."""
-    _known(name)
+    _check_name(name)
     texts = [_text(name)]
     texts += [f'{RULER}\nMSG: {_short(nested)}\n{_text(nested)}' for nested in _dependencies(name)]
     return ''.join(texts)
@@ -136,7 +136,7 @@ def definition(name: str) -> str:
 @cache
 def type_hash(name: str) -> str:
     """``RIHS01_<sha256>`` of a message or a service."""
-    _known(name)
+    _check_name(name)
     return typestore().hash_rihs01(name)
 
 
@@ -152,11 +152,11 @@ def defaults(name: str) -> Mapping[str, Any]:
 
 def field_descriptions(name: str) -> list[tuple[str, Any]]:
     """Fields of a message as rosbags describes them: name, and (node type, what it holds)."""
-    _known(name)
+    _check_name(name)
     return list(typestore().fielddefs[name][1])
 
 
-def _known(name: str) -> None:
+def _check_name(name: str) -> None:
     if name not in typestore().fielddefs:
         raise MessageError(f'Message or service {name!r} is unknown; define() adds one')
 

@@ -239,7 +239,7 @@ class ActionServer:
 
     async def _on_cancel(self, request: Any, response: Any) -> Any:
         info = request.goal_info
-        meant = self._meant(info)
+        meant = self._goals_to_cancel(info)
         active = [handle for handle in meant if handle.is_cancelable]
         for handle in active:
             answer = await await_or_execute(self._unwanted, handle)
@@ -253,7 +253,7 @@ class ActionServer:
             response.return_code = terminated if meant else unknown
         return response
 
-    def _meant(self, info: Any) -> list[ServerGoalHandle]:
+    def _goals_to_cancel(self, info: Any) -> list[ServerGoalHandle]:
         """Goals that a request to cancel means: one, those up to a time, or all."""
         goal_id, until = bytes(info.goal_id.uuid), Time.from_msg(info.stamp)
         if not _has_stamp(info):

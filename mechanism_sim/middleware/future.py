@@ -52,7 +52,7 @@ class Future:
         """Mark the result as unwanted; the work on it may check this."""
         if not self.done():
             self._cancelled = True
-            self._tell()
+            self._run_callbacks()
 
     def cancelled(self) -> bool:
         """Whether it was cancelled, and no result came all the same."""
@@ -74,9 +74,9 @@ class Future:
         self._cancelled = False
         with self._lock:
             self._done.set()
-        self._tell()
+        self._run_callbacks()
 
-    def _tell(self) -> None:
+    def _run_callbacks(self) -> None:
         with self._lock:
             callbacks, self._callbacks = self._callbacks, []
         for callback in callbacks:

@@ -78,7 +78,7 @@ class Parameters:
         if reason:
             raise InvalidParameterValueException(f'{self._node}: {name}: {reason}')
         self._declared[name] = Declaration(initial, described)
-        self._tell([initial], [initial], [], [])
+        self._notify([initial], [initial], [], [])
         return initial
 
     def undeclare(self, name: str) -> None:
@@ -143,10 +143,10 @@ class Parameters:
             (new if fresh else changed).append(parameter)
             known.descriptor.type = int(parameter.type_)
             known.parameter = parameter
-        self._tell(parameters, new, changed, gone)
+        self._notify(parameters, new, changed, gone)
         return result(successful=True)
 
-    def _tell(self, parameters: Listed, new: Listed, changed: Listed, gone: Listed) -> None:
+    def _notify(self, parameters: Listed, new: Listed, changed: Listed, gone: Listed) -> None:
         self.publish(new, changed, gone)
         for follow in self.after:
             follow(parameters)

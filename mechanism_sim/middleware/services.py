@@ -161,7 +161,7 @@ class Client:
             with suppress(IndexError):  # only the first counts
                 self.inbox.put((waiting.pop(), outcome))
 
-        self._ask(request, answer)
+        self._send_request(request, answer)
         return future
 
     def call(self, request: Any, timeout_sec: float | None = None) -> Any:
@@ -170,7 +170,7 @@ class Client:
         Raises TimeoutError, or MiddlewareError if the service refuses or goes away.
         """
         future = Future()
-        self._ask(request, lambda outcome: _fulfil(future, outcome))
+        self._send_request(request, lambda outcome: _fulfil(future, outcome))
         with self._context.waits:
             if not future.wait(timeout_sec):
                 raise TimeoutError(f'{self.srv_name} has not answered for {timeout_sec} s')
@@ -190,7 +190,7 @@ class Client:
         self.inbox.close()
         self._context.undeclare(self._querier)
 
-    def _ask(self, request: Any, answer: Callable[[Any], Any]) -> None:
+    def _send_request(self, request: Any, answer: Callable[[Any], Any]) -> None:
         """Send a request; ``answer`` gets every response, or MiddlewareError for there is none.
 
         What is no response is dropped: it is not from who serves this.

@@ -49,7 +49,7 @@ class Commands:
         self._since: float | None = None  # [s] of wall time when a controller was first seen
         self._name = ''
         commanded = drive.machine.commands
-        name, given = _given(law)
+        name, given = _commanded(law)
         if isinstance(law, DriveLaw):
             limit = commanded.fastest if commanded else None
         else:
@@ -61,11 +61,11 @@ class Commands:
                     'with acceleration and fastest, or take command_period away'
                 )
             return
-        self._name, self._given, self._limit = name, given, limit
+        self._name, self._commanded, self._limit = name, given, limit
         about = f'Commanded {name} of the drive, SI'
         self._launched = self._present = drive.declare(name, given, about, (-limit, limit))
         drive.add_post_set_parameters_callback(self._follow)
-        heard = drive.create_subscription(Float64, f'command/{name}', self._hear, RESULTS)
+        heard = drive.create_subscription(Float64, f'command/{name}', self._receive, RESULTS)
         self._topic = heard.topic_name
 
     @property
@@ -82,14 +82,14 @@ class Commands:
         """A run begins, or begins anew: as it was launched, or with another value of the scene."""
         self._taken = 0
         self._early.clear()
-        _, given = _given(self._drive.law)
-        if self._name and given != self._given:
-            self._launched = given if self._launched == self._given else self._launched
-            self._given = given
+        _, given = _commanded(self._drive.law)
+        if self._name and given != self._commanded:
+            self._launched = given if self._launched == self._commanded else self._launched
+            self._commanded = given
         if self._name and self._present != self._launched:
             self._present = self._launched
             self._drive.set_parameters([Parameter(self._name, value=self._launched)])
-        if self._name and self._launched != self._given:
+        if self._name and self._launched != self._commanded:
             self._hold(self._launched)
 
     def look(self) -> None:
@@ -105,7 +105,7 @@ class Commands:
                 self._drive.announce(self._name, self._present, self._drive.announced)
                 self._command(float(parameter.value))
 
-    def _hear(self, message: Any) -> None:
+    def _receive(self, message: Any) -> None:
         if abs(message.data) <= self._limit:
             # The parameter, set to what it is already, then is a command again.
             self._present = float(message.data)
@@ -134,7 +134,7 @@ class Commands:
             drive.take_over([replace(law, coefficients=(value, *slopes), valid_from=at)])
 
 
-def _given(law: Any) -> tuple[str, float]:
+def _commanded(law: Any) -> tuple[str, float]:
     """What of a law is commanded, and its value [SI]."""
     if isinstance(law, DriveLaw):
         return 'velocity', law.coefficients[1] if law.degree else 0.0

@@ -25,7 +25,7 @@ from mechanism_sim.middleware import (
     remove_ros_args,
 )
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
-from mechanism_sim.terminal import tell
+from mechanism_sim.terminal import print_error
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.described_node import DescribedNode
@@ -94,9 +94,9 @@ def run_nodes(
     except KeyboardInterrupt:
         pass
     except (InputError, ParameterException, InvalidQosOverridesError) as error:
-        code = tell(error, 2)
+        code = print_error(error, 2)
     except (RunError, MiddlewareError) as error:
-        code = tell(error, 1)
+        code = print_error(error, 1)
         _keep(executor, nodes)
     finally:
         leaving.append(True)
@@ -106,7 +106,7 @@ def run_nodes(
         try:
             leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
         except MiddlewareError as error:
-            code = code or tell(error, 1)
+            code = code or print_error(error, 1)
         ending.allow()
         for number, handler in zip(ending.SIGNALS, before, strict=True):
             signal.signal(number, handler or signal.SIG_DFL)
@@ -116,9 +116,9 @@ def run_nodes(
 def report_end(name: str, code: int) -> int:
     """Print why another process ended if it did not; returns the exit code of this one."""
     if code < 0:
-        return tell(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
+        return print_error(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
     if code == ending.INTERRUPTED:
-        return ending.say(f"'{name}' was interrupted; the run ends")
+        return ending.report_signal(f"'{name}' was interrupted; the run ends")
     return code
 
 
@@ -148,9 +148,9 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
             parser.refuse(rest)
         remove_ros_args(ros_args)
     except (InputError, RuntimeError) as error:
-        sys.exit(tell(error, 2))
+        sys.exit(print_error(error, 2))
     code = run_nodes(lambda: [node(parameters_of(options))], ros_args=ros_args)
-    sys.exit(ending.say() if code == ending.INTERRUPTED else code)
+    sys.exit(ending.report_signal() if code == ending.INTERRUPTED else code)
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:

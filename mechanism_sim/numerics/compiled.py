@@ -79,7 +79,7 @@ def _integrator(
     compact: bool,
     flag: int,
 ) -> hy.taylor_adaptive_dbl:
-    def told(index: int) -> hy.callback:
+    def marking(index: int) -> hy.callback:
         def fell(integrator: hy.taylor_adaptive_dbl, _direction: int) -> bool:
             integrator.pars[flag] = index + 1.0
             return False
@@ -89,7 +89,7 @@ def _integrator(
     bound_cache()
     count = len(states)
     events = [
-        hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0, callback=told(index))
+        hy.t_event(g, direction=hy.event_direction.negative, cooldown=0.0, callback=marking(index))
         for index, g in enumerate(terms.expressions[count:])
     ]
     return hy.taylor_adaptive(

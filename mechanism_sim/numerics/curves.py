@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from mechanism_sim.numerics.polynomials import TWO_PI, shift_powers
 
@@ -105,5 +105,5 @@ def _polynomials(
     if ramp == 'linear':
         slopes = np.diff(y) / np.diff(x)
         return [(a, b, np.array(c)) for a, b, *c in zip(x[:-1], x[1:], y, slopes, strict=False)]
-    found = PchipInterpolator(x, y)
+    found = scipy.interpolate.PchipInterpolator(x, y)
     return list(zip(found.x[:-1], found.x[1:], found.c[::-1].T, strict=True))

@@ -145,12 +145,12 @@ class ExtremeSearch:
     @property
     def least(self) -> Array:
         """Least values (C,)."""
-        return self._known(-self._top[len(self._group) :])
+        return self._finite_values(-self._top[len(self._group) :])
 
     @property
     def greatest(self) -> Array:
         """Greatest values (C,)."""
-        return self._known(self._top[: len(self._group)])
+        return self._finite_values(self._top[: len(self._group)])
 
     @property
     def least_time(self) -> Array:
@@ -172,7 +172,7 @@ class ExtremeSearch:
         """What a height (2 C,) must exceed to matter."""
         return np.asarray(self._top + np.tile(self.rounding, 2))
 
-    def _known(self, x: Array) -> Array:
+    def _finite_values(self, x: Array) -> Array:
         return np.where(np.isnan(self._time[: len(x)]), np.nan, x + 0.0)
 
     def add_motion(

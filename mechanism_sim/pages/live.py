@@ -71,7 +71,7 @@ class Live:
         self._pieces.append(motion)
         self.time = motion.curve.end
 
-    def strike(self, message: Any) -> None:
+    def add_impact(self, message: Any) -> None:
         """An Impact message."""
         self.impacts = int(message.index) + 1
         if len(self._struck) < MOST:

@@ -28,7 +28,7 @@ class Operator:
 
     async def state(self) -> int | None:
         """Playing, paused or stopped (0); None if nobody says."""
-        answer = await self._ask(f'{PACKAGE}/srv/GetSimulationState', 'get_simulation_state')
+        answer = await self._call(f'{PACKAGE}/srv/GetSimulationState', 'get_simulation_state')
         return None if isinstance(answer, str) else int(answer.state.state)
 
     async def go(self, state: int) -> str:
@@ -37,22 +37,22 @@ class Operator:
             kind = message_class(f'{PACKAGE}/msg/SimulationState')
         except MessageError as error:
             return str(error)
-        return _outcome(await self._ask(
+        return _outcome(await self._call(
             f'{PACKAGE}/srv/SetSimulationState', 'set_simulation_state', state=kind(state=state)
         ))  # fmt: skip
 
     async def step(self, steps: int) -> str:
         """So many steps of a paused run."""
         kind = f'{PACKAGE}/srv/StepSimulation'
-        return _outcome(await self._ask(kind, 'step_simulation', steps=steps))
+        return _outcome(await self._call(kind, 'step_simulation', steps=steps))
 
     async def reset(self) -> str:
         """Back to time 0."""
-        return _outcome(await self._ask(f'{PACKAGE}/srv/ResetSimulation', 'reset_simulation'))
+        return _outcome(await self._call(f'{PACKAGE}/srv/ResetSimulation', 'reset_simulation'))
 
     async def values(self, owner: str, names: Sequence[str]) -> list[Any]:
         """Values of parameters of a node; none if it does not say."""
-        answer = await self._ask(
+        answer = await self._call(
             'rcl_interfaces/srv/GetParameters', f'{owner}/get_parameters', names=list(names)
         )
         if isinstance(answer, str) or len(answer.values) != len(names):
@@ -73,7 +73,7 @@ class Operator:
         return await self._set(DRIVE, OVERRIDES, '\n'.join([*others, control.override(value)]))
 
     async def _set(self, owner: str, name: str, value: float | str) -> str:
-        answer = await self._ask(
+        answer = await self._call(
             'rcl_interfaces/srv/SetParameters', f'{owner}/set_parameters',
             parameters=[Parameter(name, value=value).to_parameter_msg()],
         )  # fmt: skip
@@ -84,7 +84,7 @@ class Operator:
         (result,) = answer.results
         return '' if result.successful else str(result.reason) or f'{name} was refused'
 
-    async def _ask(self, kind: str, name: str, **fields: Any) -> Any:
+    async def _call(self, kind: str, name: str, **fields: Any) -> Any:
         """The answer of a service, or a sentence why there is none."""
         try:
             service = service_class(kind)

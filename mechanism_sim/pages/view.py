@@ -41,7 +41,7 @@ _PATIENCE = 10.0  # [s] for the answer to a command, before the next is begun
 _PACE = 1.0  # [s] over which the real-time factor is measured
 
 
-def say_where(address: str) -> None:
+def print_address(address: str) -> None:
     """Print the address of the page."""
     print(f'View: {address}', flush=True)
 
@@ -66,7 +66,7 @@ class View(DescribedNode):
     def __init__(
         self,
         parameters: Sequence[Parameter] = (),
-        opened: Callable[[str], None] = say_where,
+        opened: Callable[[str], None] = print_address,
         starting: bool = False,
     ) -> None:
         super().__init__('view', parameters)
@@ -84,7 +84,7 @@ class View(DescribedNode):
         self._operator = Operator(self)
         self.create_subscription(String, 'scene', self._meet, LATCHED)
         motion = self.create_subscription(Motion, 'motion', self._move, NEWEST)
-        self.create_subscription(Impact, 'impacts', self._strike, NEWEST)
+        self.create_subscription(Impact, 'impacts', self._receive_impact, NEWEST)
         self._topic = motion.topic_name
         self.server = Server(_contents(), port, lambda: self._greeting, self._asked.put)
         if port and self.server.port != port:
@@ -105,7 +105,7 @@ class View(DescribedNode):
         try:
             self._live = Live(message.data)
         except (InputError, RunError) as error:
-            self._say(f'the machine that runs cannot be shown: {error}', 'error')
+            self._send_message(f'the machine that runs cannot be shown: {error}', 'error')
             return
         found, before = controls(self._live.machine), self._controls
         for path, control in found.items():
@@ -134,9 +134,9 @@ class View(DescribedNode):
         if self._live:
             self._live.take(message)
 
-    def _strike(self, message: Any) -> None:
+    def _receive_impact(self, message: Any) -> None:
         if self._live:
-            self._live.strike(message)
+            self._live.add_impact(message)
 
     # --- what is shown ------------------------------------------------------------------------
 
@@ -159,7 +159,7 @@ class View(DescribedNode):
         if live is None:
             return
         if live.missed:
-            self._say(
+            self._send_message(
                 f'{live.missed:.3g} s of the motion did not come: the view goes on at '
                 f'{live.time:.6g} s'
             )
@@ -192,7 +192,7 @@ class View(DescribedNode):
             if path in self._controls:
                 self._controls[path] = self._controls[path].at(float(value))
 
-    def _say(self, text: str, level: str = 'warning') -> None:
+    def _send_message(self, text: str, level: str = 'warning') -> None:
         self.server.send({'type': 'message', 'text': text, 'level': level})
 
     # --- what is asked ------------------------------------------------------------------------
@@ -213,7 +213,7 @@ class View(DescribedNode):
         finally:
             self._busy_since = None
         if reason:
-            self._say(reason)
+            self._send_message(reason)
 
     async def _do(self, command: Command) -> str:
         kind, operator = command.type, self._operator

@@ -69,7 +69,7 @@ def _envelope(name: str, line: Line, drive_rate: float | None) -> Figure:
 def _amplitudes(title: str, line: Line, rate: float | None, words: str) -> Figure:
     """A spectrum over what the words say, in which the first order lies at `rate`."""
     figure = titled(title)
-    axes, (end, *shown) = figure.subplots(), line.drawn(rate)
+    axes, (end, *shown) = figure.subplots(), line.significant_part(rate)
     axes.plot(*shown, color='0.1', lw=0.9)
     axes.set_xlim(0.0, end)
     axes.set_ylim(bottom=0.0)

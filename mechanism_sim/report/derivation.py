@@ -50,7 +50,7 @@ class _Derivation:
         self._elements = () if machine.level is Level.KINEMATIC else model.elements
         self._symbols = Symbols(self._equations)
         self._vectors = Vectors(self._equations, self._symbols)
-        self._say, self._terms = self._vectors.say, self._vectors.terms
+        self._in_symbols, self._terms = self._vectors.in_symbols, self._vectors.terms
         self._motors = {motor.coordinate: motor for motor in machine.plan.motors}
         self._forces: list[Equation] = []
         self._on: dict[str, list[Expression]] = {c: [] for c in self._equations.coordinates}
@@ -77,7 +77,7 @@ class _Derivation:
         used = _symbols_of(parts)
         vectors = tuple(e for e in self._vectors.equations if e.left[0] in used)
         parts.insert(1, Part('vectors', 'Vectors', vectors))
-        shown = _shown(parts)
+        shown = _all_terms(parts)
         derivatives = [(symbols.q[c], symbols.v[c], symbols.a[c]) for c in symbols.q]
         own = {x for triple in derivatives for x in triple}
         others = [s for s in symbols.used(shown) if s.symbol not in own]
@@ -105,12 +105,12 @@ class _Derivation:
         """Count a force along a row among the generalised forces."""
         for c, slope in jet.gradient.items():
             if slope is not None:
-                self._on[c].append(sympy.Mul(force, self._say(slope)))
+                self._on[c].append(sympy.Mul(force, self._in_symbols(slope)))
 
     def _derivatives(self, jet: Jet) -> tuple[tuple[Expression, ...], tuple[Expression, ...]]:
         """First and second time derivative as terms; the latter with the accelerations."""
         second = [
-            sympy.Mul(self._say(slope), self._symbols.a[c])
+            sympy.Mul(self._in_symbols(slope), self._symbols.a[c])
             for c, slope in jet.gradient.items()
             if slope is not None
         ]
@@ -184,7 +184,7 @@ class _Derivation:
             known |= dict.fromkeys((dynamics.closed[i], dynamics.presses[i]), hy.expression(1.0))
             laws = hy.subs([dynamics.exact.N[i], dense(dynamics.exact.T[i])], known)
             for force, law in zip(forces, laws, strict=False):
-                self._forces.append(Equation(joint, (force,), (self._say(law),)))
+                self._forces.append(Equation(joint, (force,), (self._in_symbols(law),)))
 
     def _load(self) -> None:
         """Generalised forces of what needs no gap, and where it acts in the cycle."""
@@ -204,7 +204,7 @@ class _Derivation:
         """Where that acts which does so in a part of the cycle only."""
         lines, used = [], _symbols_of(parts)
         for name, switch in self._equations.frames.switches.items():
-            flag = self._say(switch.symbols[0])
+            flag = self._in_symbols(switch.symbols[0])
             if isinstance(switch, Switch) and flag in used:
                 self._vectors.use(name)
                 left = self._symbols.make('s', (name,), name, f'positive where {name} acts', '')
@@ -283,14 +283,14 @@ class _Derivation:
         return tuple(lines)
 
 
-def _shown(parts: Sequence[Part]) -> list[Expression]:
+def _all_terms(parts: Sequence[Part]) -> list[Expression]:
     """All terms of all equations."""
     return [x for p in parts for e in p.equations for x in (*e.left, *e.right)]
 
 
 def _symbols_of(parts: Sequence[Part]) -> set[Expression]:
     """All symbols in all equations."""
-    return set().union(*(x.free_symbols for x in _shown(parts)))
+    return set().union(*(x.free_symbols for x in _all_terms(parts)))
 
 
 def _is_trigonometric(expression: Expression) -> bool:

@@ -60,9 +60,10 @@ def render(found: Experiment) -> str:
         )
     else:
         head.append(
-            f'alpha = {found.alpha:.3g}: {_said(found.assumed)} in its first turns with impacts '
+            f'alpha = {found.alpha:.3g}: {_condition(found.assumed)} in its first turns with '
+            'impacts '
             f'({found.assumed.bag}), as means over {MESHES[-1]:g} deg, over what the instrument '
-            f'shows of {_said(found.reference)} ({found.reference.bag})'
+            f'shows of {_condition(found.reference)} ({found.reference.bag})'
         )
     cut = sum(swing.overloads for t in found.trials for swing in t.swings.values())
     if cut:
@@ -70,7 +71,7 @@ def render(found: Experiment) -> str:
     return '\n\n'.join(['\n'.join(head), *(table.markdown() for table in tables(found))])
 
 
-def _said(trial: Trial) -> str:
+def _condition(trial: Trial) -> str:
     return f'restitution {trial.condition.restitution:g}, friction {trial.condition.friction:g}'
 
 
@@ -145,7 +146,7 @@ def _course(found: Experiment) -> Table:
         ]
         rows.append((f'{begin} to {end}', *cells))
         begin, end = end, 2 * end
-    heads = [f'{what}, {_said(t)}' for t in trials for what in ('impacts', 'impulse [mN s]')]
+    heads = [f'{what}, {_condition(t)}' for t in trials for what in ('impacts', 'impulse [mN s]')]
     return Table('Impacts and sum of impulses a turn, from the start', ('turns', *heads), rows)
 
 

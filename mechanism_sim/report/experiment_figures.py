@@ -86,7 +86,7 @@ def _figures(found: Experiment) -> Iterator[tuple[str, Figure]]:
         yield '8_12', _dominant(reference)
 
 
-def _said(trial: Trial) -> str:
+def _condition(trial: Trial) -> str:
     c = trial.condition
     return (
         f'{c.speed * 30.0 / math.pi:.0f} rpm, clearance {1e3 * c.radial:.4g} mm, '
@@ -106,7 +106,7 @@ def _spectrum(trial: Trial) -> Figure:
     """[SB] 7.8."""
     swing = trial.swings['coupler']
     found = power([swing.reading], trial.sample_rate)
-    figure = titled(f'sensor on the coupler, {_said(trial)}', height=3.2)
+    figure = titled(f'sensor on the coupler, {_condition(trial)}', height=3.2)
     axes = figure.subplots()
     axes.semilogy(found.frequency[1:], found.values[1:], color='0.1', lw=0.9)
     axes.set_xlim(0.0, found.frequency[-1])
@@ -123,7 +123,7 @@ def _measured(trials: Sequence[Trial], link: str, quantity: str) -> Figure:
         turn, angle = _last_turn(trial, link)
         axes.plot(angle, swing.accelerations['thesis'].values[turn], label='measured', **_MEASURED)
         axes.plot(angle, swing.nominal[0][turn], label='no clearance', **_NOMINAL)
-        axes.set_title(_said(trial), fontsize=8.0)
+        axes.set_title(_condition(trial), fontsize=8.0)
         axes.set_ylabel(f'[{_UNITS[quantity]}]')
     over_turn(panels[-1], 'crank')
     panels[0].set_xlabel('')
@@ -161,7 +161,9 @@ def _severity(found: Experiment, over: int, scale: float, words: str) -> Figure:
 def _superposed(found: Experiment, rows: Array, quantity: str, name: str) -> Figure:
     """[SB] 8.1, 8.2 and 8.4 to 8.7: the assumed machine simulated, the other measured."""
     trial = found.reference
-    figure = titled(f'measured: {_said(trial)}\nsimulated: {_said(found.assumed)}', 7.0, 5.2)
+    figure = titled(
+        f'measured: {_condition(trial)}\nsimulated: {_condition(found.assumed)}', 7.0, 5.2
+    )
     panels = figure.subplots(2, 1, sharex=True)
     for axes, link in zip(panels, LINKS, strict=True):
         row = _ROWS[quantity, link]
@@ -198,11 +200,11 @@ def _beside_nominal(
 def _simulated(trial: Trial) -> Figure:
     cycle = trial.first
     shown = [(_ROWS['acceleration', 'coupler'], cycle.rows[0])]
-    return _beside_nominal(f'simulated: {_said(trial)}', 3.2, cycle, shown, 'with clearance')
+    return _beside_nominal(f'simulated: {_condition(trial)}', 3.2, cycle, shown, 'with clearance')
 
 
 def _forces(found: Experiment, modified: Array) -> Figure:
-    title = f'simulated, modified by alpha = {found.alpha:.3g}: {_said(found.assumed)}'
+    title = f'simulated, modified by alpha = {found.alpha:.3g}: {_condition(found.assumed)}'
     shown = [(row, modified[row.place]) for row in list(_ROWS.values())[4:]]
     return _beside_nominal(title, 6.5, found.assumed.first, shown, 'modified')
 
@@ -212,7 +214,7 @@ def _dominant(trial: Trial) -> Figure:
     rose, links = trial.rose, trial.machine.linkage
     rows = [row[row >= 0] for row in trial.impacts.dominant if (row >= 0).any()]
     chosen = rows[-1][:_DOMINANT] if rows else rose.largest[:_DOMINANT]
-    figure = titled(f'dominant impacts of a turn, {_said(trial)}', 7.0, 4.2)
+    figure = titled(f'dominant impacts of a turn, {_condition(trial)}', 7.0, 4.2)
     axes = figure.subplots()
     axes.set_aspect('equal')
     longest = rose.normal_impulse[chosen].max()

@@ -157,7 +157,7 @@ class Labels:
 
     def _half(self, name: str) -> Array:
         """Half the width and height of a name [m]."""
-        box = TextPath((0.0, 0.0), _shown(name), size=_SIZE).get_extents()
+        box = TextPath((0.0, 0.0), _readable(name), size=_SIZE).get_extents()
         return self._pt(0.5) * np.array([box.width, _SIZE])
 
     def _pt(self, points: float) -> float:
@@ -172,7 +172,7 @@ class Labels:
     def _text(self, name: str, spot: _Spot, **more: Any) -> Any:
         ground = {'boxstyle': 'square,pad=0.05', 'fc': 'white', 'ec': 'none', 'alpha': 0.7}
         return self._axes.text(
-            *spot.middle, _shown(name), fontsize=_SIZE, zorder=9, bbox=ground, ha='center',
+            *spot.middle, _readable(name), fontsize=_SIZE, zorder=9, bbox=ground, ha='center',
             va='center', rotation=np.degrees(spot.turn), **more,
         )  # fmt: skip
 
@@ -180,7 +180,7 @@ class Labels:
 _GRID = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), [-0.9, 0.0, 0.9]), axis=-1).reshape(-1, 2)
 
 
-def _shown(name: str) -> str:
+def _readable(name: str) -> str:
     return name.replace('_', ' ')
 
 

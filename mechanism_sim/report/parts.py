@@ -51,7 +51,7 @@ class Sheet:
 
     def render(self) -> str:
         """For people: degrees and millimetres, and a column for each gear."""
-        common = [_shown(f, self._place(f)) for f in self.figures if '.' not in f.name]
+        common = [_cells(f, self._place(f)) for f in self.figures if '.' not in f.name]
         own: dict[str, dict[str, Figure]] = {}
         for figure in self.figures:
             gear, dot, name = figure.name.partition('.')
@@ -60,7 +60,7 @@ class Sheet:
         gears = list(dict.fromkeys(gear for row in own.values() for gear in row))
         columns = [('', *gears, '')] if gears else []
         for name, row in own.items():
-            cells = [_shown(row[gear]) if gear in row else ('',) * 3 for gear in gears]
+            cells = [_cells(row[gear]) if gear in row else ('',) * 3 for gear in gears]
             unit = next(iter(cell[2] for cell in cells if cell[2]), '')
             columns.append((name.replace('_', ' '), *(cell[1] for cell in cells), unit))
         return '\n'.join([self.title, *_table(common), *_table(columns), *self.remarks])
@@ -83,7 +83,7 @@ class Sheet:
         }
 
 
-def _shown(figure: Figure, *more: str) -> tuple[str, ...]:
+def _cells(figure: Figure, *more: str) -> tuple[str, ...]:
     unit, scale = for_people(figure.unit)
     return figure.name.replace('_', ' '), f'{scale * figure.value:.6g}', unit, *more
 

@@ -35,7 +35,7 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
     for run, row in zip(plan.runs, rows, strict=True):
         if len(rows) > _MOST_ROWS or has_failed(row):
             continue
-        figures = [_said(row, name, scale) for name, scale, _ in _PANELS]
+        figures = [_mean_text(row, name, scale) for name, scale, _ in _PANELS]
         said = ', '.join(f'{k.rpartition(".")[2]} = {v}' for k, v in run.given.items())
         again = f', repetition {run.values[REPEAT]}' if REPEAT in run.values else ''
         lines.append(f'{run.index:5d}  {figures[1]}  {figures[0]}  {figures[2]}  {said}{again}')
@@ -57,7 +57,7 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
     )
 
 
-def _said(row: dict[str, Value], name: str, scale: float) -> str:
+def _mean_text(row: dict[str, Value], name: str, scale: float) -> str:
     mean, half = _number(row, name) * scale, _number(row, f'{name}_half_width') * scale
     return f'{mean:8.4g} +- {half:<7.2g}' if math.isfinite(mean) else f'{"none":^19}'
 

@@ -121,17 +121,17 @@ class _Table:
     def __init__(self, file: Path) -> None:
         self._file = file
         self._part = file.with_name(f'.{file.name}.part')
-        with output.told(file):
+        with output.errors_as_sentences(file):
             self._part.touch()
             self._sink = _SINKS[file.suffix](self._part)
 
     def write(self, columns: dict[str, Array]) -> None:
-        with output.told(self._file):
+        with output.errors_as_sentences(self._file):
             self._sink.write(columns)
 
     def close(self, complete: bool) -> None:
         try:
-            with output.told(self._file):
+            with output.errors_as_sentences(self._file):
                 self._sink.close()
                 if complete:
                     self._part.replace(self._file)

@@ -50,7 +50,7 @@ class Vectors:
         self._abbreviations: dict[str | hy.expression, hy.expression] = {}
         self._named: dict[str, dict[str | hy.expression, hy.expression]] = {}
 
-    def say(self, term: Term) -> Expression:
+    def in_symbols(self, term: Term) -> Expression:
         """A term in symbols, with those of the vectors in it."""
         expression = dense(term)
         if self._abbreviations:
@@ -59,7 +59,7 @@ class Vectors:
 
     def terms(self, term: Term) -> tuple[Expression, ...]:
         """What it is the sum of, in symbols."""
-        return () if term is None else self._symbols.terms(self.say(term))
+        return () if term is None else self._symbols.terms(self.in_symbols(term))
 
     def use_seen(self) -> None:
         """Let symbols stand for the vectors asked for since the last time, and no others."""

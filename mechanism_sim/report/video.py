@@ -99,7 +99,7 @@ class Target:
                 with self._film(figure, fps) as grab:
                     yield grab
             else:
-                with output.told(self._stem.parent):
+                with output.errors_as_sentences(self._stem.parent):
                     self._stem.parent.mkdir(exist_ok=True)
                 yield self._numbered(figure, len(str(count)))
         except CalledProcessError as error:

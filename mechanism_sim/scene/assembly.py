@@ -337,7 +337,7 @@ def _refusal(
         j: sides for j, sides in loops.items() if 2.0 * max(sides.values()) > sum(sides.values())
     }
     joint = next(iter(torn), kinematics.rows[int(np.argmax(np.abs(off)))])
-    placed = _said(kinematics, q, range(len(q)))
+    placed = _positions_text(kinematics, q, range(len(q)))
     if torn:
         sides = torn[joint]
         longest = max(sides, key=lambda link: sides[link])
@@ -364,7 +364,7 @@ def _advice(kinematics: Kinematics, q: Array, targets: Array | None) -> str:
         )
     free, left = kinematics.released().positions(q[:, None], targets)
     if held and not left[0]:
-        near = _said(kinematics, free[:, 0], kinematics.held)
+        near = _positions_text(kinematics, free[:, 0], kinematics.held)
         return (
             f'the nearest that can be assembled has {near}: start the drive there, or check the '
             'lengths'
@@ -372,7 +372,7 @@ def _advice(kinematics: Kinematics, q: Array, targets: Array | None) -> str:
     return "check the lengths of that loop, or give a better 'guess'"
 
 
-def _said(kinematics: Kinematics, q: Array, which: Iterable[int]) -> str:
+def _positions_text(kinematics: Kinematics, q: Array, which: Iterable[int]) -> str:
     straight = kinematics.mechanism.displacements
     return ', '.join(
         f'{c} = {q[i]:.4g} m' if c in straight else f'{c} = {np.degrees(q[i]):.4g} deg'

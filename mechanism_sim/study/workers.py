@@ -33,7 +33,9 @@ def run_local(
         return
     try:
         with ending.workers(workers) as pool:
-            with ending.held():  # in them Ctrl-C stays so: it is for this process, which ends them
+            with (
+                ending.signals_held()
+            ):  # in them Ctrl-C stays so: it is for this process, which ends them
                 futures = [pool.submit(work, task) for task in tasks]
             for future in as_completed(futures):
                 yield future.result()

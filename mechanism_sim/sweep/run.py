@@ -73,7 +73,7 @@ def sweep(
         If the table or its journal cannot be written or are of something else.
     RunError
         If the workers cannot go on.
-    Interrupted
+    SweepInterrupted
         At SIGINT and SIGTERM.
     """
     output.check_path('-o', table, '.parquet')

@@ -55,7 +55,7 @@ class Journal:
                 f"the table '{table}' exists already and has no journal to go on from: choose "
                 'another name, or give --restart to replace it'
             )
-        with output.told(self.path):
+        with output.errors_as_sentences(self.path):
             self._file = self.path.open('a+b')
         try:
             self._begin(plan, restart)
@@ -104,7 +104,7 @@ class Journal:
         self.rows[finished.key] = finished.row
 
     def _append(self, entry: dict[str, Any]) -> None:
-        with output.told(self.path):
+        with output.errors_as_sentences(self.path):
             self._file.write(strict_json.dumps(entry).encode() + b'\n')
             self._file.flush()
             os.fsync(self._file.fileno())
@@ -113,7 +113,7 @@ class Journal:
         return self
 
     def __exit__(self, *_failure: object) -> None:
-        with output.told(self.path):
+        with output.errors_as_sentences(self.path):
             self._file.close()
 
 

@@ -85,7 +85,7 @@ def write_scenes(cases: Sequence[GridCase], folder: Path) -> None:
     InputError
         If it cannot be written there.
     """
-    with output.told(folder):
+    with output.errors_as_sentences(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for case in cases:
             scene, revolutions, duration = case.draft()

@@ -28,7 +28,7 @@ _DECADES = 1e-7  # below the highest line nothing is drawn
 def sensors(course: Course, skip: int) -> Section | None:
     """Signal, power spectral density, orders and envelope spectrum of every sensor."""
     record = course.record
-    names = record.heard
+    names = record.sampled_sensors
     if not names:
         return None
     wanted = everything(record, Wanted(skip=skip))
@@ -110,7 +110,7 @@ def _amplitudes(
 ) -> tuple[go.Figure, float]:
     """A spectrum over what the words say, in which the first order lies at `rate`; its end."""
     figure = chart(words, f'amplitude [{line.unit}]', showlegend=False)
-    end, *shown = line.drawn(rate)
+    end, *shown = line.significant_part(rate)
     figure.update_xaxes(range=[0.0, end])
     figure.update_yaxes(rangemode='tozero')
     _add(figure, thin(Line(*shown)), shade, unit, line.unit)
