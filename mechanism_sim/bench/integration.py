@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mechanism_sim.bench.problem import Answer, Outcome, Run, run_once
+from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, run_once
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact
@@ -59,3 +60,11 @@ def run_solve_ivp(
         return Outcome(found.y[:count, -1], len(found.t) - 1)
 
     return run_once(work)
+
+
+def solve_ivp_methods(
+    run: Callable[[str, float], Run], names: Sequence[str], how: str
+) -> Iterator[Method]:
+    """Methods of `solve_ivp`: `run` takes the name and rtol."""
+    for name in names:
+        yield Method(f'SciPy {name}', (1e-6, 1e-8, 1e-10, 1e-12), 'rtol', partial(run, name), how)

@@ -20,7 +20,7 @@ from mechanism_sim.terminal import echo
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('scenes', _scenes, 'list the scenes of the package')
-    flag(sub, '--schema', 'what scenes may say, as a JSON schema for editors, instead of the list')
+    flag(sub, '--schema', 'the keys of scenes as a JSON schema for editors, instead of the list')
     sub = command('check', _check, 'check a scene, and summarise its machine, without running it')
     scene_options(sub)
     sub = command('equations', _equations, "write down a scene's own equations")

@@ -81,7 +81,7 @@ def _periodic(options: argparse.Namespace) -> int:
     elif response is None:
         print(
             f'no response that repeats within {options.longest} revolutions after '
-            f"{options.transient}; 'mechanism-sim statistics' says what it is like in the mean"
+            f"{options.transient}; 'mechanism-sim statistics' gives its means"
         )
     else:
         print(study.periodic(response))

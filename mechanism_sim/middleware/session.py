@@ -137,7 +137,7 @@ class Context:
             if self.router is not None:
                 _close(self.router)
         if not ended:
-            raise MiddlewareError('A process that stands still did not let the session end')
+            raise MiddlewareError('the session cannot be closed: a process on the network hangs')
         return flushed
 
     def refuse(self, topic: str, kind: str, reason: str, warn: Warn | None = None) -> None:

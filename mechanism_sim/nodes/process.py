@@ -161,7 +161,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--duration', type=float, help='length of the run [s]')
     parser.add_argument('--partners', help='the other nodes of the run, separated by commas')
-    parser.add_argument('--listeners', help='others that must hear everything, likewise')
+    parser.add_argument('--listeners', help='others that must receive all messages, likewise')
     parser.add_argument('--partner-timeout', type=float, help='how long to wait for them [s]')
     parser.add_argument('--lead', type=float, help='crank_drive: credit ahead of the slowest [s]')
     parser.add_argument(

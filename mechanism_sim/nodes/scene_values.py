@@ -98,7 +98,7 @@ class OverridePropagation:
 
     async def _set(self, client: Client, value: str) -> str:
         if not client.service_is_ready():
-            return f'nobody serves {client.service_name}'
+            return f'the service {client.service_name} is not available'
         parameter = Parameter(OVERRIDES, value=value).to_parameter_msg()
         answer: Any = await client.call_async(self._kind.Request(parameters=[parameter]))
         if len(answer.results) != 1:

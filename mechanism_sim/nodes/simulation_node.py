@@ -66,7 +66,7 @@ class SimulationNode(DescribedNode):
         for key, default, about in (
             ('scene', 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
             ('partners', '', 'Names of the other nodes of the run, separated by commas'),
-            ('listeners', '', 'Names of nodes that must hear all results, separated by commas'),
+            ('listeners', '', 'Names of nodes that must receive all results, separated by commas'),
             ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
             self.declare(key, default, about, read_only=True)

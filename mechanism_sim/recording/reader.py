@@ -65,7 +65,7 @@ class Bag:
         self.package = recording.get('package', '')
         self.recovered = recording.get('recovered') == 'yes'
         taken = recording.get('wall_time') if layout.complete else None
-        with sound(path, 'what it says of its recording'):
+        with sound(path, 'its metadata of the recording'):
             self.wall_time = None if taken is None else float(taken)
         self.topics = _topics(layout)
         self._layout = layout

@@ -84,7 +84,7 @@ def by_two(first: Array, second: Array, at_first: float, at_second: float) -> Ar
         If both sit in the same place.
     """
     if at_first == at_second:
-        raise InputError('two sensors at the same place of a link do not tell how it turns')
+        raise InputError('two sensors at the same place of a link give no angular acceleration')
     return np.asarray((first - second) / (at_first - at_second))
 
 

@@ -170,7 +170,7 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
     for file in sorted(folder.glob('*.parquet')):
         if file.name not in own:
             raise InputError(
-                f"'{file}' is not of this sweep, but whoever reads the folder would read it too: "
+                f"'{file}' is not of this sweep, but readers of the folder would read it too: "
                 'choose another folder by --windows, or remove it'
             )
     return folder

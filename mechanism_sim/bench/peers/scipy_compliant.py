@@ -56,7 +56,7 @@ def simulate(four_bar: LooseFourBar, method: str, stiffness: float, rtol: float)
         t_eval=[four_bar.duration], jac=jacobian,
     )  # fmt: skip
     if not run.success:
-        raise RunError(f'{method} gave up: {run.message}')
+        raise RunError(f'{method} failed: {run.message}')
     return Outcome(run.y[:2, -1])
 
 

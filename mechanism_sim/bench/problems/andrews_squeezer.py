@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from math import pi
 
 import numpy as np
 
 from mechanism_sim.bench.four_bar import reference
-from mechanism_sim.bench.integration import event_loop, positions, run_solve_ivp
+from mechanism_sim.bench.integration import event_loop, positions, run_solve_ivp, solve_ivp_methods
 from mechanism_sim.bench.problem import (
     OURS,
     Answer,
@@ -101,16 +100,11 @@ PROBLEM = Problem(
             'The event loop of `simulate`: seven coordinates, three closed loops as constraints, '
             'from the scene file.',
         ),
-        *(
-            Method(
-                f'SciPy {method}',
-                (1e-6, 1e-8, 1e-10, 1e-12),
-                'rtol',
-                partial(scipy, method),
-                "`solve_ivp` on the test set's seven angles in index 1, written by hand; "
-                '`numpy.linalg.solve` on 13 equations a call.',
-            )
-            for method in ('Radau', 'DOP853', 'LSODA')
+        *solve_ivp_methods(
+            scipy,
+            ('Radau', 'DOP853', 'LSODA'),
+            "`solve_ivp` on the test set's seven angles in index 1, written by hand; "
+            '`numpy.linalg.solve` on 13 equations a call.',
         ),
         Method(
             'numba DOP853 loop',

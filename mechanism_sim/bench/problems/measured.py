@@ -86,7 +86,7 @@ def run_solve_ivp(rtol: float) -> Run:
     Raises
     ------
     RunError
-        If it gives up.
+        If it fails.
     """
     A, B, C, _ = RUN.state
     curve, times, every = RUN.motion.curve, RUN.times, np.arange(len(RUN.motion))
@@ -104,7 +104,7 @@ def run_solve_ivp(rtol: float) -> Run:
                 x + step * B, 'DOP853', np.append(due / h, 1.0), rtol=rtol, atol=rtol,
             )  # fmt: skip
             if not solution.success:
-                raise RunError(f'DOP853 gave up: {solution.message}')
+                raise RunError(f'DOP853 failed: {solution.message}')
             shown.append(C @ solution.y[:, :-1])
             x = solution.y[:, -1]
         return np.concatenate(shown)
