@@ -167,10 +167,14 @@ class Contacts:
     def _adopt(self) -> None:
         """Let what the array of modes says be known."""
         self.modes = tuple(self._modes.tolist())
-        self.status = Status(self.modes, self.approach)
+        self._set_status()
         self.flying = int(Mode.FREE_FLIGHT) in self.modes
         smooth = not (self._system.frictional or self._system.compliant)
         self._flies_free = smooth and not self._problem.closed.any()
+
+    def _set_status(self) -> None:
+        acting = tuple(self.switches[k] for k in self._system.holding)
+        self.status = Status(self.modes, self.approach, acting)
 
     def _set_flags(self, begins: bool) -> None:
         """Tell the equations the modes; of contacts that begin to slide, that they stick."""
@@ -203,6 +207,8 @@ class Contacts:
         self.switches = rows
         for s, index, row in zip(switches, self._system.switch_index, rows, strict=True):
             self._set(index, s.values(row))
+        if self._system.holding:
+            self._set_status()
 
     def pass_edges(self) -> None:
         """Let switches turn over that are at their edge now, where their guards fall too late.
@@ -382,9 +388,9 @@ class Contacts:
             self._places()[switch],
         )
         if switch in self._system.holding:
-            own = 3 * [*self._system.holding].index(switch)
-            *rates, part = self._at_present(self._system.holding_rates)[own : own + 3].tolist()
-            held = self._system.holding[switch].holding(row, rates, part, place)
+            own = 5 * [*self._system.holding].index(switch)
+            seen = self._at_present(self._system.holding_rates)[own : own + 5].tolist()
+            held = self._system.holding[switch].holding(row, seen, place)
             if held is not None:
                 return held
         try:
@@ -394,7 +400,7 @@ class Contacts:
 
     def _freeze(self, held: Sequence[int]) -> None:
         """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._at_present(self._system.holding_rates)[2::3].tolist()
+        parts = self._at_present(self._system.holding_rates)[4::5].tolist()
         for k, part in zip(self._system.holding, parts, strict=True):
             if k in held:
                 self._pars[self._system.switch_index[k][0]] = part

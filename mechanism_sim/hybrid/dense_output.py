@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,9 @@ class Motion:
     modes: NDArray[np.uint8]  #: (m, gaps)
     approach: Array  #: (m, gaps) [m/s] of the first touch of compliant contacts, else (m, 0)
     torques: Array  #: (m, k, 3) coefficients of the torque laws of k powered coordinates
+    acting: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
+    """(m, h) rows of the h switches of loads that depend on rates: off, on, or holding; where they
+    are not known (0, 0)."""
 
     def __len__(self) -> int:
         return len(self.curve)
@@ -61,7 +64,8 @@ class Motion:
         starts[0], low[0], duration[0] = start, 0.0, duration[0] - into
         duration[-1] = end - starts[-1] - low[-1]
         piece = PiecewisePolynomial(starts, low, duration, curve.turns[kept], powers)
-        return Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept])
+        kept_rows = self.acting[kept] if self.acting.size else self.acting
+        return Motion(piece, self.modes[kept], self.approach[kept], self.torques[kept], kept_rows)
 
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
@@ -78,6 +82,7 @@ class Motion:
             np.concatenate([part.modes for part in parts]),
             np.concatenate([part.approach for part in parts]),
             np.concatenate([part.torques for part in parts]),
+            np.concatenate([part.acting for part in parts]),
         )
 
 
@@ -91,6 +96,7 @@ class Status(NamedTuple):
 
     modes: tuple[int, ...]
     approach: tuple[float, ...]
+    acting: tuple[int, ...] = ()  #: rows of the switches of rates
 
 
 _BLOCK = 256  # steps
@@ -231,6 +237,7 @@ class DenseOutput:
             np.repeat(np.array([s.modes for s in status], np.uint8), each, axis=0),
             np.repeat(np.array([s.approach for s in status], np.float64), each, axis=0),
             self._torques(of),
+            np.repeat(np.array([s.acting for s in status], np.uint8), each, axis=0),
         )
 
     def _torques(self, of: NDArray[np.intp]) -> Array:

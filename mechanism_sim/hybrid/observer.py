@@ -33,7 +33,9 @@ class TouchTerms(NamedTuple):
     normal_angle: Array  #: (m, N) [rad]
 
 
-_OF_TOUCHES = 'contact_loss', 'gap_rate', 'normal_angle'
+_OF_TOUCHES = 'holding_rate', 'contact_loss', 'gap_rate', 'normal_angle'
+
+_SWEEPS, _SETTLED = 1000, 1e-14  # of the iteration for switches that hold together
 
 
 _CENTRAL = 1e-6
@@ -112,6 +114,7 @@ class Observer:
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],
+            'holding_rate': self.system.rates_of_holding(solved.a),
             'contact_loss': losses,
             'gap_rate': [
                 dense(jet.rate) / gap.stretch(jet.value)
@@ -134,9 +137,6 @@ class Observer:
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
         groups = [self.system.unpulled(self._terms[name]) for name in names]
-        parts = self._parts
-        if parts:
-            groups = [list(hy.subs(group, parts)) for group in groups]
         if replace:
             groups = [list(hy.subs(group, replace)) for group in groups]
         frames = eq.frames
@@ -146,8 +146,43 @@ class Observer:
         return SwitchedFunction(frames, groups, variables)
 
     @cached_property
-    def _parts(self) -> dict[hy.expression, hy.expression]:
-        return self.system.parts(self.system.dynamics.exact.a)
+    def _holding_rates(self) -> SwitchedFunction:
+        return self._compiled(['holding_rate'])
+
+    def _with_parts(self, inputs: Array, rows: Array | None) -> Array | None:
+        """The values (r, N) of the switches, with its part for each that holds.
+
+        Of several that hold at once it is those of 0 to 1 that leave least of the rates of what
+        they hold, by projected Gauss-Seidel iteration.
+        """
+        flags, holds = self.system.holding_rows
+        if rows is None or not flags or not (held := rows[holds] > 0.0).any():
+            return rows
+        columns = np.flatnonzero(held.any(axis=0))
+        held, now, inputs = held[:, columns], rows[:, columns], inputs[:, columns]
+        now[flags] = np.where(held, 0.0, now[flags])
+        (free,) = self._holding_rates(inputs, now)
+        slopes = []
+        for flag, own in zip(flags, held, strict=True):
+            now[flag] += own
+            slopes.append(self._holding_rates(inputs, now)[0] - free)
+            now[flag] -= own
+        parts, jump = np.zeros(held.shape), np.array(slopes)
+        for _ in range(_SWEEPS):
+            change = np.zeros(())
+            for k, own in enumerate(held):
+                acts = own & (jump[k, k] < 0.0)
+                slope = np.where(acts, jump[k, k], -1.0)
+                left = free[k] + (jump[:, k] * parts).sum(axis=0)
+                part = np.where(acts, np.clip(parts[k] - left / slope, 0.0, 1.0), 0.0)
+                change = np.maximum(change, np.abs(part - parts[k]).max())
+                parts[k] = part
+            if change < _SETTLED:
+                break
+        now[flags] = np.where(held, parts, now[flags])
+        found = rows.copy()
+        found[:, columns] = now
+        return found
 
     @cached_property
     def _observe(self) -> SwitchedFunction:
@@ -183,7 +218,7 @@ class Observer:
         inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
         (
             a, gap, _, N, T, friction, drive_torque, reaction, moment, energy,
-        ) = self._observe(inputs, rows)  # fmt: skip
+        ) = self._observe(inputs, self._with_parts(inputs, rows))  # fmt: skip
         return Observation(
             q,
             v,
@@ -213,7 +248,9 @@ class Observer:
     ) -> Account:
         """Terms of the energy balance at the instants of `observe`; far cheaper."""
         inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
-        gap, closure, N, friction, drive_torque = self._account(inputs, rows)
+        gap, closure, N, friction, drive_torque = self._account(
+            inputs, self._with_parts(inputs, rows)
+        )
         closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
         ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
         farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
@@ -221,9 +258,26 @@ class Observer:
         power = (drive_torque * v[self.system.driven_index]).sum(axis=0)
         return Account(N, friction[0], power, float(left))
 
+    def parts(
+        self,
+        q: Array,
+        v: Array,
+        a_p: Array,
+        modes: NDArray[np.uint8],
+        torque: Array | None = None,
+        approach: Array | None = None,
+        outside: Array | None = None,
+        rows: Array | None = None,
+    ) -> Array:
+        """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        known = self._with_parts(inputs, rows)
+        flags, _ = self.system.holding_rows
+        return np.zeros((len(flags), q.shape[1])) if known is None else known[flags]
+
     @cached_property
     def _touch(self) -> SwitchedFunction:
-        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES])
+        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES[1:]])
 
     def touch(
         self,
@@ -238,7 +292,7 @@ class Observer:
     ) -> TouchTerms:
         """Compliant contacts at the instants that `observe` would be given."""
         inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
-        return TouchTerms(*self._touch(inputs, rows))
+        return TouchTerms(*self._touch(inputs, self._with_parts(inputs, rows)))
 
     def _inputs(
         self,

@@ -15,6 +15,7 @@ from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.switched_functions import Edges
+from mechanism_sim.planar.switches import HOLDS
 
 
 class Physics(Protocol):
@@ -64,6 +65,11 @@ class Physics(Protocol):
         `closure_error` is the largest distance [m] from zero: of closed gaps, and of what is left
         open where loops close.
         """
+
+    def switch_parts(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> dict[str, Array]:
+        """What acts (N,) of each load that depends on rates, by the name of its switch."""
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Instants at which forces grow beyond all bounds; there they are NaN."""
@@ -160,8 +166,17 @@ class DynamicPhysics:
             torque,
             motion.approach_at(segments, dt),
             outside(self.system.outside, self.coordinates, curve, segments, dt),
-            rows(self.system.edges, self.coordinates, curve, segments, dt),
+            self._rows(motion, segments, dt),
         )
+
+    def _rows(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array | None:
+        """Values of the switches: those of rates as they were, others by their places."""
+        found = rows(self.system.edges, self.coordinates, motion.curve, segments, dt)
+        if found is not None and motion.acting.size:
+            acting = np.repeat(motion.acting[segments], instants(dt), axis=0).T
+            flags, holds = self.system.holding_rows
+            found[flags], found[holds] = acting % HOLDS, acting == HOLDS
+        return found
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed."""
@@ -175,6 +190,16 @@ class DynamicPhysics:
         )
         gaps = self.observer.distances(values)
         return np.where(motion.closed_at(segments, dt), np.inf, gaps)
+
+    def switch_parts(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> dict[str, Array]:
+        """What acts (N,) of each load that depends on rates, by the name of its switch."""
+        names = [*self.system.equations.frames.switches]
+        if not self.system.holding:
+            return {}
+        parts = self.observer.parts(*self._state(motion, segments, dt))
+        return dict(zip([names[k] for k in self.system.holding], parts, strict=True))
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Where forces grow beyond all bounds: at singular positions, if anywhere."""

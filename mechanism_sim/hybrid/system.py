@@ -276,29 +276,35 @@ class System:
             if isinstance(switch, Switch) and switch.holds is not None
         }
 
-    def parts(self, a: Sequence[Term]) -> dict[hy.expression, hy.expression]:
-        """By the flag of each switch of rates what acts of it, its part while it holds.
+    @cached_property
+    def holding_rows(self) -> tuple[list[int], list[int]]:
+        """Of each switch that may hold, where its flag and its holding are among all symbols."""
+        ends = np.cumsum([len(s.symbols) for s in self.switches]).tolist()
+        return [ends[k] - 2 for k in self.holding], [ends[k] - 1 for k in self.holding]
 
-        The parts keep the functions of all that hold at zero: their rates ``A + B parts`` vanish
-        under accelerations `a` of the free coordinates, which depend linearly on the flags.
-        """
-        switches = [*self.holding.values()]
-        flags = [s.flag for s in switches]
-        none = dict.fromkeys(flags, hy.expression(0.0))
-        rates = [self._rate(s.inside, a) for s in switches]
-        A = list(hy.subs(rates, none)) if rates else []
-        B = [list(hy.subs(rates, none | {flag: hy.expression(1.0)})) for flag in flags]
-        rows = []
-        for k, s in enumerate(switches):
-            z: Any = s.holds
-            row = [z * (B[j][k] - A[k]) for j in range(len(flags))]
-            row[k] = row[k] - (1.0 - z) - TINY
-            rows.append([*row, -z * A[k] - (1.0 - z) * s.flag])
-        return dict(zip(flags, _eliminated(rows), strict=True))
+    def rates_of_holding(self, a: Sequence[Term]) -> list[hy.expression]:
+        """Rates of the functions of the switches that may hold, under accelerations `a`."""
+        return [self._rate(s.inside, a) for s in self.holding.values()]
 
     @cached_property
     def _parts(self) -> dict[hy.expression, hy.expression]:
-        return self.parts(self.dynamics.stabilised.a)
+        """By the flag of each switch of rates what acts of it, its part while it holds.
+
+        The parts keep the functions of all that hold at zero: their rates ``A + B parts`` vanish,
+        which depend linearly on the flags.
+        """
+        flags = [s.flag for s in self.holding.values()]
+        none = dict.fromkeys(flags, hy.expression(0.0))
+        rates = self.rates_of_holding(self.dynamics.stabilised.a)
+        A = list(hy.subs(rates, none)) if rates else []
+        B = [list(hy.subs(rates, none | {flag: hy.expression(1.0)})) for flag in flags]
+        rows = []
+        for k, s in enumerate(self.holding.values()):
+            z: Any = s.holds
+            row = [z * (B[j][k] - A[k]) for j in range(len(flags))]
+            row[k] = row[k] - (1.0 - z)
+            rows.append([*row, -z * A[k] - (1.0 - z) * s.flag])
+        return dict(zip(flags, _eliminated(rows), strict=True))
 
     def _rate(self, function: hy.expression, a: Sequence[Term]) -> hy.expression:
         """Time derivative of a function of coordinates, rates and time."""
@@ -315,16 +321,18 @@ class System:
 
     @cached_property
     def holding_rates(self) -> hy.cfunc_dbl:
-        """Of each switch of rates: rates of its function with flag 0 and 1, its part that acts.
+        """Of each switch that may hold five numbers; of the same vector as `watch`.
 
-        Of the same vector as `watch`.
+        Rates of its function with flag 0 and 1, while what holds goes on holding; the same while
+        nothing holds; and the part of the flag that acts.
         """
         outputs = []
-        for switch in self.holding.values():
-            rate = self._rate(switch.inside, self.dynamics.stabilised.a)
+        plain = self.rates_of_holding(self.dynamics.stabilised.a)
+        for switch, rate in zip(self.holding.values(), plain, strict=True):
             others = {x: part for x, part in self._parts.items() if x != switch.flag}
-            for flag in (0.0, 1.0):
-                outputs += hy.subs([rate], others | {switch.flag: hy.expression(flag)})
+            for known in (others, {}):
+                for flag in (0.0, 1.0):
+                    outputs += hy.subs([rate], known | {switch.flag: hy.expression(flag)})
             outputs.append(self._parts[switch.flag])
         return self._on_now(outputs)
 

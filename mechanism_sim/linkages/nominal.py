@@ -488,6 +488,12 @@ class NominalPhysics:
         acting = rows(self._forces.edges, self.coordinates, curve, segments, times)
         return self._forces(q, v, a, self._outside(curve, segments, times), acting)
 
+    def switch_parts(
+        self, _motion: Motion, _segments: NDArray[np.intp], _dt: Array | Nodes
+    ) -> dict[str, Array]:
+        """Nothing holds a motion that is given."""
+        return {}
+
     def no_limits(self, motion: Motion) -> list[NoLimit]:
         """Where forces grow beyond all bounds: at singular positions, if anywhere."""
         curve, count = motion.curve, len(motion)

@@ -176,7 +176,7 @@ def _about_motion(message: Any) -> str | None:
     ):
         if len(getattr(message, field)) != count:
             return f'it has {len(getattr(message, field))} values of {field}, not {count}'
-    for field, each in (('approach_speeds', m), ('torque_laws', 3 * m)):
+    for field, each in (('approach_speeds', m), ('torque_laws', 3 * m), ('load_switches', m)):
         if len(values := getattr(message, field)) % max(each, 1) or (len(values) and not m):
             return f'it has {len(values)} values of {field} for {m} segments'
     start, duration = np.asarray(message.start), np.asarray(message.duration)

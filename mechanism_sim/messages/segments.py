@@ -75,13 +75,15 @@ def motion_of(message: Any) -> Motion:
     m = len(segments.start)
     speeds = np.asarray(message.approach_speeds, np.float64)
     laws = np.asarray(message.torque_laws, np.float64)
+    rows = np.asarray(message.load_switches, np.uint8)
     each = max(m, 1)  # a message may have no segments
     try:
         approach = speeds.reshape(m, len(speeds) // each)
         torques = laws.reshape(m, len(laws) // (3 * each), 3)
+        acting = rows.reshape(m, len(rows) // each)
     except ValueError as error:
         raise InputError(f'a Motion message contradicts its own counts: {error}.') from error
-    return Motion(curve_of(segments), segments.modes, approach, torques)
+    return Motion(curve_of(segments), segments.modes, approach, torques, acting)
 
 
 def foreign(message: Any, machine: Machine) -> str:
@@ -133,6 +135,7 @@ def pack(
         modes=uint8_array(motion.modes.ravel()),
         approach_speeds=float64_array(motion.approach.ravel()),
         torque_laws=float64_array(motion.torques.ravel()),
+        load_switches=uint8_array(motion.acting.ravel()),
     )
     message.header.stamp = stamp(float(curve.start[0]) if len(curve) else after)
     return message

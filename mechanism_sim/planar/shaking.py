@@ -37,6 +37,7 @@ class ShakingForce:
     Attributes
     ----------
     outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
+    flags : by the name of each switch where its flag is among the rows
     edges : where along a motion a load begins or ceases to act; None if none does
     """
 
@@ -62,6 +63,8 @@ class ShakingForce:
             moment = add(moment_of((x.value, y.value), load.force), load.moment)
             parts.append([*load.force, moment])
         self.outside = tuple(frames.outside)
+        ends = np.cumsum([0, *(len(s.symbols) for s in frames.switches.values())])
+        self.flags = dict(zip(frames.switches, ends.tolist(), strict=False))
         self.edges = Edges(frames) if frames.switches else None
         motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
         terms = [add(*column) for column in zip(*parts, strict=True)]

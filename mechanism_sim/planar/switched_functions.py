@@ -178,16 +178,12 @@ class Edges:
         ----------
         start, middle : states (2n + k, N) there
         """
-        (first, values), (then, later) = self._switches(start), self._switches(middle)
+        values, later = self._switches(start)[1], self._switches(middle)[1]
         for _ in range(self._switches.depth):
             (guards,) = self._guards(np.concatenate([middle, values]))
             left = np.repeat(guards + SWITCH_MARGIN <= 0.0, self._widths, axis=0)
             values = np.where(left, later, values)
-        own = np.split(values, np.cumsum(self._widths)[:-1])
-        kept = zip(self._every, own, strict=True)
-        return np.concatenate(
-            [s.values_between(first[id(s)], then[id(s)], known) for s, known in kept]
-        )
+        return values
 
     def left(self, states: Array, present: Array) -> Array:
         """What is negative (g, N) in states (2n + k, N) where the present rows have ended."""

@@ -27,6 +27,8 @@ _BEYOND = 1e-9  # of its length: what a table that is not periodic allows for ro
 REST = 1e-10
 """Size of a function of rates that is as good as zero: what steps there may hold a motion."""
 
+_OWN = 1e-6  # of its jump alone: less is left to a switch where others hold what it would
+
 HOLDS = 2
 """The row of a switch that holds a motion."""
 
@@ -74,18 +76,23 @@ class Switch(NamedTuple):
         """The other one; of one that holds that of the place."""
         return int(place > 0.0) if row == HOLDS else 1 - row
 
-    def holding(self, row: int, rates: Sequence[float], part: float, place: float) -> int | None:
+    def holding(self, row: int, seen: Sequence[float], place: float) -> int | None:
         """The row that follows on one at zero, None if that of `row_after`.
+
+        It holds where it acts against the motion on both sides, unless others hold that already.
 
         Parameters
         ----------
-        rates : of the function with the flag 0, and with the flag 1
-        part : of the flag that would hold
+        seen : `System.holding_rates` of this switch
         place : value of the function
         """
+        below, above, free_below, free_above, part = seen
+        if abs(place) > REST:
+            return None
         if row == HOLDS:
-            return None if abs(place) > REST else int(part > 0.5)
-        return HOLDS if rates[1] < 0.0 < rates[0] and abs(place) <= REST else None
+            return int(part > 0.5)
+        own = below - above > _OWN * abs(free_below - free_above)
+        return HOLDS if own and above < 0.0 < below else None
 
     def values(self, row: int) -> list[float]:
         """Of the symbols."""
@@ -93,15 +100,8 @@ class Switch(NamedTuple):
         return [float(row % HOLDS), *held]
 
     def values_at(self, places: Array) -> Array:
-        """Of the symbols at places (N,) as if it did not hold: (1, N) or (2, N)."""
+        """Of the symbols at places (N,), as if it did not hold: (1, N) or (2, N)."""
         return np.array([places > 0.0, np.zeros_like(places)][: len(self.symbols)], float)
-
-    def values_between(self, start: Array, middle: Array, values: Array) -> Array:
-        """Of the symbols in segments, from their places: where it stays at zero, it holds."""
-        if self.holds is None:
-            return values
-        held = np.maximum(np.abs(start), np.abs(middle)) <= REST
-        return np.where(held, np.array([[0.0], [1.0]]), values)
 
 
 class Table:
@@ -179,10 +179,6 @@ class Table:
             first = self._breaks[0]
             places = first + (places - first) % (2.0 * math.pi)
         return np.searchsorted(self._breaks[1:-1], places, 'right')
-
-    def values_between(self, _start: Array, _middle: Array, values: Array) -> Array:
-        """As they are: a table holds nothing."""
-        return values
 
     def row_at(self, place: float) -> int:
         """The row at a place [rad, m]."""

@@ -55,7 +55,7 @@ def forces_on(machine: DynamicModel, name: str) -> Forces:
     if joints is None:
         elements = machine.plan.elements(mechanism)
         applied = [element for element in elements if isinstance(element, AppliedForce)]
-        return WholeMachine(ShakingForce(mechanism, applied), mechanism.coordinates)
+        return WholeMachine(ShakingForce(mechanism, applied), machine.physics)
     return JointForces(mechanism, machine.physics, joint_impulses(machine), joints)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.physics import outside, rows
+from mechanism_sim.hybrid.physics import Physics, outside, rows
 from mechanism_sim.numerics.modal_filter import NODES
 from mechanism_sim.numerics.polynomials import (
     Nodes,
@@ -46,16 +46,21 @@ class WholeMachine:
     Parameters
     ----------
     force : from the momentum of its links
-    coordinates : of the machine
+    physics : what follows from its motion
     """
 
-    def __init__(self, force: ShakingForce, coordinates: tuple[str, ...]) -> None:
-        self._force, self._coordinates = force, coordinates
+    def __init__(self, force: ShakingForce, physics: Physics) -> None:
+        self._force, self._physics = force, physics
+        self._coordinates = physics.coordinates
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force and moment."""
         q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
         known = rows(self._force.edges, self._coordinates, motion.curve, segments, dt)
+        if known is not None:
+            for name, part in self._physics.switch_parts(motion, segments, dt).items():
+                if name in self._force.flags:
+                    known[self._force.flags[name]] = part
         return self._force(q, v, a, self._outside(motion, segments, dt), known)
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, variant
 from mechanism_sim.bench.grid.four_bars import (
     LAWS,
@@ -128,6 +130,62 @@ def _loads(random: Random, k: int) -> Draft:
     return Draft(scene, **extent)
 
 
+def _steps(random: Random, k: int) -> Draft:
+    """A slider-crank under loads with corners and steps, tables, friction; motors of all kinds."""
+    keys, extent = drive(random, WAYS[k % 5], (0.5, 2.0))
+    speed = float(random.uniform(20.0, 60.0)) * pick(random, (1.0, -1.0))
+    torque = math.copysign(decades(random, 0.0, 1.3), speed)
+    if k % 4 == 2:
+        rated = speed * float(random.uniform(0.8, 0.98))
+        keys = {'speed': 0.0, 'motor': {
+            'inertia': decades(random, -4.0, -2.0),
+            'induction': {'synchronous_speed': speed, 'rated_speed': rated, 'rated_torque': torque,
+                          'breakdown_torque': torque * float(random.uniform(1.1, 4.0))},
+        }}  # fmt: skip
+    elif k % 4 == 3:
+        falling = [[0.0, torque], [0.7 * speed, 1.2 * torque], [speed, 0.0]]
+        points = falling if speed > 0.0 else falling[::-1]
+        keys = {'motor': {'curve': {'points': points, 'ramp': pick(random, ('linear', 'smooth'))}}}
+    if k % 4 >= 2:
+        extent = {'duration': 0.5}
+    places = np.sort(random.uniform(0.1, 0.4, 5)).tolist()
+    forces = random.uniform(-100.0, 100.0, 7).tolist()
+    around = [float(x) for x in (0.0, *np.sort(random.uniform(0.1, 6.2, 3)), 2.0 * math.pi)]
+    couples = random.uniform(-2.0, 2.0, 4).tolist()
+    smooth = pick(random, ('linear', 'smooth'))
+    tables = {
+        'work': {'ramp': smooth, 'points': [
+            *zip(places[:3], forces, strict=False), *zip(places[2:], forces[3:], strict=False)]},
+        'turn': {'ramp': smooth, 'cyclic': True,
+                 'points': list(zip(around, [*couples, couples[0]], strict=True))},
+    }  # fmt: skip
+    size = decades(random, 0.0, 2.0)
+    begin, end = np.sort(random.uniform(0.15, 0.35, 2)).tolist()
+    known: dict[str, Any] = {
+        'rub': {'at': 'piston', 'force': [f'-{size}*sign(vx)', 0.0]},
+        'work': {'at': 'piston', 'force': ['work(piston)', 0.0],
+                 'during': {'coordinate': 'piston', 'moving': pick(random, MOVING)}},
+        'turn': {'at': 'crank', 'torque': 'turn(crank)'},
+        'stop': {'at': 'piston', 'force': [f'-{100.0 * size}*max(0, piston - {begin})', 0.0]},
+        'drag': {'at': 'piston', 'force': [f'-min({size}, abs(5*vx))*sign(vx)', 0.0]},
+        'late': {'at': 'rod', 'torque': '1 if t > 0.03 and not crank_rate < 0 else -0.5'},
+        'pin': {'at': 'rod', 'reaction': 'crank',
+                'torque': f'-{0.01 * size}*sign(rod_rate - crank_rate)'},
+        'press': {'at': 'piston', 'force': [size, 0.0], 'during': {
+            'coordinate': 'piston', 'from': begin, 'to': end + 0.01,
+            'moving': pick(random, (None, *MOVING))}},
+    }  # fmt: skip
+    chosen = random.choice([*known], int(random.integers(1, 5)), replace=False).tolist()
+    scene = variant('slider_crank', {
+        'drive': {'coordinate': 'crank', **keys}, 'tables': tables,
+        'loads': {name: known[name] for name in chosen},
+    })  # fmt: skip
+    if k % 3 == 2:
+        scene['joints']['rod_piston']['clearance'] = clearance(random, finest=-5.0)
+    return Draft(scene, **extent)
+
+
+MOVING = 'forward', 'backward'
 SHOWN = tuple(n for n in scene_names() if n != 'thesis')
 
 
@@ -152,6 +210,7 @@ FAMILIES = (
     Family('rack', 15, _rack),
     Family('slot', 40, _slot, (), 20),
     Family('loads', 30, _loads, NOT_SEATED),
+    Family('steps', 60, _steps, NOT_SEATED),
     Family('loose', 60, _loose, NOT_SEATED),
     Family('package', 2 * len(SHOWN), _package),
 )
