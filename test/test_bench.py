@@ -20,14 +20,14 @@ from mechanism_sim.bench import loose_joints as loosened
 from mechanism_sim.bench import measure as measuring
 from mechanism_sim.bench import middleware as lines
 from mechanism_sim.bench import scaling as sizes
-from mechanism_sim.bench.accelerometer_chain import Measured
+from mechanism_sim.bench.accelerometer_chain import SensorRun
 from mechanism_sim.bench.four_bar import LooseFourBar, peers, reference
 from mechanism_sim.bench.hard import cases
 from mechanism_sim.bench.loose_joints import Stretch, loose_joints, stretches
 from mechanism_sim.bench.measure import machine, measure
 from mechanism_sim.bench.peers import numba_dop853
 from mechanism_sim.bench.peers.scipy_compliant import damping_ratio
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, problems, without
+from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, missing, problems
 from mechanism_sim.bench.problems import measured
 from mechanism_sim.errors import RunError
 from mechanism_sim.report import bench as report
@@ -87,7 +87,12 @@ def test_tolerances_replace_those_of_methods_with_a_tolerance_only():
 
 def test_a_missing_package_is_one_line_and_no_row():
     absent = Method(
-        'absent', (1.0,), 'rtol', tell(0.0), 'Not here.', lambda: without('no_such_package')
+        'absent',
+        (1.0,),
+        'rtol',
+        tell(0.0),
+        'Not here.',
+        lambda: missing('no_such_package'),
     )
     found = measure(toy(absent), repeats=1)
     assert found.skipped == {'absent': 'no_such_package is not installed'}
@@ -446,7 +451,7 @@ def test_nodes_on_a_middleware(monkeypatch, tmp_path):
 
 
 def test_what_an_instrument_shows_agrees_with_power_series_of_its_state_equations():
-    run = Measured(2)
+    run = SensorRun(2)
     channel = Channel(run.source(), run.instrument, 'x')
     channel.take(run.motion)
     found = np.concatenate([block.samples for block in channel.blocks(final=True)])
@@ -457,13 +462,13 @@ def test_what_an_instrument_shows_agrees_with_power_series_of_its_state_equation
 
 @pytest.mark.deep
 def test_filters_of_scipy_come_near_to_what_the_instrument_shows(monkeypatch):
-    monkeypatch.setattr(measured, 'RUN', Measured(2))
+    monkeypatch.setattr(measured, 'RUN', SensorRun(2))
     largest = np.abs(measured.RUN.reference).max()
     for prepare, factor, bound in (
         (measured.ours, 1.0, 1e-12),
-        (measured.filtered(pulses=True), 16.0, 0.05),
-        (measured.simulated, 16.0, 0.05),
-        (measured.integrated, 1e-3, 1e-4),
+        (measured.run_sosfilt(pulses=True), 16.0, 0.05),
+        (measured.run_lsim, 16.0, 0.05),
+        (measured.run_solve_ivp, 1e-3, 1e-4),
     ):
         samples = prepare(factor)()().answer
         assert measured.RUN.error(samples) < bound * largest

@@ -11,7 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import mechanism_sim as ms
-from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, Thrown
+from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, ThrownBody
 from mechanism_sim.contact.compliant import (
     Flores,
     Hertz,
@@ -83,7 +83,7 @@ def test_a_soft_bearing_moves_as_the_textbook_equations_integrated_by_scipy():
 @pytest.mark.parametrize('law', [Hertz, HuntCrossley, LankaraniNikravesh, Flores])
 def test_a_body_rebounds_from_a_compliant_floor_as_the_closed_form_says(law):
     made = law(1e9) if law is Hertz else law(1e9, 0.6)
-    ball = Thrown(
+    ball = ThrownBody(
         [Floor('body', 0.6, law=made)], (0.0, 0.0, 0.01), (0.0, 0.0, -1.0), gravity=(0.0, 0.0)
     )
     ball.until(0.02)
@@ -97,7 +97,7 @@ def test_a_body_rebounds_from_a_compliant_floor_as_the_closed_form_says(law):
 def test_a_disc_that_strikes_a_compliant_floor_slides_until_it_rolls():
     """The impulse that stops its slip is spent when it is deepest."""
     law, mu, r = Hertz(1e9), 0.3, 0.5
-    disc = Thrown(
+    disc = ThrownBody(
         [Floor('body', 0.6, mu, r, law=law)],
         (0.0, 0.0, r + 0.01),
         (0.0, 3.0 * mu, -1.0),
@@ -121,7 +121,7 @@ def test_a_block_that_bounces_in_its_contact_slides_down_only_while_it_is_light(
     K, mu, slope = 1e6, 0.5, 0.3
     down, press = GRAVITY * np.sin(slope), GRAVITY * np.cos(slope)
     w, depth = np.sqrt(K), press / K
-    block = Thrown(
+    block = ThrownBody(
         [Floor('body', 1.0, mu, law=Hertz(K, 1.0))],
         (0.0, 0.0, -0.1 * depth),
         (0.0, 0.0, 0.0),
@@ -151,7 +151,7 @@ def test_a_block_that_bounces_in_its_contact_slides_down_only_while_it_is_light(
 
 def test_a_contact_that_parts_faster_than_it_presses_at_the_start_carries_no_force():
     """Seated, the pin leaves at the rate of the links' rates: it had been pressed into nowhere."""
-    ball = Thrown(
+    ball = ThrownBody(
         [Floor('body', 0.5, law=HuntCrossley(1e9, 0.5))],
         (0.0, 0.0, -1e-7),
         (0.0, 0.0, 1.0),
@@ -259,7 +259,7 @@ def test_a_contact_loaded_from_rest_is_damped_like_an_impact_of_the_speed_its_lo
     """About the resting depth the damping ratio is ``a sqrt((n + 1)/8)/n``."""
     law = HuntCrossley(1e8, 0.8)
     depth = law.resting_depth(9.81)
-    ball = Thrown(
+    ball = ThrownBody(
         [Floor('body', 0.8, law=law)], (0.0, 0.0, -1.001 * depth), (0.0, 0.0, 0.0), closed=True
     )
     ball.until(0.05)
@@ -274,7 +274,7 @@ def test_a_contact_loaded_from_rest_is_damped_like_an_impact_of_the_speed_its_lo
 @pytest.mark.parametrize('made', [Hertz(1e9), HuntCrossley(1e9, 0.6), Flores(1e9, 0.3)])
 def test_a_touch_is_recorded_as_the_free_impact_that_it_is(made):
     def thrown():
-        return Thrown(
+        return ThrownBody(
             [Floor('body', 0.6, law=made)], (0.0, 0.0, 0.01), (0.0, 0.0, -1.0), gravity=(0.0, 0.0)
         )
 

@@ -14,10 +14,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.report.experiment import render, tables, to_json
 from mechanism_sim.report.experiment_figures import draw
 from mechanism_sim.scene import Level
+from mechanism_sim.sensing.angular_acceleration import TurningLink
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Instrument
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.point import PointOnLink
-from mechanism_sim.sensing.turning import TurningLink
 from mechanism_sim.sweep.plan import Extent, read_plan
 from mechanism_sim.sweep.row import DONE, Task, compute
 

@@ -9,7 +9,7 @@ import mechanism_sim as ms
 from mechanism_sim.bench.grid import FAMILIES, Family, GridCase, grid, run_case
 from mechanism_sim.bench.grid import jams as jams_module
 from mechanism_sim.bench.grid.case import Draft, exchanged_energy, variant
-from mechanism_sim.bench.grid.jams import confirmed, jams, solutions
+from mechanism_sim.bench.grid.jams import confirm_jam, jams, solutions
 from mechanism_sim.bench.grid.run import write_scenes
 from mechanism_sim.contact.problem import Rest
 from mechanism_sim.errors import RunError
@@ -106,9 +106,9 @@ def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
             ms.simulate(machine, revolutions=2.0)
         with pytest.raises(RunError) as ended:
             ms.simulate(machine, revolutions=2.0)
-    assert not confirmed(machine, ended.value)
+    assert not confirm_jam(machine, ended.value)
     monkeypatch.setattr(jams_module, 'solutions', lambda *_: iter(()))
-    assert confirmed(machine, ended.value)
+    assert confirm_jam(machine, ended.value)
 
 
 def test_what_goes_wrong_is_told_apart(monkeypatch):

@@ -31,7 +31,7 @@ LIMITS = {
 def recorded(truth, scene, count=25000, seed=77, sensor='rocker'):
     """What a machine with these values is heard to do, taken for the machine of a scene."""
     machine = ms.load_scene(SCENE, scene)
-    samples = Measurement(machine, sensor, 0.0, np.zeros(count)).repeated(truth, seed)
+    samples = Measurement(machine, sensor, 0.0, np.zeros(count)).repeat(truth, seed)
     return Measurement(machine, sensor, 0.0, samples)
 
 
@@ -97,7 +97,7 @@ def test_repeated_is_what_the_machine_is_heard_to_do():
     """A second route: the channel fed with the whole solution."""
     machine = ms.load_scene(SCENE, {'drive': {'speed': '600 rpm'}})
     late = Measurement(machine, 'rocker', 0.1234, np.zeros(2000))
-    again = late.repeated({}, 1)
+    again = late.repeat({}, 1)
     channel = machine.channel('rocker')
     channel.take(ms.simulate(machine, duration=0.4).motion)
     whole = np.concatenate([block.samples for block in channel.blocks(final=True)])

@@ -6,13 +6,13 @@ import pytest
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages import (
     CamState,
+    CheckedBytes,
     Imu,
     JointState,
     LinkageState,
     SensorBlock,
     TFMessage,
     TransformStamped,
-    Written,
     deserialize,
     events,
     message_class,
@@ -80,7 +80,7 @@ def test_what_is_written_reads_as_what_was_meant(make, n):
         if 'stamp' not in name and name != 'time'
     }
     written = layout.write(TIMES, columns)
-    assert all(type(data) is Written for data in written)
+    assert all(type(data) is CheckedBytes for data in written)
     for data, message in zip(written, wanted, strict=True):
         assert deserialize(data, type(message)) == message
         assert data == serialize(message)
@@ -121,10 +121,10 @@ def test_numbers_that_no_machine_has_are_left_to_be_judged_one_by_one():
     for bad in (np.nan, np.inf, -np.inf, 1e61):
         some = good.copy()
         some[1, 1] = bad
-        assert not any(isinstance(d, Written) for d in layout.write(t, {'samples': some}))
-    assert all(isinstance(d, Written) for d in layout.write(t, {'samples': good}))
+        assert not any(isinstance(d, CheckedBytes) for d in layout.write(t, {'samples': some}))
+    assert all(isinstance(d, CheckedBytes) for d in layout.write(t, {'samples': good}))
     unknown = Layout(CamState()).write(t, {'cam_torque': np.full(2, np.nan)})
-    assert all(isinstance(d, Written) for d in unknown)
+    assert all(isinstance(d, CheckedBytes) for d in unknown)
 
 
 def test_a_field_that_there_is_not_is_an_error():

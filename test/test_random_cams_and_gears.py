@@ -11,7 +11,7 @@ import pytest
 from absolute import cross, differences, turned
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.cams import UNFIT, cam, pressed
+from mechanism_sim.bench.grid.cams import UNFIT, cam, press_follower
 from mechanism_sim.bench.grid.trains import train
 from mechanism_sim.cams.followers import Oscillating, OscillatingFlat
 from mechanism_sim.cams.pair import CamPair
@@ -130,7 +130,7 @@ def test_followers_that_lift_off_keep_their_books(seed):
     swings = 'revolute' in scene['joints']['guide']
     force = random.uniform(0.05, 2.0) if swings else random.uniform(2.0, 40.0)
     damping = float(random.choice([0.0, 0.01 if swings else 1.0]))
-    scene = pressed(scene, float(force), damping)
+    scene = press_follower(scene, float(force), damping)
     if random.random() < 0.4:
         sense = math.copysign(0.02, scene['drive']['speed'])
         scene['drive']['torque'] = {'constant': sense, 'per_speed': -0.0005}

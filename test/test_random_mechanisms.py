@@ -7,7 +7,7 @@ import pytest
 from absolute import differences
 
 import mechanism_sim as ms
-from mechanism_sim.bench.grid.linkages import driven, geared, linkage
+from mechanism_sim.bench.grid.linkages import add_drives, add_gears, linkage
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
@@ -20,7 +20,7 @@ def made(seed, loose=False):
     """The machine of a seed."""
     random = np.random.default_rng(seed)
     size = float(10.0 ** random.uniform(-2.0, 1.0)) if seed % 3 == 0 else 1.0
-    scene = driven(random, *linkage(random, size))
+    scene = add_drives(random, *linkage(random, size))
     if loose:
         scene = copy.deepcopy(scene)
         joint = str(random.choice([n for n, j in scene['joints'].items() if 'revolute' in j]))
@@ -64,7 +64,7 @@ SEEDS = 60, 63, 70, 74, 75, 79, 81, 88, 93, 97, 105, 109, 111, 116, 119, 121, 12
 @pytest.mark.parametrize('seed', SEEDS)
 def test_gears(seed):
     random = np.random.default_rng(seed)
-    scene = driven(random, *geared(random, *linkage(random)))
+    scene = add_drives(random, *add_gears(random, *linkage(random)))
     assert scene['gears']
     judge(made_of(seed, scene))
 

@@ -118,8 +118,8 @@ def test_an_offset_drifts_unless_the_cycle_closes():
     velocity, derivative = swing(2000.0)
     drifting = r.by_trapezoids(derivative + 0.5, 2000.0, velocity[0])
     assert drifting[-1] - velocity[-1] == pytest.approx(0.5 * 0.8, rel=1e-2)
-    assert r.error(r.closing(derivative + 0.5, 2000.0), velocity).largest < 2e-3
-    assert r.error(r.closing(derivative + 0.5, 2000.0, 3.0), velocity + 3.0).largest < 2e-3
+    assert r.error(r.by_whole_cycles(derivative + 0.5, 2000.0), velocity).largest < 2e-3
+    assert r.error(r.by_whole_cycles(derivative + 0.5, 2000.0, 3.0), velocity + 3.0).largest < 2e-3
 
 
 def test_integration_by_fft_is_exact_for_whole_cycles():

@@ -22,7 +22,7 @@ from running import TIMEOUT, environment, ros_found, run_json
 
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
-from mechanism_sim.cli import NODE_MODULES, NODE_NAMES
+from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
 from mechanism_sim.recording import read_bag
 
@@ -37,7 +37,7 @@ def executables() -> list[str]:
 
 
 def test_colcon_pip_and_the_command_line_know_the_same_nodes():
-    assert sorted(executables()) == sorted([*NODE_MODULES, 'mechanism-sim'])
+    assert sorted(executables()) == sorted([*NODE_CLASSES, 'mechanism-sim'])
     tree = ast.parse((ROOT / 'setup.py').read_text())
     (listed,) = (
         ast.literal_eval(s.value)

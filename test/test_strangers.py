@@ -82,7 +82,7 @@ def stranger(network: Network):
 @pytest.fixture
 def quick(node: Node):
     """A node whose warnings about what was dropped are counted anew."""
-    node.context.refusals._told.clear()
+    node.context.refusals._warned.clear()
     return node
 
 

@@ -56,7 +56,7 @@ def test_the_largest_multiplier_is_the_rate_at_which_a_change_dies_out(name):
     machine = ms.load_scene('four_bar_clearance', overrides | {f'{JOINT}.hypothesis': 'poisson'})
     response = find_periodic(machine)
     section = Section(machine)
-    state = section.start(section.moved(response.state, np.array([1e-5, -1e-5, 1e-5, 1e-5])))
+    state = section.start(section.displace(response.state, np.array([1e-5, -1e-5, 1e-5, 1e-5])))
     sizes = []
     for _ in range(5):
         state = section.map(state, period)[0]

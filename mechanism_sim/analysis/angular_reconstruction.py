@@ -12,7 +12,7 @@ from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.sensing import reconstruction as angular
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.fading import both, fade, passing, undoing
+from mechanism_sim.sensing.frequency_weights import band_pass, both, fade, invert
 from mechanism_sim.sensing.reconstruction import Error, error
 
 LINKS = 'coupler', 'rocker'
@@ -76,8 +76,8 @@ class Rebuilt:
         filtered = instrument.anti_alias.frequency if instrument.anti_alias else rate
         self._top = min(filtered, _TOP * rate)
         self._turn = max(2, round(rate / self._crank))
-        band = passing(0.5 * self._crank, self._top, 0.25 * self._crank)
-        self._undo = both(undoing(instrument.transfer()), band)
+        band = band_pass(0.5 * self._crank, self._top, 0.25 * self._crank)
+        self._undo = both(invert(instrument.transfer()), band)
 
     def accelerations(
         self, readings: list[Array], heard: Array, truth: Array
@@ -110,7 +110,7 @@ class Rebuilt:
         def each(values: Array, closed: bool) -> Array:
             starts = range(0, len(values), self._turn)
             pieces = [
-                angular.closing(part, rate, float(nominal[i : i + self._turn].mean()))
+                angular.by_whole_cycles(part, rate, float(nominal[i : i + self._turn].mean()))
                 if closed
                 else angular.by_trapezoids(part, rate, nominal[i])
                 for i in starts
@@ -142,7 +142,7 @@ class Rebuilt:
 
     def _turn_by_turn(self, values: Array) -> Array:
         """Faded above the band under a rectangular window of one turn, as [SB]."""
-        return fade(values, self._rate, passing(0.0, self._top), 'boxcar', self._turn)
+        return fade(values, self._rate, band_pass(0.0, self._top), 'boxcar', self._turn)
 
     def _undone(self, values: Array) -> Array:
         """Gain and delay of the instrument taken out of the whole record."""

@@ -27,7 +27,7 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.hybrid.sampling import EnergyTerms
 from mechanism_sim.hybrid.solution import Piece
-from mechanism_sim.messages.events import described
+from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.recording import Bag, read_bag, scene_text
@@ -50,7 +50,7 @@ def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
         raise InputError(
             f'{bag.path} holds no message: nothing was recorded, or it was cut short.'
         )
-    return described(text or '', str(bag.path))
+    return parse_description(text or '', str(bag.path))
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peaks import LoadPeaks
-from mechanism_sim.messages.events import described
+from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, unpack
 from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
 from mechanism_sim.scene import Machine
@@ -80,7 +80,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     unknown: tuple[str, ...] = ()
     if topics['motion'] and (text := scene_text(bag, namespace)) is not None:
         try:
-            machine = described(text, str(bag.path))
+            machine = parse_description(text, str(bag.path))
         except InputError as error:
             unknown = (str(error),)
     run = _Run(_driven_coordinate(bag, topics['drive']), machine)

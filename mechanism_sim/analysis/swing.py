@@ -20,9 +20,9 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.instruments import source
 from mechanism_sim.scene.schema import SensorPart
+from mechanism_sim.sensing.angular_acceleration import TurningLink
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, Source
-from mechanism_sim.sensing.turning import TurningLink
 
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""

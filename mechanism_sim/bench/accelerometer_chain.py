@@ -9,7 +9,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.bench.problem import Answer
-from mechanism_sim.bench.stages import State, in_series, lead, low_pass, resonator
+from mechanism_sim.bench.stages import State, connect_in_series, lead, low_pass, resonator
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shift_powers
 from mechanism_sim.scene import Machine, load_scene, simulate
@@ -24,7 +24,7 @@ fastest stage, of 42 kHz, comes to ``2.6^34 / 34! < 1e-20``."""
 
 
 @dataclass(frozen=True)
-class Measured:
+class SensorRun:
     """A run whose motion is known, and the analogue chain of a sensor on it.
 
     Parameters
@@ -78,7 +78,7 @@ class Measured:
         natural, low = transducer.natural_frequency, amplifier.low_pass
         if not (natural and low and amplifier.high_pass):
             raise TypeError('the sensor has a transducer and an amplifier with two filters')
-        return in_series(
+        return connect_in_series(
             [
                 resonator(natural, transducer.damping_ratio),
                 lead(amplifier.high_pass),

@@ -16,7 +16,7 @@ from mechanism_sim.bench.problem import (
     Method,
     Outcome,
     Run,
-    instances_in,
+    find_instances,
     nothing_missing,
 )
 from mechanism_sim.bench.tree import Tree
@@ -121,7 +121,7 @@ class LooseFourBar:
         """Masses of coupler and rocker times the distances of their centres of gravity [kg m]."""
         return self.coupler_mass * self.coupler_cog, self.rocker_mass * self.rocker_cog
 
-    def solved_by(self, prepare: Callable[[Tree, float, float], Run], setting: float) -> Run:
+    def run_as_tree(self, prepare: Callable[[Tree, float, float], Run], setting: float) -> Run:
         """A run by what takes any machine; its answer are the final angles."""
         start = 'seated' if self.seated else 'centred'
         machine = load_scene('four_bar_clearance', scene_overrides(start, self.restitution))
@@ -187,4 +187,4 @@ class Peer:
 @cache
 def peers() -> tuple[Peer, ...]:
     """All peers of the modules in `mechanism_sim.bench.peers`, in the order of their files."""
-    return tuple(instances_in('mechanism_sim.bench.peers', Peer))
+    return tuple(find_instances('mechanism_sim.bench.peers', Peer))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mechanism_sim.bench.problem import Answer, Outcome, Run, whole
+from mechanism_sim.bench.problem import Answer, Method, Outcome, Run, run_once
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact
@@ -48,7 +49,7 @@ def positions(end: float) -> Callable[[Motion, list[Impact]], Answer]:
     return lambda motion, _: np.asarray(motion.curve(np.array([end]))[0])
 
 
-def solved(
+def run_solve_ivp(
     rate: Callable[[float, Answer], Any], start: Sequence[float] | Answer, end: float, method: str,
     rtol: float, count: int,
 ) -> Run:  # fmt: skip
@@ -58,4 +59,12 @@ def solved(
         found = solve_ivp(rate, (0.0, end), start, method, rtol=rtol, atol=0.1 * rtol)
         return Outcome(found.y[:count, -1], len(found.t) - 1)
 
-    return whole(work)
+    return run_once(work)
+
+
+def solve_ivp_methods(
+    run: Callable[[str, float], Run], names: Sequence[str], how: str
+) -> Iterator[Method]:
+    """Methods of `solve_ivp`: `run` takes the name and rtol."""
+    for name in names:
+        yield Method(f'SciPy {name}', (1e-6, 1e-8, 1e-10, 1e-12), 'rtol', partial(run, name), how)

@@ -97,7 +97,7 @@ def measure(
     repeats : of every method at every setting, fewer where `BUDGET` is used up
     methods : names of those wanted; all if not given
     tolerances : replace the settings of the methods whose setting is rtol
-    show : told what is going on
+    show : called with the present action
     """
     from_disk = hy.llvm_state.get_diskcache_enabled()
     hy.llvm_state.set_diskcache_enabled(False)  # compile times are those of the first time
@@ -126,7 +126,7 @@ def measure(
             show(f'{problem.name}: repeat {i + 1} of {repeats}')
             for row, run in pairs:
                 if sum(row.times) * problem.amount < BUDGET:
-                    row.times.append(_timed(run)[0] / problem.amount)
+                    row.times.append(_time_run(run)[0] / problem.amount)
     finally:
         gc.unfreeze()
         hy.llvm_state.set_diskcache_enabled(from_disk)
@@ -140,9 +140,9 @@ def _first(problem: Problem, row: Row) -> Run | None:
         hy.llvm_state.clear_memcache()
         run = row.method.prepare(row.tolerance)
         row.compile_time = time.process_time() - began
-        seconds, outcome = _timed(run, once=True)
+        seconds, outcome = _time_run(run, once=True)
         if seconds < HEAVY:  # caches are warm from now on
-            seconds, outcome = _timed(run)
+            seconds, outcome = _time_run(run)
     except RunError as error:
         row.failure = str(error)
         return None
@@ -152,7 +152,7 @@ def _first(problem: Problem, row: Row) -> Run | None:
     return run
 
 
-def _timed(run: Run, once: bool = False) -> tuple[float, Outcome]:
+def _time_run(run: Run, once: bool = False) -> tuple[float, Outcome]:
     """CPU time [s] of a run, the mean over a batch of quick ones, and its outcome."""
     count, began = 0, time.process_time()
     while True:

@@ -130,7 +130,7 @@ def backends() -> list[str]:
 
 
 def network(backend: str) -> dict[str, str]:
-    """Environment of processes that see nobody else's."""
+    """Environment of processes on a network of their own."""
     with socket.socket() as free:
         free.bind(('127.0.0.1', 0))
         port = free.getsockname()[1]
@@ -163,7 +163,7 @@ def middleware(repeats: int, show: Callable[[str], None] = lambda _: None) -> li
 
 def stream(backend: str, name: str, count: int, repeats: int) -> Stream:
     """Bursts of messages from one process to another."""
-    sent, taken = _together(
+    sent, taken = _run_processes(
         backend, *((TRAFFIC, role, name, count, repeats) for role in ('source', 'sink'))
     )
     rates = taken['rates']
@@ -175,7 +175,7 @@ def stream(backend: str, name: str, count: int, repeats: int) -> Stream:
 
 def round_trip(backend: str, count: int) -> Delay:
     """200 B to another process and back."""
-    found, other = _together(backend, (TRAFFIC, 'ping', count), (TRAFFIC, 'echo', count))
+    found, other = _run_processes(backend, (TRAFFIC, 'ping', count), (TRAFFIC, 'echo', count))
     low, high = np.quantile(found['times'], [0.5, 0.99])
     cpu = found['cpu'] + other['cpu']
     return Delay(found['method'], '200 B and back', count, low, high, 0.0, cpu, found['lost'])
@@ -184,7 +184,7 @@ def round_trip(backend: str, count: int) -> Delay:
 def credit_round(backend: str, count: int) -> Delay:
     """From a law of the drive to the motion that a linkage in another process makes of it."""
     linkage = ('mechanism_sim', 'node', 'linkage', '--scene', SCENE, '--partners', 'crank_drive')
-    found, _ = _together(
+    found, _ = _run_processes(
         backend, (TRAFFIC, 'credit', SCENE, count), (*linkage, '--duration', count * STEP)
     )
     low, high = np.quantile(found['times'], [0.5, 0.99])
@@ -215,7 +215,7 @@ def _whole_run(
     command, *options = words
     short, long = REVOLUTIONS
     times: dict[int, list[tuple[float, float]]] = {short: [], long: []}
-    told: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     with TemporaryDirectory() as folder:
         bag = str(Path(folder) / 'run.mcap')
         if '--record' in options:
@@ -224,25 +224,28 @@ def _whole_run(
         for _ in range(repeats):
             for revolutions in (long, short):  # the bag that stays is that of the short one
                 line = (command, SCENE, '--json', '--revolutions', str(revolutions), *options)
-                *taken, told = _timed(line, env)
+                *taken, results = _time_command(line, env)
                 times[revolutions].append((taken[0], taken[1]))
         read: dict[str, Any] = {}
         if '--record' in options:
-            *_, read = _timed(('analyze', bag, '--json'), env)
+            *_, read = _time_command(('analyze', bag, '--json'), env)
     cpu = {n: min(t[0] for t in pairs) for n, pairs in times.items()}
     wall = median(t[1] for t in times[short])
     took = min(t[1] for t in times[long]) - min(t[1] for t in times[short])
-    simulated = told['duration'] / short * (long - short)
+    simulated = results['duration'] / short * (long - short)
     return WholeRun(
-        told.get('middleware', method), arrangement, short, cpu[short], wall,
+        results.get('middleware', method), arrangement, short, cpu[short], wall,
         (cpu[long] - cpu[short]) / (long - short), simulated / took,
-        sum(told.get('sent', {}).values()),
-        read['ledger']['lost'] if read else None, read['digest'] if read else told.get('digest'),
+        sum(results.get('sent', {}).values()),
+        read['ledger']['lost'] if read else None,
+        read['digest'] if read else results.get('digest'),
     )  # fmt: skip
 
 
-def _timed(words: Sequence[str], env: dict[str, str]) -> tuple[float, float, dict[str, Any]]:
-    """CPU and wall time [s] of a command with its children, and the JSON that it tells."""
+def _time_command(
+    words: Sequence[str], env: dict[str, str]
+) -> tuple[float, float, dict[str, Any]]:
+    """CPU and wall time [s] of a command with its children, and the JSON that it prints."""
     began = time.perf_counter()
     child = _start(('mechanism_sim', *words), env)
     assert child.stdout is not None  # noqa: S101 - it is a pipe
@@ -256,12 +259,12 @@ def _timed(words: Sequence[str], env: dict[str, str]) -> tuple[float, float, dic
     return used.ru_utime + used.ru_stime, wall, json.loads(text)
 
 
-def _together(backend: str, *ends: Sequence[object]) -> list[dict[str, Any]]:
-    """Run processes on one network; what each tells, nothing if that is not JSON."""
+def _run_processes(backend: str, *ends: Sequence[object]) -> list[dict[str, Any]]:
+    """Run processes on one network; the JSON that each prints, nothing if it is none."""
     env = network(backend)
     children = [_start(words, env) for words in ends]
     try:
-        told = [child.communicate(timeout=WAIT)[0] for child in children]
+        results = [child.communicate(timeout=WAIT)[0] for child in children]
     except subprocess.TimeoutExpired as late:
         raise RunError(f'a measurement on {backend} did not end within {WAIT:g} s') from late
     finally:
@@ -270,7 +273,7 @@ def _together(backend: str, *ends: Sequence[object]) -> list[dict[str, Any]]:
     for child, words in zip(children, ends, strict=True):
         if child.returncode:
             raise RunError(f'{" ".join(map(str, words))} on {backend} failed')
-    return [json.loads(text) if text.startswith('{') else {} for text in told]
+    return [json.loads(text) if text.startswith('{') else {} for text in results]
 
 
 def _start(words: Sequence[object], env: dict[str, str]) -> subprocess.Popen[str]:

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Answer = NDArray[np.float64]
-Thing = TypeVar('Thing')
+Instance = TypeVar('Instance')
 
 
 class Outcome(NamedTuple):
     """What a run came to.
 
-    `cpu_time` [s] is that of the timed work if another process did it, as that process tells it.
+    `cpu_time` [s] is that of the timed work if another process did it, as that process reports it.
     """
 
     answer: Answer
@@ -30,8 +30,8 @@ class Outcome(NamedTuple):
 
 
 Run = Callable[[], Callable[[], Outcome]]
-"""Calling it is the timed work, from the same start every time; what it returns tells the outcome
-and is not timed."""
+"""Calling it is the timed work, from the same start every time; what it returns gives the
+outcome and is not timed."""
 
 
 def nothing_missing() -> str | None:
@@ -39,12 +39,12 @@ def nothing_missing() -> str | None:
     return None
 
 
-def without(package: str) -> str | None:
+def missing(package: str) -> str | None:
     """Why a method that needs an optional package cannot run here; ``None`` if it can."""
     return None if find_spec(package) else f'{package} is not installed'
 
 
-def whole(work: Callable[[], Outcome]) -> Run:
+def run_once(work: Callable[[], Outcome]) -> Run:
     """A run of work that ends with its outcome."""
 
     def run() -> Callable[[], Outcome]:
@@ -54,9 +54,9 @@ def whole(work: Callable[[], Outcome]) -> Run:
     return run
 
 
-def instances_in(package: str, kind: type[Thing]) -> list[Thing]:
+def find_instances(package: str, kind: type[Instance]) -> list[Instance]:
     """All things of a kind in the modules of a package, in the order of their files."""
-    found: list[Thing] = []
+    found: list[Instance] = []
     for module in iter_modules(import_module(package).__path__):
         content = vars(import_module(f'{package}.{module.name}'))
         found += [thing for thing in content.values() if isinstance(thing, kind)]
@@ -117,4 +117,4 @@ OURS = 'mechanism_sim'
 @cache
 def problems() -> dict[str, Problem]:
     """All problems of the modules in `mechanism_sim.bench.problems` by name, in their order."""
-    return {p.name: p for p in instances_in('mechanism_sim.bench.problems', Problem)}
+    return {p.name: p for p in find_instances('mechanism_sim.bench.problems', Problem)}

@@ -51,7 +51,7 @@ def low_pass(frequency: float, order: int) -> list[State]:
     return [resonator(frequency, float(zeta)) for zeta in np.sin(angles)]
 
 
-def in_series(stages: Sequence[State]) -> State:
+def connect_in_series(stages: Sequence[State]) -> State:
     """Each behind the one before; without any what goes in comes out."""
     A, B, C, D = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     for a, b, c, d in stages:

@@ -1,10 +1,10 @@
-"""What recorded runs tell."""
+"""Commands on recorded runs."""
 
 from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +12,16 @@ from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     length_options,
-    print_json,
+    option,
+    print_result,
     quantity,
     scene_options,
 )
 from mechanism_sim.cli.source import (
     is_bag,
     namespace_option,
-    recorded,
-    simulated,
+    read_run,
+    simulate_run,
     warn_if_incomplete,
 )
 from mechanism_sim.errors import InputError
@@ -44,20 +45,11 @@ def add(command: Command) -> None:
     scene_options(sub, 'a scene, or a bag (.mcap) of a run', 'SCENE|BAG')
     length_options(sub)
     namespace_option(sub)
-    sub.add_argument(
-        '-o', '--output', metavar='FILE', help='the .wav file; SCENE.wav if not given'
-    )
-    sub.add_argument(
-        '--distance', default='1 m', metavar='R', help='of the listener from the machine'
-    )
-    sub.add_argument(
-        '--direction',
-        default='0 deg',
-        metavar='ANGLE',
-        help='in which the listener is, from the x axis',
-    )
-    sub.add_argument('--pulse', metavar='T', help="how long impacts last, as '0.1 ms'")
-    sub.add_argument('--slow', type=float, default=1.0, metavar='N', help='play N times slower')
+    option(sub, '-o --output', 'FILE', 'the .wav file; SCENE.wav if not given')
+    option(sub, '--distance', 'R', 'of the listener from the machine', '1 m')
+    option(sub, '--direction', 'ANGLE', 'in which the listener is, from the x axis', '0 deg')
+    option(sub, '--pulse', 'T', "how long impacts last, as '0.1 ms'")
+    option(sub, '--slow', 'N', 'play N times slower', 1.0)
     sub = command('identify', _identify, "fit a bearing's parameters to an accelerometer's signal")
     sub.add_argument('bags', nargs='+', metavar='BAG', help='recorded, or made of a measurement')
     sub.add_argument(
@@ -68,65 +60,47 @@ def add(command: Command) -> None:
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help='change a value of the scenes',
     )  # fmt: skip
-    sub.add_argument(
-        '--fit', default='restitution,friction,radial', metavar='NAME,...',
-        help='what is to be found: some of these, noise, or dotted paths',
-    )  # fmt: skip
+    option(
+        sub,
+        '--fit',
+        'NAME,...',
+        'what is to be found: some of these, noise, or dotted paths',
+        'restitution,friction,radial',
+    )
     sub.add_argument(
         '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
         help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'",
     )  # fmt: skip
-    sub.add_argument('--joint', metavar='J', help='the loose joint, where there are several')
-    sub.add_argument('--sensor', metavar='S', help='the sensor, where there are several')
-    sub.add_argument(
-        '--skip',
-        type=float,
-        default=0.0,
-        metavar='S',
-        help='seconds to leave out at the beginning',
-    )
-    sub.add_argument(
-        '--seed', type=int, default=0, metavar='N', help='of the random numbers of the search'
-    )
-    sub.add_argument(
-        '--rounds', metavar='N,...', help='simulations in each round; 128,48,48,48 if not given'
-    )
-    sub.add_argument(
-        '--workers', type=int, metavar='N', help='processes; one for each core if not given'
-    )
+    option(sub, '--joint', 'J', 'the loose joint, where there are several')
+    option(sub, '--sensor', 'S', 'the sensor, where there are several')
+    option(sub, '--skip', 'S', 'seconds to leave out at the beginning', 0.0)
+    option(sub, '--seed', 'N', 'of the random numbers of the search', 0)
+    option(sub, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
+    option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
     sub = command(
         'experiment', _experiment, "the thesis's figures and tables, from bags of a sweep"
     )
     sub.add_argument('folder', metavar='DIR', help='folder of bags, as sweep --bags writes them')
-    sub.add_argument(
-        '-o', '--output', metavar='DIR|FILE', help='draw the figures: a folder, .pdf or .svg'
-    )
-    sub.add_argument(
+    option(sub, '-o --output', 'DIR|FILE', 'draw the figures: a folder, .pdf or .svg')
+    option(
+        sub,
         '--skip',
-        type=int,
-        metavar='K',
-        help='whole turns to leave out at the beginning; the first half if not given',
+        'K',
+        'whole turns to leave out at the beginning; the first half if not given',
+        int,
     )
 
 
 def _info(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import info, render_info  # noqa: PLC0415
+    from mechanism_sim.recording import BagInfo, info, render_info  # noqa: PLC0415
 
-    return _print_result(options, info(options.bag), render_info)
+    return print_result(options, info(options.bag), BagInfo.to_json, render_info, echo)
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import recover, render_recovered  # noqa: PLC0415
+    from mechanism_sim.recording import Recovery, recover, render_recovery  # noqa: PLC0415
 
-    return _print_result(options, recover(options.bag), render_recovered)
-
-
-def _print_result(options: argparse.Namespace, found: Any, render: Callable[[Any], str]) -> int:
-    if options.json:
-        print_json(found.to_json())
-    else:
-        echo(render(found))
-    return 0
+    return print_result(options, recover(options.bag), Recovery.to_json, render_recovery, echo)
 
 
 def _analyze(options: argparse.Namespace) -> int:
@@ -157,12 +131,8 @@ def _analyze(options: argparse.Namespace) -> int:
         return 0
     with progress.share('reading', options.json) as read:
         summary = analyze(read_bag(options.bag, read), namespace=options.namespace)
-    if options.json:
-        more = {'details': details.to_json()} if details else {}
-        print_json(summary.to_json() | more)
-    else:
-        echo(render(summary))
-    return 0
+    more = {'details': details.to_json()} if details and options.json else {}
+    return print_result(options, summary, lambda found: found.to_json() | more, render, echo)
 
 
 def _sound(options: argparse.Namespace) -> int:
@@ -180,19 +150,15 @@ def _sound(options: argparse.Namespace) -> int:
     if is_bag(options.scene):
         if options.duration or options.revolutions:
             raise InputError('the length does not apply to a bag: it is played as it was recorded')
-        record = recorded(options)
+        record = read_run(options)
     else:
-        record = simulated(options)
+        record = simulate_run(options)
     machine, run = record.machine, record.piece
     with progress.busy('sound', options.json) as say:
         say(f'of {len(run.impacts)} impacts')
         train = strikes(machine.mechanism, run.motion, run.impacts)
         written = sound.write(train, run.motion.curve.end, file, listener, pulse, options.slow)
-    if options.json:
-        print_json(written)
-    else:
-        print(sound.render(written))
-    return 0
+    return print_result(options, written, asdict, sound.render)
 
 
 def _identify(options: argparse.Namespace) -> int:
@@ -219,11 +185,7 @@ def _identify(options: argparse.Namespace) -> int:
     )
     with progress.count('identify', sum(rounds), quiet=options.json) as show:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
-    if options.json:
-        print_json(report.to_json(found))
-    else:
-        print(report.render(found))
-    return 0
+    return print_result(options, found, report.to_json, report.render)
 
 
 def _experiment(options: argparse.Namespace) -> int:
@@ -242,11 +204,7 @@ def _experiment(options: argparse.Namespace) -> int:
 
         with figures.style():
             figures.save_all(draw(found), place)
-    if options.json:
-        print_json(report.to_json(found))
-    else:
-        print(report.render(found))
-    return 0
+    return print_result(options, found, report.to_json, report.render)
 
 
 def _details(options: argparse.Namespace, wanted: Any) -> Any:
@@ -296,18 +254,8 @@ def _detail_options(sub: argparse.ArgumentParser) -> None:
     ):
         more.add_argument(f'--{name}', action='append', default=[], metavar=metavar, help=text)
     how = sub.add_argument_group('how')
-    how.add_argument(
-        '--against', metavar='BAG', help='divide deviations by those of this other bag'
-    )
-    how.add_argument('--band', metavar='A:B', help="frequencies of envelopes, as '500 Hz:2 kHz'")
-    how.add_argument(
-        '--skip',
-        type=int,
-        default=0,
-        metavar='N',
-        help='whole turns to leave out at the beginning',
-    )
-    how.add_argument(
-        '--pin-radius', metavar='R', help="for wear, as '6 mm'; that of the scene if not given"
-    )
-    how.add_argument('--plots', metavar='DIR|FILE', help='draw them: a folder, .pdf, .png or .svg')
+    option(how, '--against', 'BAG', 'divide deviations by those of this other bag')
+    option(how, '--band', 'A:B', "frequencies of envelopes, as '500 Hz:2 kHz'")
+    option(how, '--skip', 'N', 'whole turns to leave out at the beginning', 0)
+    option(how, '--pin-radius', 'R', "for wear, as '6 mm'; that of the scene if not given")
+    option(how, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')

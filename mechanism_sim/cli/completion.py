@@ -27,7 +27,7 @@ FOUR_BAR: dict[str, dict[str, Any]] = {
 
 
 def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> None:
-    """Answer the shell that asks, and end; `commands` are the parsers of all commands."""
+    """Print completions for the shell, and end; `commands` are the parsers of all commands."""
     for name, command in commands.items():
         for action in command._actions:
             if action.choices is None and action.nargs != 0:
@@ -75,7 +75,7 @@ def _values(parsed_args: Any, **_: Any) -> Iterator[str]:
 
 
 def _scene(parsed_args: Any) -> dict[str, Any]:
-    """What the scene on the command line says; nothing if it cannot be read."""
+    """The content of the scene on the command line; empty if it cannot be read."""
     from mechanism_sim import documents  # noqa: PLC0415
 
     name = str(getattr(parsed_args, 'scene', None))

@@ -6,7 +6,16 @@ import argparse
 import sys
 
 from mechanism_sim import output
-from mechanism_sim.cli.options import Command, print_json, quantity, read_machine, scene_options
+from mechanism_sim.cli.options import (
+    Command,
+    flag,
+    option,
+    print_json,
+    print_result,
+    quantity,
+    read_machine,
+    scene_options,
+)
 from mechanism_sim.errors import InputError
 
 
@@ -14,25 +23,15 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('cycle', _cycle, 'tables, extremes and plots over a turn of the drive')
     scene_options(sub)
-    sub.add_argument(
-        '--samples',
-        type=int,
-        default=360,
-        metavar='N',
-        help='intervals in a cycle',
-    )
+    option(sub, '--samples', 'N', 'intervals in a cycle', 360)
     sub.add_argument(
         '--from',
         metavar='ANGLE',
         dest='start',
         help="position of the drive to begin at, as '30 deg'",
     )
-    sub.add_argument(
-        '--periods', type=int, default=1, metavar='N', help='how many turns of the drive'
-    )
-    sub.add_argument(
-        '--duration', type=float, metavar='S', help='seconds, for a drive without a constant speed'
-    )
+    option(sub, '--periods', 'N', 'how many turns of the drive', 1)
+    option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
     sub.add_argument(
         '--points',
         nargs='+',
@@ -40,31 +39,20 @@ def add(command: Command) -> None:
         metavar='LINK.POINT',
         help='points whose paths are wanted',
     )
-    sub.add_argument(
-        '--local', action='store_true', help='add the forces along and across each link'
-    )
-    sub.add_argument('--static', action='store_true', help='leave out the forces of inertia')
-    sub.add_argument(
-        '--output', metavar='FILE', help='write the samples to a .npz, .csv or .parquet file'
-    )
-    sub.add_argument('--plots', metavar='DIR|FILE', help='draw them: a folder, .pdf, .png or .svg')
+    flag(sub, '--local', 'add the forces along and across each link')
+    flag(sub, '--static', 'leave out the forces of inertia')
+    option(sub, '--output', 'FILE', 'write the samples to a .npz, .csv or .parquet file')
+    option(sub, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')
     sub = command('draw', _draw, 'a picture of a mechanism')
     scene_options(sub)
-    sub.add_argument(
-        '-o', '--output', metavar='FILE', help='a .svg, .png or .pdf file; SCENE.svg if not given'
-    )
-    sub.add_argument(
+    option(sub, '-o --output', 'FILE', 'a .svg, .png or .pdf file; SCENE.svg if not given')
+    option(
+        sub,
         '--at',
-        metavar='ANGLE|TIME',
-        help="where to draw it, as '30 deg' of the drive or '20 ms'; the start if not given",
+        'ANGLE|TIME',
+        "where to draw it, as '30 deg' of the drive or '20 ms'; the start if not given",
     )
-    sub.add_argument(
-        '--positions',
-        type=int,
-        default=1,
-        metavar='K',
-        help='how many positions, all but one of them faint',
-    )
+    option(sub, '--positions', 'K', 'how many positions, all but one of them faint', 1)
     sub.add_argument(
         '--path',
         action='append',
@@ -72,9 +60,7 @@ def add(command: Command) -> None:
         metavar='LINK.POINT',
         help='draw the path of this point; several times',
     )
-    sub.add_argument(
-        '--duration', type=float, metavar='S', help='seconds, for a drive without a constant speed'
-    )
+    option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
@@ -83,60 +69,31 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--for', choices=('foxglove', 'rviz'), required=True, dest='viewer', help='which viewer'
     )
-    sub.add_argument(
-        '-o', '--output', metavar='FILE', help='the file; SCENE.json or SCENE.rviz if not given'
-    )
-    sub.add_argument('--namespace', default='', metavar='NAME', help='namespace of the nodes')
-    sub.add_argument(
-        '--frame-prefix',
-        default='',
-        metavar='TEXT',
-        help='what stands before names of links in /tf',
-    )
+    option(sub, '-o --output', 'FILE', 'the file; SCENE.json or SCENE.rviz if not given')
+    option(sub, '--namespace', 'NAME', 'namespace of the nodes', '')
+    option(sub, '--frame-prefix', 'TEXT', 'what stands before names of links in /tf', '')
     sub = command(
         'profile', _profile, 'figures and workshop drawing of a cam, or of gears in mesh'
     )
     scene_options(sub)
     sub.add_argument('joint', metavar='JOINT', help='a joint with a cam or teeth')
-    sub.add_argument(
-        '-o', '--output', metavar='FILE', help='draw the outlines to a .svg or .dxf file'
-    )
-    sub.add_argument('--gear', metavar='NAME', help='only the outline of this gear')
-    sub.add_argument(
-        '--friction',
-        type=float,
-        default=0.05,
-        metavar='MU',
-        help='coefficient of friction between teeth',
-    )
+    option(sub, '-o --output', 'FILE', 'draw the outlines to a .svg or .dxf file')
+    option(sub, '--gear', 'NAME', 'only the outline of this gear')
+    option(sub, '--friction', 'MU', 'coefficient of friction between teeth', 0.05)
     sub = command('export', _export, 'a machine for viewers and for other simulators')
     scene_options(sub)
     sub.add_argument(
         '--format', required=True, choices=('urdf', 'mjcf', 'sdf'), help='of the description'
     )
-    sub.add_argument(
-        '-o', '--output', metavar='FILE', help='the file; standard output if not given'
-    )
-    sub.add_argument(
-        '--prefix', default='', metavar='TEXT', help='before names of frames, in a URDF'
-    )
+    option(sub, '-o --output', 'FILE', 'the file; standard output if not given')
+    option(sub, '--prefix', 'TEXT', 'before names of frames, in a URDF', '')
     sub = command('teeth', _teeth, 'find numbers of teeth for a ratio, the best first')
     sub.add_argument('ratio', metavar='RATIO', help="of speeds, without sign, as 3.5 or '7/2'")
-    sub.add_argument('--stages', type=int, default=1, metavar='N', help='pairs of gears in series')
-    sub.add_argument(
-        '--tolerance',
-        type=float,
-        default=0.0,
-        metavar='X',
-        help='largest relative error of the ratio',
-    )
-    sub.add_argument(
-        '--teeth', default='18:120', metavar='A:B', help='fewest and most teeth of a gear'
-    )
-    sub.add_argument(
-        '--centre-distance', metavar='C', help="of every stage, as '60 mm'; with --modules"
-    )
-    sub.add_argument('--modules', metavar='M,...', help="to choose from, as '2 mm,2.5 mm'")
+    option(sub, '--stages', 'N', 'pairs of gears in series', 1)
+    option(sub, '--tolerance', 'X', 'largest relative error of the ratio', 0.0)
+    option(sub, '--teeth', 'A:B', 'fewest and most teeth of a gear', '18:120')
+    option(sub, '--centre-distance', 'C', "of every stage, as '60 mm'; with --modules")
+    option(sub, '--modules', 'M,...', "to choose from, as '2 mm,2.5 mm'")
 
 
 def _cycle(options: argparse.Namespace) -> int:
@@ -162,11 +119,7 @@ def _cycle(options: argparse.Namespace) -> int:
             say('plots')
             with figures.style():
                 figures.save_all(draw(found), plots)
-    if options.json:
-        print_json(report.to_json(found))
-    else:
-        print(report.render(found))
-    return 0
+    return print_result(options, found, report.to_json, report.render)
 
 
 def _draw(options: argparse.Namespace) -> int:
@@ -273,8 +226,4 @@ def _teeth(options: argparse.Namespace) -> int:
         centre_distance=quantity('--centre-distance', distance, 'm')[0] if distance else None,
         modules=[quantity('--modules', m, 'm')[0] for m in modules.split(',')] if modules else (),
     )
-    if options.json:
-        print_json(teeth.to_json(found))
-    else:
-        print(teeth.render(found))
-    return 0
+    return print_result(options, found, teeth.to_json, teeth.render)

@@ -43,9 +43,9 @@ def main(args: Sequence[str] | None = None) -> None:
             sys.stdout.flush()
         sys.exit(code)
     except InputError as error:
-        sys.exit(_failed(error, 2, given))
+        sys.exit(_report_failure(error, 2, given))
     except RunError as error:
-        sys.exit(_failed(error, 1, given))
+        sys.exit(_report_failure(error, 1, given))
     except KeyboardInterrupt:
         sys.exit(ending.report_signal())
     except BrokenPipeError:
@@ -61,12 +61,12 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def _mute() -> None:
-    """Let go of an output that takes no more: Python would try again at its end."""
+    """Redirect an output that is closed: Python would write to it again at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _failed(error: Exception, code: int, args: Sequence[str]) -> int:
-    """Say what went wrong; in JSON, too, where that is asked for and nothing is printed yet."""
+def _report_failure(error: Exception, code: int, args: Sequence[str]) -> int:
+    """Print an error; as JSON, too, with `--json` if nothing is printed yet."""
     if '--json' in args and 'node' not in args[:1] and not PRINTED:
         print_json({'error': str(error), 'code': code})
         sys.stdout.flush()

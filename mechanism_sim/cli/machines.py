@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import argparse
 
-from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
+from mechanism_sim.cli.options import (
+    Command,
+    flag,
+    option,
+    print_json,
+    print_result,
+    read_machine,
+    scene_options,
+)
 from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import echo
 
@@ -12,20 +20,16 @@ from mechanism_sim.terminal import echo
 def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('scenes', _scenes, 'list the scenes of the package')
-    sub.add_argument(
-        '--schema',
-        action='store_true',
-        help='what scenes may say, as a JSON schema for editors, instead of the list',
-    )
+    flag(sub, '--schema', 'the keys of scenes as a JSON schema for editors, instead of the list')
     sub = command('check', _check, 'check a scene, and summarise its machine, without running it')
     scene_options(sub)
     sub = command('equations', _equations, "write down a scene's own equations")
     scene_options(sub)
-    sub.add_argument('--rates', action='store_true', help='add the rates of closures and gaps')
+    flag(sub, '--rates', 'add the rates of closures and gaps')
     form = sub.add_mutually_exclusive_group()
-    form.add_argument('--latex', action='store_true', help='print a fragment of LaTeX')
-    form.add_argument('--markdown', action='store_true', help='print Markdown')
-    sub.add_argument('-o', '--output', metavar='FILE', help='write a .tex, .md or .txt file')
+    flag(form, '--latex', 'print a fragment of LaTeX')
+    flag(form, '--markdown', 'print Markdown')
+    option(sub, '-o --output', 'FILE', 'write a .tex, .md or .txt file')
 
 
 def _scenes(options: argparse.Namespace) -> int:
@@ -54,14 +58,10 @@ def _scenes(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from mechanism_sim.scene.check import check, render  # noqa: PLC0415
+    from mechanism_sim.scene.check import Report, check, render  # noqa: PLC0415
 
     report = check(read_machine(options))
-    if options.json:
-        print_json(report.to_json())
-    else:
-        echo(render(report))
-    return 0
+    return print_result(options, report, Report.to_json, render, echo)
 
 
 def _equations(options: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
@@ -12,20 +12,38 @@ from mechanism_sim.errors import InputError
 if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
 
+    Options = argparse.ArgumentParser | argparse._ArgumentGroup
+
+Result = TypeVar('Result')
 Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
-"""Adds a command: its name, what runs it and returns the exit code, what its help says."""
+"""Adds a command: its name, what runs it and returns the exit code, its help."""
 
-NODE_NAMES = (
-    'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
-    'display', 'recorder',
-)  # fmt: skip
-"""Nodes of a run, which `node` runs one by one."""
-
-NODE_MODULES = {
-    **{name: f'mechanism_sim.nodes.{name}' for name in NODE_NAMES},
-    'view': 'mechanism_sim.pages.view',
+NODE_CLASSES = {
+    'crank_drive': 'mechanism_sim.nodes.crank_drive:CrankDrive',
+    'linkage': 'mechanism_sim.nodes.linkage:Linkage',
+    'cam': 'mechanism_sim.nodes.part:Cam',
+    'gear_train': 'mechanism_sim.nodes.part:GearTrain',
+    'geneva': 'mechanism_sim.nodes.part:Geneva',
+    'oscillator': 'mechanism_sim.nodes.oscillator:Oscillator',
+    'sensors': 'mechanism_sim.nodes.sensors:Sensors',
+    'display': 'mechanism_sim.nodes.display:Display',
+    'recorder': 'mechanism_sim.nodes.recorder:Recorder',
+    'view': 'mechanism_sim.pages.view:View',
 }
-"""Where the nodes are that `node` runs: those, and the one that shows a run from outside."""
+NODE_NAMES = tuple(name for name in NODE_CLASSES if name != 'view')
+"""Nodes of a run; `view` shows a run from outside."""
+
+
+def option(parser: Options, flags: str, metavar: str, text: str, default: object = str) -> None:
+    """Add an option with a value; `default` may be its type."""
+    kind = default if isinstance(default, type) else type(default)
+    value = None if default is kind else default
+    parser.add_argument(*flags.split(), metavar=metavar, type=kind, default=value, help=text)
+
+
+def flag(parser: Options, flags: str, text: str) -> None:
+    """Add an option without a value."""
+    parser.add_argument(*flags.split(), action='store_true', help=text)
 
 
 def scene_options(
@@ -40,20 +58,18 @@ def scene_options(
         '--set', action='append', default=[], metavar='PATH=VALUE', dest='overrides',
         help="change a value of the scene, for example 'drive.speed=300 rpm'; several times",
     )  # fmt: skip
-    sub.add_argument('--rtol', metavar='R', help='relative tolerance of a step, for solver.rtol')
-    sub.add_argument('--atol', metavar='A', help='absolute tolerance [m], for solver.atol')
+    option(sub, '--rtol', 'R', 'relative tolerance of a step, for solver.rtol')
+    option(sub, '--atol', 'A', 'absolute tolerance [m], for solver.atol')
 
 
 def length_options(sub: argparse.ArgumentParser) -> None:
-    """Add what says how long a run is."""
-    sub.add_argument('--duration', type=float, metavar='S', help='length of the run in seconds')
-    sub.add_argument(
-        '--revolutions', type=float, metavar='N', help='length of the run in turns of the drive'
-    )
+    """Add the options for the length of a run."""
+    option(sub, '--duration', 'S', 'length of the run in seconds', float)
+    option(sub, '--revolutions', 'N', 'length of the run in turns of the drive', float)
 
 
 def overrides_of(options: argparse.Namespace) -> list[str]:
-    """The overrides that a command line asks for, tolerances among them."""
+    """The overrides on a command line, tolerances among them."""
     tolerances = [
         f'solver.{name}={value}'
         for name, value in (('rtol', options.rtol), ('atol', options.atol))
@@ -63,7 +79,7 @@ def overrides_of(options: argparse.Namespace) -> list[str]:
 
 
 def read_machine(options: argparse.Namespace) -> Machine:
-    """The scene that a command line asks for, as a machine.
+    """The scene on a command line, as a machine.
 
     Raises
     ------
@@ -80,7 +96,7 @@ def read_machine(options: argparse.Namespace) -> Machine:
 
 
 def ros_args(options: argparse.Namespace) -> list[str]:
-    """What the command line says in the way of ROS, the namespace among it."""
+    """The ROS arguments of a command line, the namespace among them."""
     found = list(options.ros_args)
     if options.namespace is not None:
         found += [
@@ -96,9 +112,24 @@ PRINTED: list[bool] = []
 
 
 def print_json(data: object) -> None:
-    """Print what `--json` asks for."""
+    """Print a result as JSON."""
     print(strict_json.dumps(data, indent=2))
     PRINTED.append(True)
+
+
+def print_result(
+    options: argparse.Namespace,
+    result: Result,
+    to_json: Callable[[Result], object],
+    render: Callable[[Result], object],
+    write: Callable[[str], None] = print,
+) -> int:
+    """Print a result as JSON or as text, and return the exit code 0."""
+    if options.json:
+        print_json(to_json(result))
+    else:
+        write(str(render(result)))
+    return 0
 
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:

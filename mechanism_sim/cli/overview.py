@@ -1,4 +1,4 @@
-"""What the command line says of itself: the first screen, and all commands by purpose."""
+"""Help of the command line: the first screen, and all commands by purpose."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Overview(Parser):
         return '\n'.join(lines) + '\n'
 
     def _check_value(self, action: Any, value: Any) -> None:
-        """Refuse a command that does not exist, and say which was meant."""
+        """Refuse a command that does not exist, and name the nearest."""
         known = list(action.choices or ())
         if action.dest != 'command' or value in known:
             super()._check_value(action, value)

@@ -1,4 +1,4 @@
-"""What a browser shows."""
+"""Commands whose result is shown by a browser."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path
 from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
+    flag,
+    option,
     overrides_of,
     print_json,
     read_machine,
@@ -25,31 +27,18 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('report', _report, 'a page that plays a run and charts it, in one HTML file')
     source_options(sub)
-    sub.add_argument(
-        '-o', '--output', metavar='FILE', help='the .html file; named after the run if not given'
-    )
+    option(sub, '-o --output', 'FILE', 'the .html file; named after the run if not given')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
     scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
-    sub.add_argument(
-        '--duration', type=float, metavar='S', help='seconds to run; 1 h if none is known'
+    option(sub, '--duration', 'S', 'seconds to run; 1 h if none is known', float)
+    option(
+        sub, '--realtime-factor', 'F', 'simulated seconds in a second; 0: as fast as possible', 1.0
     )
-    sub.add_argument(
-        '--realtime-factor',
-        type=float,
-        default=1.0,
-        metavar='F',
-        help='simulated seconds in a second; 0: as fast as possible',
-    )
-    sub.add_argument('--paused', action='store_true', help='begin its run paused')
-    sub.add_argument(
-        '--port',
-        type=int,
-        metavar='N',
-        help='of the page on this machine, 8080 if not given; 0: any',
-    )
-    sub.add_argument('--open', action='store_true', help='open a browser')
-    sub.add_argument('--namespace', metavar='NS', help='namespace of the nodes that are followed')
+    flag(sub, '--paused', 'begin its run paused')
+    option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
+    flag(sub, '--open', 'open a browser')
+    option(sub, '--namespace', 'NS', 'namespace of the nodes that are followed')
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -92,14 +81,14 @@ def _view(options: argparse.Namespace) -> int:
 
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]
-    run = _run_to_be_viewed(options) if options.scene else []
+    run = _run_arguments(options) if options.scene else []
     if not run and (overrides_of(options) or options.duration or options.paused):
         raise InputError('--set, --duration and --paused are for a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
 
 
-def _run_to_be_viewed(options: argparse.Namespace) -> list[str]:
+def _run_arguments(options: argparse.Namespace) -> list[str]:
     """What `mechanism-sim run` is given, checked before a browser opens."""
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechanism_sim.cli.options import Command, print_json
+from mechanism_sim.cli.options import Command, flag, option, print_json
 from mechanism_sim.cli.source import (
     is_bag,
     refuse_overrides,
@@ -25,26 +25,19 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('animate', _animate, 'a film of a run: MP4, GIF or SVG frames')
     source_options(sub)
-    sub.add_argument(
-        '-o', '--output', metavar='FILE|DIR', help='.mp4, .gif, .svg to be numbered, or a folder '
-        'for SVG frames; SCENE.mp4 if not given',
-    )  # fmt: skip
-    sub.add_argument('--fps', type=float, metavar='N', help='frames a second')
-    sub.add_argument(
-        '--speed',
-        type=float,
-        metavar='X',
-        help='times real time; a turn of the drive takes 3 s if not given',
+    option(sub, '-o --output', 'FILE|DIR', '.mp4, .gif, .svg to be numbered, or a folder '
+        'for SVG frames; SCENE.mp4 if not given')  # fmt: skip
+    option(sub, '--fps', 'N', 'frames a second', float)
+    option(
+        sub, '--speed', 'X', 'times real time; a turn of the drive takes 3 s if not given', float
     )
-    sub.add_argument('--size', metavar='PIXELS', help="of the longer side, or as '1280x720'")
+    option(sub, '--size', 'PIXELS', "of the longer side, or as '1280x720'")
     glass = sub.add_mutually_exclusive_group()
-    glass.add_argument(
-        '--lens', metavar='JOINT', default='', help='the loose bearing that is magnified'
-    )
+    option(glass, '--lens', 'JOINT', 'the loose bearing that is magnified', '')
     glass.add_argument(
         '--no-lens', action='store_const', const=None, dest='lens', help='no bearing'
     )
-    sub.add_argument('--forces', action='store_true', help='draw forces as arrows at the joints')
+    flag(sub, '--forces', 'draw forces as arrows at the joints')
     sub.add_argument(
         '--path',
         action='append',
@@ -73,9 +66,7 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--against', choices=('time', 'angle'), default='time', help='angle: of the main drive'
     )
-    sub.add_argument(
-        '--ideal', action='store_true', help='the same machine with ideal joints below it'
-    )
+    flag(sub, '--ideal', 'the same machine with ideal joints below it')
 
 
 def _animate(options: argparse.Namespace) -> int:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import (
-    NODE_MODULES,
+    NODE_CLASSES,
     Command,
+    flag,
     length_options,
+    option,
     overrides_of,
     print_json,
     read_machine,
@@ -31,55 +33,38 @@ def add(command: Command) -> None:
     sub = command('solve', _solve, 'run a scene in this process, without middleware')
     scene_options(sub)
     length_options(sub)
-    sub.add_argument(
-        '--sample-rate', type=float, metavar='HZ', help='samples a second, for --output'
+    option(sub, '--sample-rate', 'HZ', 'samples a second, for --output', float)
+    option(sub, '--output', 'FILE', 'write samples of everything to a .npz, .csv or .parquet file')
+    flag(sub, '--no-events', 'with --json: counts of events instead of their lists')
+    option(sub, '--save', 'FILE', 'write what --resume needs to go on from the end')
+    option(
+        sub,
+        '--resume',
+        'FILE',
+        'go on from what --save wrote; lengths still count from the very beginning',
     )
-    sub.add_argument(
-        '--output',
-        metavar='FILE',
-        help='write samples of everything to a .npz, .csv or .parquet file',
-    )
-    sub.add_argument(
-        '--no-events',
-        action='store_true',
-        help='with --json: counts of events instead of their lists',
-    )
-    sub.add_argument(
-        '--save', metavar='FILE', help='write what --resume needs to go on from the end'
-    )
-    sub.add_argument(
-        '--resume', metavar='FILE',
-        help='go on from what --save wrote; lengths still count from the very beginning',
-    )  # fmt: skip
     sub = command('run', _run, 'run a scene as nodes that publish and record')
     scene_options(sub)
     length_options(sub)
-    sub.add_argument('--record', metavar='FILE', help='record the run in this MCAP file')
-    sub.add_argument('--overwrite', action='store_true', help='replace an existing bag')
-    sub.add_argument(
-        '--realtime-factor',
-        type=float,
-        default=0.0,
-        metavar='F',
-        help='simulated seconds in a second; 0: as fast as possible',
+    option(sub, '--record', 'FILE', 'record the run in this MCAP file')
+    flag(sub, '--overwrite', 'replace an existing bag')
+    option(
+        sub, '--realtime-factor', 'F', 'simulated seconds in a second; 0: as fast as possible', 0.0
     )
-    sub.add_argument(
-        '--display', action='store_true', help='publish markers for RViz and Foxglove, too'
+    flag(sub, '--display', 'publish markers for RViz and Foxglove, too')
+    flag(sub, '--processes', 'run each node in a process of its own')
+    flag(sub, '--paused', 'begin paused, to be played or stepped')
+    flag(sub, '--hold', 'pause at the end instead of ending')
+    option(
+        sub,
+        '--listeners',
+        'NAMES',
+        'other nodes of yours that must receive all messages, separated by commas',
+        '',
     )
-    sub.add_argument(
-        '--processes', action='store_true', help='run each node in a process of its own'
-    )
-    sub.add_argument('--paused', action='store_true', help='begin paused, to be played or stepped')
-    sub.add_argument('--hold', action='store_true', help='pause at the end instead of ending')
-    sub.add_argument(
-        '--listeners', default='', metavar='NAMES',
-        help='other nodes of yours that must hear everything, separated by commas',
-    )  # fmt: skip
-    sub.add_argument(
-        '--namespace', metavar='NS', help='namespace of all nodes and topics of the run'
-    )
+    option(sub, '--namespace', 'NS', 'namespace of all nodes and topics of the run')
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
-    sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_MODULES))
+    sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_CLASSES))
 
 
 def _solve(options: argparse.Namespace) -> int:
@@ -149,19 +134,21 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _node(options: argparse.Namespace) -> int:
-    from importlib import import_module  # noqa: PLC0415
+    from pkgutil import resolve_name  # noqa: PLC0415
+
+    from mechanism_sim.nodes.process import main_of  # noqa: PLC0415
 
     if options.name is None:
         options.parser.print_help()
         return 0
-    if options.name not in NODE_MODULES:
+    if options.name not in NODE_CLASSES:
         from mechanism_sim.errors import nearest  # noqa: PLC0415
 
         raise InputError(
-            f"there is no node '{options.name}'{nearest(options.name, NODE_MODULES)}; known are: "
-            f'{", ".join(NODE_MODULES)}'
+            f"there is no node '{options.name}'{nearest(options.name, NODE_CLASSES)}; known are: "
+            f'{", ".join(NODE_CLASSES)}'
         )
-    import_module(NODE_MODULES[options.name]).main([*options.rest, *options.ros_args])
+    main_of(resolve_name(NODE_CLASSES[options.name]), [*options.rest, *options.ros_args])
     return 0
 
 

@@ -7,7 +7,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechanism_sim.cli.options import length_options, overrides_of, read_machine, scene_options
+from mechanism_sim.cli.options import (
+    length_options,
+    option,
+    overrides_of,
+    read_machine,
+    scene_options,
+)
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def source_options(sub: argparse.ArgumentParser) -> None:
-    """Add what says which run is shown, and which part of it."""
+    """Add the options that choose a run and a part of it."""
     scene_options(sub, 'a bag (.mcap) of a run, or a scene, which is simulated', 'BAG|SCENE')
     sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
     sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
@@ -25,10 +31,8 @@ def source_options(sub: argparse.ArgumentParser) -> None:
 
 
 def namespace_option(sub: argparse.ArgumentParser) -> None:
-    """Add what says which machine of a bag is meant."""
-    sub.add_argument(
-        '--namespace', metavar='NS', help='namespace of the machine, where a bag holds several'
-    )
+    """Add the option that chooses a machine of a bag."""
+    option(sub, '--namespace', 'NS', 'namespace of the machine, where a bag holds several')
 
 
 def is_bag(source: str) -> bool:
@@ -42,7 +46,7 @@ def refuse_overrides(options: argparse.Namespace) -> None:
         raise InputError('a bag is shown as it was recorded: leave out --set and tolerances')
 
 
-def recorded(options: argparse.Namespace) -> Record:
+def read_run(options: argparse.Namespace) -> Record:
     """The run that a bag holds.
 
     Raises
@@ -62,12 +66,14 @@ def recorded(options: argparse.Namespace) -> Record:
 
 
 def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
-    """Say on standard error that a bag was cut short."""
+    """Warn on standard error that a bag was cut short."""
     if not bag.complete:
         print(f'mechanism-sim: {path} was cut short; what could be read is shown', file=sys.stderr)
 
 
-def simulated(options: argparse.Namespace, start: float = 0.0, to: float | None = None) -> Record:
+def simulate_run(
+    options: argparse.Namespace, start: float = 0.0, to: float | None = None
+) -> Record:
     """The run of a scene, up to a time [s], or over the length from `start` [s] asked for.
 
     Raises
@@ -98,16 +104,16 @@ def run_of(options: argparse.Namespace) -> tuple[Record, float, float]:
     Raises
     ------
     InputError, RunError
-        As `recorded` and `simulated` do, or if the options contradict each other.
+        As `read_run` and `simulate_run` do, or if the options contradict each other.
     """
     asked = options.end, options.duration, options.revolutions
     if sum(x is not None for x in asked) > 1:
         raise InputError('give only one of --to, --duration and --revolutions')
     if not is_bag(options.scene):
         start = options.start or 0.0
-        record = simulated(options, start, options.end)
+        record = simulate_run(options, start, options.end)
         return record, start, record.end if options.end is None else options.end
-    record = recorded(options)
+    record = read_run(options)
     start = record.start if options.start is None else options.start
     return record, start, _end(options, record, start)
 

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from mechanism_sim import ending, output
-from mechanism_sim.cli.options import Command, print_json, read_machine, scene_options
+from mechanism_sim.cli.options import (
+    Command,
+    flag,
+    option,
+    print_json,
+    print_result,
+    read_machine,
+    scene_options,
+)
 from mechanism_sim.errors import InputError
 
 
@@ -16,87 +25,46 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
     scene_options(sub)
-    sub.add_argument(
-        '--longest',
-        type=int,
-        default=8,
-        metavar='P',
-        help='longest period to look for, in revolutions',
-    )
-    sub.add_argument(
-        '--transient',
-        type=int,
-        default=60,
-        metavar='N',
-        help='revolutions to wait until it has settled',
-    )
+    option(sub, '--longest', 'P', 'longest period to look for, in revolutions', 8)
+    option(sub, '--transient', 'N', 'revolutions to wait until it has settled', 60)
     sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
     scene_options(sub)
-    sub.add_argument('--revolutions', type=int, default=200, metavar='N', help='how many to run')
-    sub.add_argument(
-        '--skip',
-        type=int,
-        default=20,
-        metavar='K',
-        help='revolutions to leave out at the beginning',
-    )
+    option(sub, '--revolutions', 'N', 'how many to run', 200)
+    option(sub, '--skip', 'K', 'revolutions to leave out at the beginning', 20)
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     scene_options(sub)
-    sub.add_argument('--revolutions', type=float, default=3.0, metavar='N', help='how many to run')
+    option(sub, '--revolutions', 'N', 'how many to run', 3.0)
     sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
     scene_options(sub)
     sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
     scene_options(sub)
-    sub.add_argument(
-        '--angles', type=int, default=24, metavar='N', help='how many start angles around the turn'
-    )
-    sub.add_argument(
-        '--revolutions', type=float, default=3.0, metavar='N', help='how many to run from each'
-    )
+    option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
+    option(sub, '--revolutions', 'N', 'how many to run from each', 3.0)
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
-    sub.add_argument(
-        '-o',
-        '--output',
-        metavar='TABLE',
-        help='the table, a Parquet file; NAME.parquet if not given',
-    )
-    sub.add_argument(
-        '--workers', type=int, metavar='N', help='processes; one for each core if not given'
-    )
-    sub.add_argument('--dask', metavar='ADDRESS', help='run on the cluster of this Dask scheduler')
-    sub.add_argument('--bags', metavar='DIR', help='folder in which to record every run, too')
-    sub.add_argument(
-        '--windows',
-        metavar='DIR',
-        help='folder for windows of signals; TABLE.windows if not given',
-    )
-    sub.add_argument('--restart', action='store_true', help='forget what is computed already')
-    sub.add_argument('--plot', metavar='FILE', help='draw the figures over the last swept value')
-    sub.add_argument('--over', metavar='PATH', help='with --plot: over this swept value')
+    option(sub, '-o --output', 'TABLE', 'the table, a Parquet file; NAME.parquet if not given')
+    option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
+    option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
+    option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
+    option(sub, '--windows', 'DIR', 'folder for windows of signals; TABLE.windows if not given')
+    flag(sub, '--restart', 'forget what is computed already')
+    option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
+    option(sub, '--over', 'PATH', 'with --plot: over this swept value')
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
         help='problems; scaling; loose_joints; middleware; grid; hard, or hard cases; '
         'nothing lists all',
     )  # fmt: skip
-    sub.add_argument('--output', metavar='DIR', help='folder for picture, JSON and table')
-    sub.add_argument(
-        '--repeats', type=int, default=7, metavar='N', help='how often to repeat every run'
-    )
-    sub.add_argument('--methods', metavar='NAME,...', help='only these methods')
-    sub.add_argument(
-        '--tolerances', metavar='R,...', help='relative tolerances, instead of the usual ones'
-    )
-    sub.add_argument(
-        '--markdown', metavar='FILE', help='write the hard cases as a page of Markdown'
-    )
-    sub.add_argument('--only', metavar='NAME,...', help='of the grid: these families or cases')
-    sub.add_argument('--sample', type=int, metavar='N', help='of the grid: so many cases, drawn')
-    sub.add_argument('--seed', type=int, metavar='K', help='of the grid: another one')
-    sub.add_argument(
-        '--workers', type=int, metavar='N', help='of the grid: processes; one for each core'
-    )
+    option(sub, '--output', 'DIR', 'folder for picture, JSON and table')
+    option(sub, '--repeats', 'N', 'how often to repeat every run', 7)
+    option(sub, '--methods', 'NAME,...', 'only these methods')
+    option(sub, '--tolerances', 'R,...', 'relative tolerances, instead of the usual ones')
+    option(sub, '--markdown', 'FILE', 'write the hard cases as a page of Markdown')
+    option(sub, '--only', 'NAME,...', 'of the grid: these families or cases')
+    option(sub, '--sample', 'N', 'of the grid: so many cases, drawn', int)
+    option(sub, '--seed', 'K', 'of the grid: another one', int)
+    option(sub, '--workers', 'N', 'of the grid: processes; one for each core', int)
 
 
 def _periodic(options: argparse.Namespace) -> int:
@@ -113,7 +81,7 @@ def _periodic(options: argparse.Namespace) -> int:
     elif response is None:
         print(
             f'no response that repeats within {options.longest} revolutions after '
-            f"{options.transient}; 'mechanism-sim statistics' says what it is like in the mean"
+            f"{options.transient}; 'mechanism-sim statistics' gives its means"
         )
     else:
         print(study.periodic(response))
@@ -128,11 +96,7 @@ def _statistics(options: argparse.Namespace) -> int:
     end = options.revolutions * machine.period
     with progress.bar('statistics', end, quiet=options.json) as show:
         found = statistics(machine, options.revolutions, options.skip, show)
-    if options.json:
-        print_json(study.statistics_json(found))
-    else:
-        print(study.statistics(found))
-    return 0
+    return print_result(options, found, study.statistics_json, study.statistics)
 
 
 def _contact_loss(options: argparse.Namespace) -> int:
@@ -142,11 +106,7 @@ def _contact_loss(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.busy('contact-loss', options.json):
         found = losses(machine, options.revolutions)
-    if options.json:
-        print_json(study.losses_json(found))
-    else:
-        print(study.losses(found))
-    return 0
+    return print_result(options, found, study.losses_json, study.losses)
 
 
 def _lift_off(options: argparse.Namespace) -> int:
@@ -156,11 +116,7 @@ def _lift_off(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.busy('lift-off', options.json) as say:
         found = lift_offs(machine, say)
-    if options.json:
-        print_json(study.lift_offs_json(found))
-    else:
-        print(study.lift_offs(found))
-    return 0
+    return print_result(options, found, study.lift_offs_json, study.lift_offs)
 
 
 def _starts(options: argparse.Namespace) -> int:
@@ -170,18 +126,14 @@ def _starts(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
         found = starts(machine, options.angles, options.revolutions, show)
-    if options.json:
-        print_json(study.starts_json(found))
-    else:
-        print(study.starts(found))
-    return 0
+    return print_result(options, found, study.starts_json, study.starts)
 
 
 def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
-    from mechanism_sim.sweep.run import Interrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.sweep.run import SweepInterrupted, sweep  # noqa: PLC0415
 
     plan = read_plan(options.file)
     table = Path(options.output or f'{plan.name}.parquet')
@@ -192,7 +144,7 @@ def _sweep(options: argparse.Namespace) -> int:
                 plan, table, options.workers, options.dask, options.bags, options.windows,
                 options.restart, show,
             )  # fmt: skip
-    except Interrupted as interrupted:
+    except SweepInterrupted as interrupted:
         return ending.report_signal(str(interrupted))
     if chart:
         report.draw(chart, plan, rows)
@@ -212,12 +164,7 @@ def _bench(options: argparse.Namespace) -> int:
     from mechanism_sim.report import bench, progress  # noqa: PLC0415
 
     if not options.names:
-        listed = choose.listing()
-        if options.json:
-            print_json(listed)
-        else:
-            print(bench.listing(listed))
-        return 0
+        return print_result(options, choose.listing(), dict, bench.listing)
     problems, cases, tables = choose.choose(options.names)
     if choose.GRID in options.names:
         return _bench_grid(options)
@@ -228,28 +175,27 @@ def _bench(options: argparse.Namespace) -> int:
     if options.repeats < 1:
         raise InputError('--repeats must be at least 1')
     here, content = machine(), bench.Pages(options.output)
+
+    @contextmanager
+    def entry() -> Iterator[Callable[[str], None]]:
+        with progress.busy('bench', options.json) as say:
+            yield say
+        if not options.json:
+            print(content.text[-1], flush=True)
+
     for problem in problems:
-        with progress.busy('bench', options.json) as say:
-            found = measure(problem, options.repeats, methods, tolerances, say)
-        content.add(found, here)
-        if not options.json:
-            print(content.text[-1], flush=True)
+        with entry() as say:
+            content.add(measure(problem, options.repeats, methods, tolerances, say), here)
     if choose.SCALING in tables:
-        with progress.busy('bench', options.json) as say:
+        with entry() as say:
             content.add_scaling(scaling(say), here)
-        if not options.json:
-            print(content.text[-1], flush=True)
     if choose.LOOSE_JOINTS in tables:
-        with progress.busy('bench', options.json) as say:
+        with entry() as say:
             costs = loose_joints(options.repeats, say)
             content.add_loose_joints(costs, here, *stretches(options.repeats, say))
-        if not options.json:
-            print(content.text[-1], flush=True)
     if choose.MIDDLEWARE in tables:
-        with progress.busy('bench', options.json) as say:
+        with entry() as say:
             content.add_middleware(middleware(options.repeats, say), here)
-        if not options.json:
-            print(content.text[-1], flush=True)
     if options.json:
         print_json(content.to_json(here))
     return 1 if any(row.failure for m in content.found for row in m.rows) else 0

@@ -29,7 +29,7 @@ WORK = 'energy.drive_work', 'energy.dissipated'
 
 
 def has_extremes(column: str) -> bool:
-    """Whether it makes sense to ask when a column is least and greatest."""
+    """Whether extremes of a column make sense."""
     counted = column.startswith(('closed.', 'mode.'))
     return column != 't' and not counted and part_of(column) != 'direction'
 

@@ -254,7 +254,7 @@ def cycle(
     Raises
     ------
     InputError
-        If static forces are wanted of a machine that is not ideal and driven, nothing says how
+        If static forces are wanted of a machine that is not ideal and driven, it is unknown how
         long the cycle is, or there is no such point.
     RunError
         If the run fails.

@@ -106,7 +106,7 @@ def find_extremes(
 
     Parameters
     ----------
-    drive : the column that says where the drive is
+    drive : the column with the position of the drive
     """
     found = search(at, units, spans, size)
     least, greatest = (

@@ -14,7 +14,7 @@ from typing import Any
 
 from mechanism_sim.messages.checks import objection
 from mechanism_sim.messages.classes import (
-    Written,
+    CheckedBytes,
     action_class,
     deserialize,
     float64_array,
@@ -43,8 +43,8 @@ from mechanism_sim.messages.origin import ros_installed
 from mechanism_sim.messages.stamps import seconds, stamp
 
 __all__ = [
+    'CheckedBytes',
     'MessageError',
-    'Written',
     'action_class',
     'define',
     'define_action',

@@ -1,4 +1,4 @@
-"""What is wrong with a message: one that is to be sent, or that somebody has sent.
+"""Errors in messages: those to be sent, and those received.
 
 What ROS would refuse: its C code wants a float where a definition says float64. An ``int`` in a
 float field passes unnoticed here and is an error, or garbage, in rclpy.
@@ -39,7 +39,7 @@ def refusals(message: Any, path: str = '') -> Iterator[str]:
 UNKNOWN_AS_NAN = frozenset(
     f'mechanism_sim/msg/{name}' for name in ('CamState', 'GearState', 'GenevaState')
 )
-"""Messages that say NaN of what is not known."""
+"""Messages that hold NaN for what is unknown."""
 
 LARGEST, LARGEST_COEFFICIENT = 1e60, float(np.finfo(float).max)
 """Magnitudes of numbers in SI units; of powers of the time, which may be as short as 1e-16 s."""
@@ -61,7 +61,7 @@ def impossible_number(message: Any) -> str | None:
 
 
 def objection(message: Any) -> str | None:
-    """What nobody of good faith would have sent in a message that somebody did send, if anything.
+    """The implausible part of a received message; None if there is none.
 
     Stamps are times. Messages of this package hold numbers that a machine may have, as many as
     they say, and times that a stamp may hold.
@@ -119,7 +119,7 @@ def _about_numbers(kind: Any) -> Objection:
 
 
 def _about_stamps(name: str, path: str = '') -> Iterator[Objection]:
-    """What looks at every ``builtin_interfaces/msg/Time`` in a message, however deep."""
+    """Compile a check of every ``builtin_interfaces/msg/Time`` in a message, at any depth."""
     for field, (kind, inner) in field_descriptions(name):
         many = kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}
         element, inside = inner[0] if many else (kind, inner)

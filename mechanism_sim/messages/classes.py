@@ -35,7 +35,7 @@ _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}
 _DTYPES = {'byte': 'uint8', 'char': 'uint8', 'bool': 'bool'}
 
 
-class Written(bytes):
+class CheckedBytes(bytes):
     """CDR of a good message, written and judged in this process."""
 
 

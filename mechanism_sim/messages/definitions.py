@@ -55,7 +55,7 @@ _DEFAULT_LINE = re.compile(r'^\s*[\w/]+(?:<=\d+)?(?:\[[<=\d]*\])?\s+(\w+)\s+([^=
 
 
 class MessageError(ValueError):
-    """A message is unknown, is not what its definition says, or cannot be decoded."""
+    """A message is unknown, does not match its definition, or cannot be decoded."""
 
 
 def type_name(cls: type[Any]) -> str:
@@ -129,7 +129,7 @@ def definition(name: str) -> str:
     """MCAP schema text (``ros2msg``): the definition, then every nested one under its ruler."""
     _check_name(name)
     texts = [_text(name)]
-    texts += [f'{RULER}\nMSG: {_short(nested)}\n{_text(nested)}' for nested in _nested(name)]
+    texts += [f'{RULER}\nMSG: {_short(nested)}\n{_text(nested)}' for nested in _dependencies(name)]
     return ''.join(texts)
 
 
@@ -223,7 +223,7 @@ def _char_as_uint8(description: Any) -> Any:
     return (kind, (_char_as_uint8(inner[0]), inner[1]))
 
 
-def _nested(name: str) -> list[str]:
+def _dependencies(name: str) -> list[str]:
     """Every type below a type, in the order in which they are met, each once."""
 
     def walk(parent: str) -> Iterator[str]:

@@ -24,14 +24,14 @@ from mechanism_sim.scene.machine import Machine
 def describe(machine: Machine) -> str:
     """The scene as JSON, in SI units, and which of its coordinates are displacements.
 
-    `described` makes the machine of it again.
+    `parse_description` makes the machine of it again.
     """
     displacements = machine.mechanism.displacements
     content = {'name': machine.name, 'scene': machine.scene.model_dump(by_alias=True)}
     return strict_json.dumps(content | {'displacements': displacements})
 
 
-def described(text: str, source: str) -> Machine:
+def parse_description(text: str, source: str) -> Machine:
     """The machine of such a description.
 
     Parameters
@@ -60,7 +60,7 @@ def drive_law(
     run: int = 0,
     again: bool = False,
 ) -> Any:
-    """DriveLaw message: a law that holds up to `until` [s], told at the time `announced` [s]."""
+    """DriveLaw message: a law that holds up to `until` [s], published at `announced` [s]."""
     kind = message_class('mechanism_sim/msg/DriveLaw')
     message = kind(
         run=run,

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rosbags.interfaces import Nodetype
 
 from mechanism_sim.messages.checks import LARGEST, UNKNOWN_AS_NAN
-from mechanism_sim.messages.classes import Written, serialize
+from mechanism_sim.messages.classes import CheckedBytes, serialize
 from mechanism_sim.messages.definitions import OWN, MessageError, field_descriptions, type_name
 from mechanism_sim.messages.stamps import NANOSECONDS
 
@@ -72,7 +72,7 @@ class Layout:
 
         Returns
         -------
-        N messages, `Written` unless there is a number among them that no machine has
+        N messages, `CheckedBytes` unless there is a number among them that no machine has
         """
         size = self.size
         data = bytearray(self._data * len(t))
@@ -91,7 +91,7 @@ class Layout:
             if name not in self._empty:
                 rows[name] = values
                 good = good and self._possible(values)
-        made, all_data = Written if good else bytes, memoryview(data)
+        made, all_data = CheckedBytes if good else bytes, memoryview(data)
         return [made(all_data[i : i + size]) for i in range(0, len(data), size)]
 
     def _possible(self, values: ArrayLike) -> bool:

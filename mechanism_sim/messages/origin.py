@@ -12,7 +12,7 @@ def ros_installed() -> bool:
     """Whether to take messages and nodes from ROS.
 
     True if rclpy and this package's own messages built for it can be imported, unless
-    ``MECHANISM_SIM_MIDDLEWARE=zenoh`` says otherwise.
+    ``MECHANISM_SIM_MIDDLEWARE=zenoh`` is set.
     """
     if os.environ.get(VARIABLE) == 'zenoh':
         return False

@@ -81,12 +81,12 @@ class ServerGoalHandle:
 
     @property
     def is_cancelable(self) -> bool:
-        """Whether the goal has not come to an end, and nobody has asked for one."""
+        """Whether the goal has neither ended nor been asked to end."""
         return self.status in {Status.ACCEPTED, Status.EXECUTING}
 
     @property
     def is_cancel_requested(self) -> bool:
-        """Whether a client wants the goal cancelled, and the cancel callback agreed."""
+        """Whether a client asked to cancel the goal, and the cancel callback accepted."""
         return self.status == Status.CANCELING
 
     def execute(self, execute_callback: Callable[..., Any] | None = None) -> None:

@@ -32,7 +32,7 @@ class Remap(NamedTuple):
 
 @dataclass
 class Arguments:
-    """What a command line says to the nodes of a process."""
+    """The ROS arguments of a command line, for the nodes of a process."""
 
     remaps: list[Remap] = field(default_factory=list)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)  #: by pattern of nodes
@@ -56,7 +56,7 @@ class Arguments:
         """Namespace that ``-r __ns:=/namespace`` gives to a node."""
         return self._special(('__ns',), node)
 
-    def remapped(self, full: str, namespace: str, node: str, kind: str) -> str:
+    def remap(self, full: str, namespace: str, node: str, kind: str) -> str:
         """What a full name of a ``kind`` ('topic' or 'service') is called after the rules."""
         for rule in self.remaps:
             scheme, separator, old = rule.old.rpartition('://')
@@ -91,13 +91,13 @@ class Arguments:
 def remove_ros_args(args: Sequence[str]) -> list[str]:
     """A command line without the arguments of ROS; MiddlewareError if one of them is wrong."""
     parse_arguments(args)
-    return [argument for argument, ros in _sorted(args) if not ros]
+    return [argument for argument, ros in _split(args) if not ros]
 
 
 def parse_arguments(args: Iterable[str]) -> Arguments:
     """The arguments of ROS on a command line; MiddlewareError if one of them is wrong."""
     found = Arguments()
-    rest = iter([argument for argument, ros in _sorted(args) if ros])
+    rest = iter([argument for argument, ros in _split(args) if ros])
     for flag in rest:
         if flag in {BEGIN, END}:
             continue
@@ -114,7 +114,7 @@ def parse_arguments(args: Iterable[str]) -> Arguments:
     return found
 
 
-def _sorted(args: Iterable[str]) -> Iterator[tuple[str, bool]]:
+def _split(args: Iterable[str]) -> Iterator[tuple[str, bool]]:
     """Every argument, and whether it is for ROS."""
     ros = False
     for argument in args:

@@ -8,8 +8,8 @@ that answers later therefore wants a ``ReentrantCallbackGroup``.
 from typing import Protocol
 
 
-class Held(Protocol):
-    """What a group holds up."""
+class Waiter(Protocol):
+    """An object that a group holds up."""
 
     def report(self) -> None:
         """Try again."""
@@ -26,7 +26,7 @@ class CallbackGroup:
     def release(self) -> None:
         """The callback that waited is done."""
 
-    def hold(self, held: Held) -> None:
+    def hold(self, held: Waiter) -> None:
         """Have this report again when the group is free."""
 
 
@@ -38,7 +38,7 @@ class MutuallyExclusiveCallbackGroup(CallbackGroup):
     """Callbacks none of which runs while another of them waits."""
 
     def __init__(self) -> None:
-        self._held: list[Held] = []
+        self._held: list[Waiter] = []
 
     def occupy(self) -> None:
         """From now on nothing of the group runs."""
@@ -51,6 +51,6 @@ class MutuallyExclusiveCallbackGroup(CallbackGroup):
         for held in waiting:
             held.report()
 
-    def hold(self, held: Held) -> None:
+    def hold(self, held: Waiter) -> None:
         """Have this report again when the group is free."""
         self._held.append(held)

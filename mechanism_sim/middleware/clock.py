@@ -81,7 +81,7 @@ class ClockType(IntEnum):
 
 
 class Clock:
-    """Clock of a node (ROS_TIME): the system's, or the last time heard on ``/clock``.
+    """Clock of a node (ROS_TIME): the system's, or the last time received on ``/clock``.
 
     The others are for timers of the wall, whatever the node takes for time.
     """

@@ -91,7 +91,7 @@ def has_type_hashes() -> bool:
 
 
 def connects_elsewhere() -> bool:
-    """Whether the environment says itself whom to connect to."""
+    """Whether the environment gives the endpoints to connect to."""
     settings = dict(_overrides())
     return bool(os.environ.get('ZENOH_SESSION_CONFIG_URI')) or any(
         key == 'mode' or key.startswith('connect') for key in settings
@@ -114,7 +114,7 @@ def router_config() -> zenoh.Config:
 
 
 def probe_config(timeout: float) -> zenoh.Config:
-    """Configuration of a session that asks within ``timeout`` [s] whether a router is there."""
+    """Configuration of a session that finds a router within ``timeout`` [s] or fails."""
     config = _configuration('', _PROBE | {'connect/endpoints': [router_endpoint()]})
     config.insert_json5('transport/unicast/open_timeout', str(round(timeout * 1000)))
     return config

@@ -87,7 +87,7 @@ def leave(nodes: Iterable[Any] = (), patience: float = FLUSH_PATIENCE) -> None:
 
 
 def ok() -> bool:
-    """Whether the process is on the network and nobody asked it to end."""
+    """Whether the process is on the network and was not asked to end."""
     return _context is not None and not _signalled
 
 

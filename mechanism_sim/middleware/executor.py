@@ -49,7 +49,7 @@ class SingleThreadedExecutor:
             self._nodes.remove(node)
             node.executor = None
             node.attach(None)
-            # A new ready queue, without what the old one says about the node.
+            # A new ready queue, without the entries of the node in the old one.
             old, self._ready = self._ready, SimpleQueue()
             for other in self._nodes:
                 other.attach(self._ready)

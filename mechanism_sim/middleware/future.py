@@ -49,7 +49,7 @@ class Future:
         self._finish()
 
     def cancel(self) -> None:
-        """Say that nobody wants the result any more; whoever works on it may look."""
+        """Mark the result as unwanted; the work on it may check this."""
         if not self.done():
             self._cancelled = True
             self._run_callbacks()

@@ -130,7 +130,7 @@ class Inbox:
                     ready.put(self._owner)
 
     def report(self) -> None:
-        """Have the executor look for an item once more."""
+        """Put the owner into the ready queue once more."""
         with self._changed:
             if self._ready is not None:
                 self._ready.put(self._owner)

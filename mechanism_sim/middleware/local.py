@@ -8,8 +8,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
-from mechanism_sim.messages import MessageError, Written, deserialize, objection
-from mechanism_sim.middleware.refusals import judged
+from mechanism_sim.messages import CheckedBytes, MessageError, deserialize, objection
+from mechanism_sim.middleware.refusals import check_message
 from mechanism_sim.middleware.wire import Attachment
 
 
@@ -53,7 +53,7 @@ def deliver(
     kind, raw, items = receivers[0].msg_type, all(r.raw for r in receivers), []
     for (message, data), attachment in zip(messages, attachments, strict=True):
         try:
-            items.append(Item(_received(message, data, kind, raw), data, attachment))
+            items.append(Item(_decode(message, data, kind, raw), data, attachment))
         except MessageError as error:
             for receiver in receivers:
                 receiver.refuse('message', str(error))
@@ -61,12 +61,12 @@ def deliver(
         receiver.accept(items)
 
 
-def _received(message: Any, data: bytes, kind: type[Any], raw: bool) -> Any:
-    """What those get who do not take bytes. MessageError: nobody should get it."""
-    if isinstance(message, Written):
+def _decode(message: Any, data: bytes, kind: type[Any], raw: bool) -> Any:
+    """The message for subscriptions that take no bytes; MessageError if it is malformed."""
+    if isinstance(message, CheckedBytes):
         return None if raw else deserialize(data, kind)
     if isinstance(message, bytes) or not raw:
-        return judged(data, kind)
+        return check_message(data, kind)
     if reason := objection(message):
         raise MessageError(reason)
     return None

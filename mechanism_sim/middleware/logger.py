@@ -22,7 +22,7 @@ class LoggingSeverity(IntEnum):
 
 
 class Logger:
-    """Says what a node has to say; ``publish`` takes the message for ``/rosout``.
+    """Logger of a node; ``publish`` takes the message for ``/rosout``.
 
     Not ``written``: nothing goes to standard error.
     """
@@ -34,7 +34,7 @@ class Logger:
         self._publish = publish
         self._written = written
         self._level = LoggingSeverity.INFO
-        self._said: dict[tuple[CodeType, int], float] = {}
+        self._printed: dict[tuple[CodeType, int], float] = {}
 
     def get_child(self, name: str) -> 'Logger':
         """Logger of a part of the node, with the level of the whole."""
@@ -43,7 +43,7 @@ class Logger:
         return child
 
     def set_level(self, level: LoggingSeverity) -> None:
-        """Say nothing below this level."""
+        """Log nothing below this level."""
         self._level = LoggingSeverity(level)
 
     def get_effective_level(self) -> LoggingSeverity:
@@ -55,11 +55,11 @@ class Logger:
         return severity >= self._level
 
     def log(self, message: str, severity: LoggingSeverity, **how: Any) -> bool:
-        """Say it; ``once``, or every ``throttle_duration_sec``, for each line that calls this."""
+        """Log; ``once``, or every ``throttle_duration_sec``, for each line that calls this."""
         return self._log(LoggingSeverity(severity), message, **how)
 
     def debug(self, message: str, **how: Any) -> bool:
-        """For those who look for an error."""
+        """Log for debugging."""
         return self._log(LoggingSeverity.DEBUG, message, **how)
 
     def info(self, message: str, **how: Any) -> bool:
@@ -93,11 +93,11 @@ class Logger:
         now = time.time_ns()
         caller = sys._getframe(2)
         place = caller.f_code, caller.f_lineno
-        last = self._said.get(place)
+        last = self._printed.get(place)
         if last is not None and (once or now - last < throttle_duration_sec * 1e9):
             return False
         if once or throttle_duration_sec:
-            self._said[place] = now
+            self._printed[place] = now
         seconds, nanoseconds = divmod(now, 1_000_000_000)
         line = f'[{level.name}] [{seconds}.{nanoseconds:09d}] [{self.name}]: {message}'
         if self._written:

@@ -32,7 +32,7 @@ from mechanism_sim.middleware.services import Client, Service
 from mechanism_sim.middleware.subscription import Subscription
 from mechanism_sim.middleware.tasks import Tasks
 from mechanism_sim.middleware.timer import Timer
-from mechanism_sim.middleware.voice import Voice
+from mechanism_sim.middleware.warnings import Warnings
 
 if TYPE_CHECKING:
     from mechanism_sim.middleware.executor import SingleThreadedExecutor
@@ -68,7 +68,7 @@ class Node(NodeGraph, NodeParameters):
         self._id = self.context.next_id()
         self.default_callback_group: CallbackGroup = MutuallyExclusiveCallbackGroup()
         self.tasks = Tasks(self.context)
-        self._entities: list[Publisher | Subscription | Service | Client | Tasks | Voice] = []
+        self._entities: list[Publisher | Subscription | Service | Client | Tasks | Warnings] = []
         self._entities.append(self.tasks)
         self._ready: Ready | None = None
         self._clock = Clock(clock_type=ClockType.ROS_TIME)
@@ -82,8 +82,8 @@ class Node(NodeGraph, NodeParameters):
         logger_name = full_name.lstrip('/').replace('/', '.')
         self._logger = Logger(logger_name, rosout, arguments.logs['stdout-logs'])
         self._logger.set_level(arguments.level(logger_name))
-        self.voice = Voice(self.context, self._logger)
-        self._entities.append(self.voice)
+        self.warnings = Warnings(self.context, self._logger)
+        self._entities.append(self.warnings)
         given = [Parameter(n, value=v) for n, v in arguments.parameters_of(full_name).items()]
         self._parameters = Parameters(full_name, [*given, *(parameter_overrides or ())])
         publish_events(self, self._parameters)
@@ -210,7 +210,7 @@ class Node(NodeGraph, NodeParameters):
     # Clock, log
 
     def get_clock(self) -> Clock:
-        """Clock of the node, simulated if its parameter ``use_sim_time`` says so."""
+        """Clock of the node, simulated if its parameter ``use_sim_time`` is true."""
         return self._clock
 
     def get_logger(self) -> Logger:

@@ -1,4 +1,4 @@
-"""What a node is called, and what it sees of the others."""
+"""Names of a node, and its view of the graph."""
 
 from typing import NamedTuple
 
@@ -27,8 +27,8 @@ class NodeGraph:
         self._arguments = arguments
         names.check_node_name(name)
         self._name = names.check_node_name(arguments.node_name(name))
-        remapped = arguments.namespace(self._name)
-        self._namespace = names.resolve_namespace(namespace if remapped is None else remapped)
+        remap = arguments.namespace(self._name)
+        self._namespace = names.resolve_namespace(namespace if remap is None else remap)
 
     def get_name(self) -> str:
         """Name without the namespace."""
@@ -51,11 +51,11 @@ class NodeGraph:
         return [(token.node, token.namespace) for token in self.context.graph.nodes()]
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
-        """Topics that somebody publishes or subscribes to."""
+        """Topics with publishers or subscriptions."""
         return self.context.graph.names_and_types((wire.PUBLISHER, wire.SUBSCRIPTION))
 
     def get_service_names_and_types(self) -> list[tuple[str, list[str]]]:
-        """Services that somebody serves."""
+        """Services with servers."""
         return self.context.graph.names_and_types((wire.SERVICE,))
 
     def count_publishers(self, topic: str) -> int:
@@ -86,7 +86,7 @@ class NodeGraph:
         full = names.resolve(name, self._namespace, self._name)
         if only_expand:
             return full
-        return self._arguments.remapped(full, self._namespace, self._name, kind)
+        return self._arguments.remap(full, self._namespace, self._name, kind)
 
     def _infos(self, kind: str, topic: str) -> list[TopicEndpointInfo]:
         found = self.context.graph.find(kind, self.resolve_topic_name(topic))

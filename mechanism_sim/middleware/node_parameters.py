@@ -117,23 +117,23 @@ class NodeParameters:
         self._parameters.before.insert(0, callback)
 
     def add_on_set_parameters_callback(self, callback: Callable[[Listed], Any]) -> None:
-        """Have a say: the callback gives back a SetParametersResult, with a reason to refuse."""
+        """Add a callback that accepts or refuses: it returns a SetParametersResult."""
         self._parameters.consents.insert(0, callback)
 
     def add_post_set_parameters_callback(self, callback: Callable[[Listed], Any]) -> None:
-        """Be told what was set."""
+        """Add a callback that gets the parameters that were set."""
         self._parameters.after.insert(0, callback)
 
     def remove_pre_set_parameters_callback(self, callback: Callable[[Listed], Listed]) -> None:
-        """Do not ask it any more; ValueError if it was not asked."""
+        """Remove a callback; ValueError if it was not added."""
         self._parameters.before.remove(callback)
 
     def remove_on_set_parameters_callback(self, callback: Callable[[Listed], Any]) -> None:
-        """Do not ask it any more; ValueError if it was not asked."""
+        """Remove a callback; ValueError if it was not added."""
         self._parameters.consents.remove(callback)
 
     def remove_post_set_parameters_callback(self, callback: Callable[[Listed], Any]) -> None:
-        """Do not tell it any more; ValueError if it was not told."""
+        """Remove a callback; ValueError if it was not added."""
         self._parameters.after.remove(callback)
 
 

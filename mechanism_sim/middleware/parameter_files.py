@@ -41,7 +41,7 @@ def read_parameters(path: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """
     content = _value(_compose(Path(path).read_text(encoding='utf-8')))
     if not isinstance(content, dict):
-        raise ValueError(f'the file does not say NODE: {MARK}: NAME: VALUE')
+        raise ValueError(f'the file must have the form NODE: {MARK}: NAME: VALUE')
     yield from _sections('', content)
 
 

@@ -27,7 +27,7 @@ Listed = list[Parameter]
 
 
 @dataclass
-class Declared:
+class Declaration:
     """A parameter and its ``rcl_interfaces/msg/ParameterDescriptor``."""
 
     parameter: Parameter
@@ -38,15 +38,15 @@ class Parameters:
     """The parameters of one node."""
 
     def __init__(self, node: str, overrides: Iterable[Parameter]) -> None:
-        #: asked before the rest, may change what is set; have a say; are told; all newest first
+        #: callbacks, newest first: may change what is set; accept or refuse; get what was set
         self.before: list[Callable[[Listed], Listed]] = []
         self.consents: list[Callable[[Listed], Any]] = []
         self.after: list[Callable[[Listed], Any]] = []
-        #: told what is new, what has changed and what is gone
+        #: called with new, changed and deleted parameters
         self.publish: Callable[[Listed, Listed, Listed], Any] = lambda *_: None
         self._node = node
         self._overrides = {parameter.name: parameter for parameter in overrides}
-        self._declared: dict[str, Declared] = {}
+        self._declared: dict[str, Declaration] = {}
 
     def declare(
         self, name: str, value: Any, descriptor: Any = None, ignore_override: bool = False
@@ -77,7 +77,7 @@ class Parameters:
         reason = _out_of_range(initial, described) or self._objection([initial])
         if reason:
             raise InvalidParameterValueException(f'{self._node}: {name}: {reason}')
-        self._declared[name] = Declared(initial, described)
+        self._declared[name] = Declaration(initial, described)
         self._notify([initial], [initial], [], [])
         return initial
 
@@ -103,7 +103,7 @@ class Parameters:
             raise ParameterUninitializedException(f'{self._node}: {name} was given no value')
         return found.parameter
 
-    def find(self, name: str) -> Declared:
+    def find(self, name: str) -> Declaration:
         """A parameter with its descriptor; raises ParameterNotDeclaredException."""
         if name not in self._declared:
             known = ', '.join(self._declared)

@@ -40,7 +40,7 @@ _ENUMS: dict[QoSPolicyKind, type[IntEnum]] = {
 
 
 class QoSOverridingOptions:
-    """Which policies may be overridden; ``callback`` has a say in the profile that results.
+    """Which policies may be overridden; ``callback`` judges the profile that results.
 
     ``entity_id`` tells several endpoints of one topic apart.
     """

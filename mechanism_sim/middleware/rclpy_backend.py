@@ -65,7 +65,7 @@ from rclpy.utilities import remove_ros_args
 
 from mechanism_sim.messages import MessageError, objection
 from mechanism_sim.middleware.errors import MiddlewareError
-from mechanism_sim.middleware.refusals import Refusals, judged
+from mechanism_sim.middleware.refusals import Refusals, check_message
 
 __all__ = [
     'ActionClient',
@@ -138,7 +138,7 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
         def take(message: Any) -> None:
             try:
                 if raw:
-                    judged(message, msg_type)
+                    check_message(message, msg_type)
                 elif reason := objection(message):
                     raise MessageError(reason)
             except MessageError as error:

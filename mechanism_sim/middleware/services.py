@@ -16,7 +16,7 @@ from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.future import Future
 from mechanism_sim.middleware.inbox import LIMIT, Inbox, Overflow
 from mechanism_sim.middleware.qos import QoSProfile
-from mechanism_sim.middleware.refusals import judged
+from mechanism_sim.middleware.refusals import check_message
 from mechanism_sim.middleware.tasks import await_or_execute
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Service:
         self._context = context
         self._callback = callback
         self._tasks = node.tasks
-        self._warn = node.voice.warn
+        self._warn = node.warnings.put
         self.callback_group = group
         self._key = context.key(name, type_name(kind))
         self.inbox = Inbox(context, self, LIMIT, Overflow.REFUSE, group)
@@ -68,7 +68,7 @@ class Service:
         return True
 
     def _receive(self, query: zenoh.Query) -> None:
-        """Take in a request, in Zenoh's thread, or say what is wrong with it."""
+        """Queue a request, in Zenoh's thread, or answer with what is wrong with it."""
         try:
             asked, request = self._read(query)
             if self.inbox.put((query, asked, request)):
@@ -88,7 +88,7 @@ class Service:
         data = payload.to_bytes()
         if len(data) > LONGEST:
             raise MessageError(f'{len(data)} bytes are more than a request may have')
-        return asked, judged(data, self.srv_type.Request)
+        return asked, check_message(data, self.srv_type.Request)
 
     async def _answer(self, query: zenoh.Query, asked: wire.Attachment, request: Any) -> None:
         with query:
@@ -121,7 +121,7 @@ class Client:
         self.srv_type = kind
         self.srv_name = name
         self._context = context
-        self._warn = node.voice.warn
+        self._warn = node.warnings.put
         self._sequence = count(1)
         token = node.token(wire.CLIENT, name, type_name(kind), qos)
         self._gid = wire.gid(wire.token_key(context.domain, token))
@@ -142,7 +142,7 @@ class Client:
         return self.srv_name
 
     def service_is_ready(self) -> bool:
-        """Whether somebody serves this name with this type."""
+        """Whether a server has this name and type."""
         served = self._context.graph.count(wire.SERVICE, self.srv_name, type_name(self.srv_type))
         # Typed as a bool, but an object in the releases there are.
         status: Any = self._querier.matching_status
@@ -157,11 +157,11 @@ class Client:
         future = Future()
         waiting = [future]
 
-        def answered(outcome: Any) -> None:
+        def answer(outcome: Any) -> None:
             with suppress(IndexError):  # only the first counts
                 self.inbox.put((waiting.pop(), outcome))
 
-        self._send_request(request, answered)
+        self._send_request(request, answer)
         return future
 
     def call(self, request: Any, timeout_sec: float | None = None) -> Any:
@@ -190,8 +190,8 @@ class Client:
         self.inbox.close()
         self._context.undeclare(self._querier)
 
-    def _send_request(self, request: Any, answered: Callable[[Any], Any]) -> None:
-        """Send a request; ``answered`` gets every response, or MiddlewareError for there is none.
+    def _send_request(self, request: Any, answer: Callable[[Any], Any]) -> None:
+        """Send a request; ``answer`` gets every response, or MiddlewareError for there is none.
 
         What is no response is dropped: it is not from who serves this.
         """
@@ -200,19 +200,19 @@ class Client:
 
         def receive(reply: zenoh.Reply) -> None:
             try:
-                answered(self._outcome(reply))
+                answer(self._outcome(reply))
             except MessageError as error:
                 self._context.refuse(self.srv_name, 'reply', str(error), self._warn)
 
         none = MiddlewareError(f'{self.srv_name} did not answer')
-        callback = direct(receive, lambda: answered(none))
+        callback = direct(receive, lambda: answer(none))
         with self._context.waits:
             self._querier.get(callback, payload=data, attachment=attachment)
 
     def _outcome(self, reply: zenoh.Reply) -> Any:
         """Response, or MiddlewareError; raises MessageError for what is neither."""
         if reply.ok is not None:
-            return judged(reply.ok.payload.to_bytes(), self.srv_type.Response)
+            return check_message(reply.ok.payload.to_bytes(), self.srv_type.Response)
         data = b'' if reply.err is None else reply.err.payload.to_bytes()
         text = data[:LONGEST].decode(errors='replace')
         return MiddlewareError(f'{self.srv_name} refused: {text}')

@@ -1,4 +1,4 @@
-"""The context of a process: one Zenoh session, shared by its nodes, and what they know together.
+"""The context of a process: one Zenoh session, shared by its nodes, and their common state.
 
 **Router.** Peers find each other through a router and then talk directly. If none answers, the
 first process opens one; whoever comes second connects to it. When that process ends, the links
@@ -24,7 +24,7 @@ from mechanism_sim.middleware.callbacks import direct
 from mechanism_sim.middleware.errors import MiddlewareError
 from mechanism_sim.middleware.graph import Graph
 from mechanism_sim.middleware.local import Local
-from mechanism_sim.middleware.refusals import Refusals, Say
+from mechanism_sim.middleware.refusals import Refusals, Warn
 from mechanism_sim.middleware.waits import Waits
 
 FAREWELL = '@mechanism_sim'
@@ -52,8 +52,8 @@ class Context:
         self.inboxes: set[Closable] = set()
         self.local = Local()
         self.refusals = Refusals()
-        #: of the nodes: what Zenoh's threads have to say
-        self.voices: list[Say] = []
+        #: of the nodes: log warnings from Zenoh's threads
+        self.warn_functions: list[Warn] = []
         self._kept: list[Any] = []
         self.waits = Waits()
         self._hashed = config.has_type_hashes()
@@ -137,14 +137,14 @@ class Context:
             if self.router is not None:
                 _close(self.router)
         if not ended:
-            raise MiddlewareError('A process that stands still did not let the session end')
+            raise MiddlewareError('the session cannot be closed: a process on the network hangs')
         return flushed
 
-    def refuse(self, topic: str, kind: str, reason: str, say: Say | None = None) -> None:
-        """Count what is dropped, and have a node warn of it if it is time to."""
-        voices = [say] if say else self.voices[:1]
-        for voice in voices:
-            self.refusals.count(topic, kind, reason, voice)
+    def refuse(self, topic: str, kind: str, reason: str, warn: Warn | None = None) -> None:
+        """Count what is dropped, and log a warning if it is time to."""
+        warn_functions = [warn] if warn else self.warn_functions[:1]
+        for function in warn_functions:
+            self.refusals.count(topic, kind, reason, function)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)

@@ -11,7 +11,7 @@ from zenoh import ext
 from zenoh.handlers import Callback
 
 from mechanism_sim.messages import MessageError, type_name
-from mechanism_sim.messages.likeness import Likenesses
+from mechanism_sim.messages.similarity import SimilarMessages
 from mechanism_sim.middleware import wire
 from mechanism_sim.middleware.callback_groups import CallbackGroup
 from mechanism_sim.middleware.callbacks import direct
@@ -23,7 +23,7 @@ from mechanism_sim.middleware.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-from mechanism_sim.middleware.refusals import judged
+from mechanism_sim.middleware.refusals import check_message
 
 if TYPE_CHECKING:
     from mechanism_sim.middleware.node import Node
@@ -58,8 +58,8 @@ class Subscription:
         self._context = context
         self._callback = node.tasks.plain(callback, group)
         self._with_info = _takes_info(callback)
-        self._warn = node.voice.warn
-        self._known = Likenesses(kind)
+        self._warn = node.warnings.put
+        self._known = SimilarMessages(kind)
         # An advanced subscriber sees to this itself, and may bring in what came before.
         self._once = qos.durability == DurabilityPolicy.VOLATILE
         self._latest: dict[bytes, int] = {}
@@ -118,7 +118,7 @@ class Subscription:
         message = None
         if not self.raw or data not in self._known:
             try:
-                message = judged(data, self.msg_type)
+                message = check_message(data, self.msg_type)
             except MessageError as error:
                 self.refuse('message', str(error))
                 return
@@ -154,7 +154,7 @@ class Subscription:
 
 
 def _takes_info(callback: Callable[..., Any]) -> bool:
-    """Whether a callback wants the message and what is known about it, as rclpy decides it."""
+    """Whether a callback takes the message and a dictionary about it, as rclpy decides it."""
     parameters = signature(callback)
     try:
         parameters.bind(object())

@@ -1,4 +1,4 @@
-"""Book of the threads that wait for other processes."""
+"""Record of the threads that wait for other processes."""
 
 import time
 from threading import get_ident

@@ -44,7 +44,7 @@ class Attachment(NamedTuple):
 
 
 class Token(NamedTuple):
-    """A node or one of its endpoints, as every process sees it."""
+    """A node or one of its endpoints, as in its liveliness token."""
 
     session: str
     node_id: int
@@ -144,7 +144,7 @@ def qos_text(qos: QoSProfile) -> str:
 
 
 def parse_qos(text: str) -> QoSProfile:
-    """Profile of the last field of a token; what it does not say is the default."""
+    """Profile of the last field of a token; missing policies are the defaults."""
     reliability, durability, queue, _, lifespan, *_ = [*text.split(':'), '', '', '', '', '']
     history, depth, *_ = [*queue.split(','), '']
     seconds, nanoseconds, *_ = [*lifespan.split(','), '']

@@ -63,7 +63,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _plain(message: str) -> str:
-    """What argparse says, without its own terms."""
+    """A message of argparse without its own terms."""
     for pattern, words in (
         (r'^argument ([^:]*): ', r'\1: '),
         (r'invalid float value: (.*)', r'\1 is not a number'),
@@ -71,7 +71,7 @@ def _plain(message: str) -> str:
         (r': expected one argument$', ' needs a value, after = if it begins with -'),
         (r': ignored explicit argument (.*)', r' takes no value, but \1 was given'),
         (r': expected at least one argument$', ' needs at least one value'),
-        (r'the following arguments are required: (.*)', r'\1 is missing; --help says more'),
+        (r'the following arguments are required: (.*)', r'\1 is missing; see --help'),
         (r': not allowed with argument (.*)', r' and \1 exclude each other: keep one'),
     ):
         message = re.sub(pattern, words, message)

@@ -70,7 +70,7 @@ class Commands:
 
     @property
     def horizon(self) -> float:
-        """Time [s] up to which commands are there; 0 until there is somebody who commands."""
+        """Time [s] up to which commands are there; 0 until there is a publisher of commands."""
         if not self._period:
             return math.inf
         if self._since is None and self._drive.get_publishers_info_by_topic(self._topic):

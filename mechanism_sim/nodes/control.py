@@ -39,7 +39,7 @@ class Control:
         self._result = message_class(f'{PACKAGE}/msg/Result')
         self._state = message_class(f'{PACKAGE}/msg/SimulationState')
         self._origin, self._steps = 0.0, 0
-        # Who waits for partners must not keep their reports from being heard.
+        # Reports of partners must come through while a callback waits for them.
         group = ReentrantCallbackGroup()
         for short, name, answer in (
             ('GetSimulatorFeatures', 'get_simulator_features', self._report_features),
@@ -71,7 +71,7 @@ class Control:
         response.features.custom_info = (
             f'mechanism_sim; a step is the parameter step_size of '
             f'{self._drive.get_fully_qualified_name()}; a reset resets time and state, and '
-            'its parameter overrides says with which values of the scene'
+            'its parameter overrides gives the values of the scene'
         )
         return response
 
@@ -186,7 +186,7 @@ class Control:
 
     def _refusal(self, during_steps: bool = False) -> str:
         if not self._drive.ready:
-            return 'the nodes of the run have not found each other yet: ask again in a moment'
+            return 'the nodes of the run have not found each other yet: try again in a moment'
         if self._drive.final:
             return (
                 f'the run ends by itself at {self._drive.announced:.9g} s, to which the law of '

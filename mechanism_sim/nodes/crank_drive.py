@@ -13,9 +13,8 @@ from mechanism_sim.nodes.commands import Commands
 from mechanism_sim.nodes.control import Control
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.pace import Pace
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
-from mechanism_sim.nodes.scene_values import Handing
+from mechanism_sim.nodes.scene_values import OverridePropagation
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 BEHIND = 0.95
@@ -67,7 +66,7 @@ class CrankDrive(SimulationNode):
             self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
         self._commands = Commands(self)
         self.control = Control(self)
-        self._handing = Handing(self)
+        self._overrides_of_partners = OverridePropagation(self)
         self.join()
 
     # --- the laws -----------------------------------------------------------------------------
@@ -126,7 +125,7 @@ class CrankDrive(SimulationNode):
         """
         playing = self.playing
         self.pause()
-        if reason := await self._handing.propagate():
+        if reason := await self._overrides_of_partners.propagate():
             if playing:
                 self.play()
             return reason
@@ -159,7 +158,7 @@ class CrankDrive(SimulationNode):
         self.extend()
 
     def on_progress(self, message: Any) -> None:
-        """Somebody has moved on: perhaps there is credit to give."""
+        """Extend the law if a partner has progressed."""
         self.extend()
         self._commands.look()
         self._look_who_waits()
@@ -191,7 +190,7 @@ class CrankDrive(SimulationNode):
         if not self.playing:
             return min(horizon, self._goal)
         if factor > 0.0:
-            horizon = min(horizon, self._pace.allowed(factor, self.announced, lead))
+            horizon = min(horizon, self._pace.limit(factor, self.announced, lead))
         return horizon
 
     def extend(self) -> None:
@@ -222,7 +221,7 @@ class CrankDrive(SimulationNode):
         self.report(horizon, finished=final)
 
     def _worthwhile(self) -> float:
-        """Time [s] below which a message would tell too little."""
+        """Time [s] below which a message would extend the law by too little."""
         lead, factor = self._lead_and_factor()
         return self.announced + 0.1 * min(lead, 0.05 * factor if factor > 0.0 else lead)
 
@@ -241,7 +240,7 @@ class CrankDrive(SimulationNode):
         """How fast time goes, and whether it keeps the pace asked for."""
         found, asked = super().diagnose(), self.value('realtime_factor')
         if self.ready and not self.done:
-            achieved = self._pace.achieved(self.time)
+            achieved = self._pace.measure_factor(self.time)
             found.message = 'playing' if self.playing else 'paused'
             found.values |= {
                 'announced [s]': self.announced,
@@ -252,12 +251,3 @@ class CrankDrive(SimulationNode):
                 found.level = DiagnosticStatus.WARN
                 found.message = f'{achieved:.3g} times real time instead of {asked:g}'
         return found
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(CrankDrive, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -46,7 +46,7 @@ class DescribedNode(Node):
     results : names of the topics on which it publishes results
     spoken : names of the topics with messages of this package that it publishes or hears
     done : whether it has nothing left to do
-    keeps : whether it keeps what others say, and should hear it even if one of them has failed
+    keeps : whether it records what others publish, even after one of them has failed
     """
 
     done = False
@@ -141,7 +141,7 @@ class DescribedNode(Node):
         self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
     def diagnose(self) -> Diagnosis:
-        """How this node is; subclasses say more."""
+        """State of this node; subclasses add to it."""
         return Diagnosis(DiagnosticStatus.OK, 'running', {})
 
     def _publish_diagnostics(self) -> None:

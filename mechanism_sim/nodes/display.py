@@ -12,7 +12,6 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.force_markers import Picture, preview
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -47,7 +46,7 @@ class Display(SimulationNode):
         self._impacts = 0
         self._take_machine()
         impacts = self.create_subscription(
-            Impact, 'impacts', self.once_ready(self._struck), RESULTS
+            Impact, 'impacts', self.once_ready(self._take_impact), RESULTS
         )
         self._topic = impacts.topic_name
         self._following = _Following(self, self._take, self._rest, self._start_over)
@@ -76,10 +75,10 @@ class Display(SimulationNode):
         self.send(self._shapes, markers.shapes(self._preview.skeleton, self._prefix))
 
     def on_progress(self, message: Any) -> None:
-        """The last report of who publishes the motion says how much there is to show."""
+        """End if all motion has come."""
         self._following.look()
 
-    def all_struck(self) -> bool:
+    def has_all_impacts(self) -> bool:
         """Whether all impacts that were announced have come."""
         announced = (
             dict(zip(p.topics, p.counts, strict=True)).get(self._topic, 0)
@@ -88,8 +87,8 @@ class Display(SimulationNode):
         )
         return self._impacts >= sum(map(int, announced))
 
-    def _struck(self, message: Any) -> None:
-        flash = self._picture.struck(message)
+    def _take_impact(self, message: Any) -> None:
+        flash = self._picture.flash(message)
         if flash is None:
             self.ignore(self._topic, f'the machine has no joint {message.joint!r} with clearance')
             return
@@ -114,14 +113,5 @@ class _Following(Following):
 
     def look(self) -> None:
         """End if all motion and all impacts are here."""
-        if self._node.all_struck():
+        if self._node.has_all_impacts():
             super().look()
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Display, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -70,7 +70,7 @@ class Following:
         return ''
 
     def look(self) -> None:
-        """End if all motion is here: the last report of who publishes it says how much it is."""
+        """End if all motion has come that the last report of its publisher announces."""
         node = self._node
         known = [p for p in node.progress_of.values() if p.run == node.run]
         sources = [p for p in known if self._topic in p.topics]

@@ -72,7 +72,7 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     Raises
     ------
     InputError
-        If nothing says how long to run.
+        If there is no length of the run.
     RunError
         If the run fails.
     """
@@ -170,7 +170,7 @@ class Picture:
         """Whether there is nothing to show."""
         return not (self._forces or self._lenses or self._springs)
 
-    def struck(self, impact: Any) -> Any:
+    def flash(self, impact: Any) -> Any:
         """A flash at the joint of an Impact message; its volume stands for the impulse.
 
         None if the machine has no such joint.

@@ -81,7 +81,7 @@ class Integration:
         self._node.send(self._scene, String(data=events.describe(self._machine)))
 
     def look(self) -> None:
-        """What partners report does not matter here: the law of the drive says how far to go."""
+        """Do nothing: the law of the drive limits the integration, not reports of partners."""
 
     def diagnose(self) -> dict[str, object]:
         """Statistics of the solver."""
@@ -118,7 +118,7 @@ class Integration:
         self._run: Run | None = None
         self._law_id = 0
         self._known = 0.0
-        self._told = 0.0  # [s] up to which followers have been told
+        self._published_until = 0.0  # [s] up to which followers have been told
         self._impact_count = 0
         self._events = events.EventWriter()
         self._audit = Audit(self._physics)
@@ -195,11 +195,11 @@ class Integration:
         work = self._audit.add(motion, impacts)
         self._audit.judge(self._machine.allowed_penetration)
         self._node.send_all(self._modes, self._events.mode_changes(changes))
-        if len(motion) or self._known > self._told:
+        if len(motion) or self._known > self._published_until:
             names = (self._physics.coordinates, self._physics.clearances)
             message = pack(motion, *names, self._known, self._node.run, self._run.time)
             self._node.send(self._motion, message)
-            self._told = self._known
+            self._published_until = self._known
         ahead = self._run.preview(self._known)
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
         if seen:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.integration import Integration
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
@@ -28,12 +27,3 @@ class Linkage(SimulationNode):
         found = super().diagnose()
         found.values |= self._integration.diagnose()
         return found
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Linkage, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -15,7 +15,7 @@ Show = Callable[[float, float, int], None]
 
 
 class Monitor(SimulationNode):
-    """Follows the progress of all partners; nobody waits for it.
+    """Follows the progress of all partners; no node waits for it.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Monitor(SimulationNode):
         self.join()
 
     def on_progress(self, message: Any) -> None:
-        """Somebody has moved on."""
+        """Show the progress of a partner."""
         if message.run > self.run:
             self.begin_run(message.run)
         self._heard = now = time.monotonic()

@@ -10,7 +10,6 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
@@ -63,7 +62,7 @@ class Oscillator(SimulationNode):
         self._schedule = Schedule(scene.outputs.part_states)
 
     def on_progress(self, message: Any) -> None:
-        """The last report of who publishes the motion says how much there is of it."""
+        """End if all motion has come."""
         self._following.look()
 
     def _take(self, motion: Motion) -> None:
@@ -75,12 +74,3 @@ class Oscillator(SimulationNode):
                 message = OscillatorState(time=time, oscillator=name, **fields(known, i))
                 message.header.stamp = stamp(time)
                 self.send(self._states, message)
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Oscillator, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -20,11 +20,11 @@ class Pace:
         self._wall, self._sim = time.monotonic(), now
         self._seen = self._wall, now
 
-    def allowed(self, factor: float, now: float, lead: float) -> float:
+    def limit(self, factor: float, now: float, lead: float) -> float:
         """Time [s] up to which a law may be announced that is announced to `now` [s].
 
-        It is at most `lead` [s] ahead. What is late because somebody was slow stays late, unless
-        the factor changes.
+        It is at most `lead` [s] ahead. A delay is not caught up, unless the factor
+        changes.
         """
         if factor != self._factor:
             self._factor = factor
@@ -32,7 +32,7 @@ class Pace:
         elapsed = time.monotonic() - self._wall
         return self._sim + elapsed * factor + min(AHEAD * factor, lead)
 
-    def achieved(self, now: float) -> float:
+    def measure_factor(self, now: float) -> float:
         """Simulated seconds per second since this was last asked; `now` is [s] simulated."""
         wall, (before, then) = time.monotonic(), self._seen
         self._seen = wall, now

@@ -1,4 +1,4 @@
-"""A node of the parts of one kind, such as all cams of a machine."""
+"""Nodes of the parts of one kind, such as all cams of a machine."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ class Part(SimulationNode):
     publishes all that ``linkage`` would.
     """
 
-    def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
-        super().__init__(name, parameters)
-        states = States(self, name)
+    kind: str  #: of the parts, and the name of the node
+
+    def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
+        super().__init__(self.kind, parameters)
+        states = States(self, self.kind)
         role = Following if 'linkage' in self.partners else Integration
         self._role: Following | Integration = role(self, states.publish, reset=states.start_over)
         self.join()
@@ -32,7 +34,7 @@ class Part(SimulationNode):
         self._role.begin()
 
     def on_progress(self, message: Any) -> None:
-        """A partner has moved on."""
+        """Check whether all motion has come."""
         self._role.look()
 
     def diagnose(self) -> Diagnosis:
@@ -41,3 +43,21 @@ class Part(SimulationNode):
         if isinstance(self._role, Integration):
             found.values |= self._role.diagnose()
         return found
+
+
+class Cam(Part):
+    """Publishes ``cam_state`` of every cam and its follower."""
+
+    kind = 'cam'
+
+
+class GearTrain(Part):
+    """Publishes ``gear_state`` of every pair of gears."""
+
+    kind = 'gear_train'
+
+
+class Geneva(Part):
+    """Publishes ``geneva_state`` of every Geneva wheel and slotted rack."""
+
+    kind = 'geneva'

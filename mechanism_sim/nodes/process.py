@@ -47,13 +47,13 @@ def run_nodes(
     Parameters
     ----------
     make : makes the nodes, once the network is joined
-    running : instead of the nodes says whether to go on; asked ten times a second
+    running : whether to go on, called ten times a second; until all nodes are done if not given
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
     stop : called with the exit code, before the network is left, when the end comes early
 
     Returns
     -------
-    Exit code: 0 done, 1 failed, 2 bad input, 130 interrupted. Errors are told in one sentence.
+    Exit code: 0 done, 1 failed, 2 bad input, 130 interrupted. Errors are printed as one sentence.
     """
     nodes: list[DescribedNode] = []
     asked_to_end: list[int] = []
@@ -114,7 +114,7 @@ def run_nodes(
 
 
 def report_end(name: str, code: int) -> int:
-    """Say why another process ended where it did not say so itself; gives our exit code."""
+    """Print why another process ended if it did not; returns the exit code of this one."""
     if code < 0:
         return print_error(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
     if code == ending.INTERRUPTED:
@@ -123,12 +123,12 @@ def report_end(name: str, code: int) -> int:
 
 
 def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
-    """After a failure let the nodes that keep what others say take what was said until then."""
+    """After a failure let nodes that record take in what was published until then."""
     until = time.monotonic() + PATIENCE_AFTER_FAILURE
     for node in nodes:
         if not node.keeps:
             executor.remove_node(node)
-    with suppress(RunError, MiddlewareError):  # of partners that have failed, which was told
+    with suppress(RunError, MiddlewareError):  # of partners that have failed, which was printed
         while executor.get_nodes() and time.monotonic() < until:
             executor.spin_once(timeout_sec=0.1)
 
@@ -161,7 +161,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--duration', type=float, help='length of the run [s]')
     parser.add_argument('--partners', help='the other nodes of the run, separated by commas')
-    parser.add_argument('--listeners', help='others that must hear everything, likewise')
+    parser.add_argument('--listeners', help='others that must receive all messages, likewise')
     parser.add_argument('--partner-timeout', type=float, help='how long to wait for them [s]')
     parser.add_argument('--lead', type=float, help='crank_drive: credit ahead of the slowest [s]')
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""Messages of samples, serialised from what the engine knows; events have `messages.events`.
+"""Messages of samples, serialised from samples of the engine; events have `messages.events`.
 
 Each function gives what writes the messages of one topic: from samples of the machine at N
 instants N serialised messages.

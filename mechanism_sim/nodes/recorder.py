@@ -14,7 +14,6 @@ from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.described_node import Diagnosis
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.topics import topics_of
@@ -113,10 +112,10 @@ class Recorder(SimulationNode):
     def _record(self, topic: str, kind: Any, qos: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)
         self._topics[name] = kind, qos
-        callback = self._writing(name, type_name(kind))
+        callback = self._make_callback(name, type_name(kind))
         self.create_subscription(kind, topic, self.once_ready(callback), qos, raw=True)
 
-    def _writing(self, topic: str, kind: str) -> Callable[[bytes], None]:
+    def _make_callback(self, topic: str, kind: str) -> Callable[[bytes], None]:
         """Callback that writes a serialised message at its simulated time."""
         offset = 8 if kind in _IN_ARRAY else 4
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
@@ -157,7 +156,7 @@ class Recorder(SimulationNode):
         if self._loss_deadline is not None:
             self._finish()
 
-    def _missing(self, report: Any) -> dict[str, int]:
+    def _missing_counts(self, report: Any) -> dict[str, int]:
         """Topics of which less is in the bag than a report announces, and how much."""
         counts = self.writer.counts
         announced = zip(report.topics, (int(n) for n in report.counts), strict=True)
@@ -168,7 +167,7 @@ class Recorder(SimulationNode):
         """See whose messages are all in the bag, and report if that is news."""
         self._due.clear()
         for node, report in list(self._reports.items()):
-            current, missing = report, self._missing(report)
+            current, missing = report, self._missing_counts(report)
             while not missing:
                 self._complete[node] = current.time
                 newest = self.progress_of.get(node, current)
@@ -176,7 +175,7 @@ class Recorder(SimulationNode):
                     del self._reports[node]
                     break
                 current = self._reports[node] = newest
-                missing = self._missing(current)
+                missing = self._missing_counts(current)
             for topic, n in missing.items():
                 self._due[topic] = self.writer.counts[topic] + n
         drive = self.progress_of.get('crank_drive')
@@ -191,7 +190,9 @@ class Recorder(SimulationNode):
         if self._ended:
             return
         missing = {
-            t: n for report in self._reports.values() for t, n in self._missing(report).items()
+            t: n
+            for report in self._reports.values()
+            for t, n in self._missing_counts(report).items()
         }
         if not missing:
             again = self.another_follows()
@@ -223,12 +224,3 @@ def _run_of(data: bytes) -> int:
     end = 16 + int.from_bytes(data[12:16], 'little')  # of the name of the frame
     end += -end % 4
     return int.from_bytes(data[end : end + 4], 'little')
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Recorder, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -17,7 +17,7 @@ class Restitutions:
 
     Attributes
     ----------
-    changed : those that are not what the scene says, by their paths
+    changed : those that differ from the scene, by their paths
     """
 
     def __init__(self, node: SimulationNode, change: Callable[[str, float], None]) -> None:

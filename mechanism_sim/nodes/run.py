@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING
 
 from mechanism_sim import ending
 from mechanism_sim.middleware import Parameter, backend
-from mechanism_sim.nodes.cam import Cam
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
-from mechanism_sim.nodes.gear_train import GearTrain
-from mechanism_sim.nodes.geneva import Geneva
 from mechanism_sim.nodes.linkage import Linkage
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import Oscillator
+from mechanism_sim.nodes.part import Cam, GearTrain, Geneva
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.recorder import Recorder
@@ -42,7 +40,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
 }
 
 START_PATIENCE = 120.0
-"""[s] nodes wait for each other where this process has started them: it sees those that fail."""
+"""[s] nodes wait for each other if this process has started them: it notices failures."""
 
 END_PATIENCE = 15.0
 """[s] other processes get to end by themselves once one has failed or the run is interrupted."""
@@ -62,7 +60,7 @@ class Plan:
     hold : pause at the end instead of ending
     ros_args : ``--ros-args ...``: names, remaps and parameters, as ROS understands them
     display : whether viewers are to be served
-    listeners : other nodes that have to hear everything
+    listeners : other nodes that must receive all messages
     """
 
     machine: Machine
@@ -123,7 +121,7 @@ class Outcome:
     level: str
     duration: float  #: [s] simulated
     wall_time: float  #: [s] from the start of the first process to the end of the last
-    run_time: float  #: [s] from the first message to the last: what the bag says, if there is one
+    run_time: float  #: [s] from the first message to the last: by the bag, if there is one
     realtime_factor: float  #: by `run_time`
     impacts: int
     sent: dict[str, int]  #: messages by topic, as the nodes counted them

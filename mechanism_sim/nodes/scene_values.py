@@ -37,7 +37,7 @@ def next_machine(present: Machine, scene: str, overrides: str) -> Machine:
         if after[what] != now:
             raise InputError(
                 f'{machine.name}: {what} cannot change from one run to the next (now '
-                f'{_listed(now)}; asked for {_listed(after[what])}): end this run and start '
+                f'{_join(now)}; asked for {_join(after[what])}): end this run and start '
                 'another'
             )
     return machine
@@ -63,11 +63,11 @@ def _structure(machine: Machine) -> dict[str, list[str]]:
     }
 
 
-def _listed(names: list[str]) -> str:
+def _join(names: list[str]) -> str:
     return ', '.join(names) or 'none'
 
 
-class Handing:
+class OverridePropagation:
     """Hands the drive's overrides to its partners, before a run that has others than the last."""
 
     def __init__(self, drive: CrankDrive) -> None:
@@ -98,7 +98,7 @@ class Handing:
 
     async def _set(self, client: Client, value: str) -> str:
         if not client.service_is_ready():
-            return f'nobody serves {client.service_name}'
+            return f'the service {client.service_name} is not available'
         parameter = Parameter(OVERRIDES, value=value).to_parameter_msg()
         answer: Any = await client.call_async(self._kind.Request(parameters=[parameter]))
         if len(answer.results) != 1:

@@ -14,7 +14,6 @@ from mechanism_sim.messages import Imu, SensorBlock, float64_array
 from mechanism_sim.messages.layout import Layout
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.following import Following
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene import Machine
@@ -22,7 +21,7 @@ from mechanism_sim.scene.instruments import carrier
 
 
 class _Sensor:
-    """One sensor: its channel, and what its messages say beside the samples."""
+    """One sensor: its channel, and the fields of its messages beside the samples."""
 
     def __init__(self, machine: Machine, name: str, frame: str) -> None:
         sensor = machine.scene.sensors[name]
@@ -118,7 +117,7 @@ class Sensors(SimulationNode):
                 self._sensors.append((_Unit(self.machine, name, frame), imu))
 
     def on_progress(self, message: Any) -> None:
-        """The last report of who publishes the motion says how much there is to sample."""
+        """End if all motion has come."""
         self._following.look()
 
     def _take(self, motion: Motion) -> None:
@@ -132,12 +131,3 @@ class Sensors(SimulationNode):
     def _send(self, final: bool) -> None:
         for sensor, publisher in self._sensors:
             self.send_all(publisher, sensor.messages(final))
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(Sensors, args)
-
-
-if __name__ == '__main__':
-    main()

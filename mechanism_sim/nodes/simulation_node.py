@@ -37,7 +37,7 @@ class SimulationNode(DescribedNode):
     Parameters of the node: ``scene`` (name or path), ``overrides`` (``PATH=VALUE``, one a line;
     another text holds from the next run on), ``duration`` [s] (0: one revolution), ``partners``
     (names of the other nodes of the run, separated by commas), ``listeners`` (names of other
-    nodes that have to hear all of this one's results from the first on, such as that of ``ros2
+    nodes that must receive all of this one's results from the first on, such as that of ``ros2
     bag record``), ``partner_timeout`` [s], ``frame_prefix``, put before the name of every frame
     (the namespace, if it is not given).
 
@@ -66,7 +66,7 @@ class SimulationNode(DescribedNode):
         for key, default, about in (
             ('scene', 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
             ('partners', '', 'Names of the other nodes of the run, separated by commas'),
-            ('listeners', '', 'Names of nodes that must hear all results, separated by commas'),
+            ('listeners', '', 'Names of nodes that must receive all results, separated by commas'),
             ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
             self.declare(key, default, about, read_only=True)
@@ -170,7 +170,7 @@ class SimulationNode(DescribedNode):
                 if self._different:
                     raise RunError(self._different)
                 if different := self._difference():
-                    # Before this node leaves its partner shall see it, and end by itself.
+                    # The partner has to find this node before it leaves, and to end by itself.
                     self._different, self._settled = different, time.monotonic() + FAREWELL
                     return
                 self.ready = True
@@ -207,7 +207,7 @@ class SimulationNode(DescribedNode):
                 )
 
     def _difference(self) -> str:
-        """Which partner has other types of messages, so that nothing of it would be heard."""
+        """Describe a partner with other message types, which would receive nothing."""
         for topic in sorted(self.spoken):
             types: dict[str, set[tuple[str, str]]] = {}
             for seen in (self.get_publishers_info_by_topic, self.get_subscriptions_info_by_topic):
@@ -234,7 +234,7 @@ class SimulationNode(DescribedNode):
         return None
 
     def _on_progress(self, message: Any) -> None:
-        # One that reports of the run before has not heard yet that it is over.
+        # A partner may still report of the run before.
         if message.node in self.partners and self.goes_on(message.run):
             self.progress_of[message.node] = message
             self.on_progress(message)
@@ -280,17 +280,17 @@ class SimulationNode(DescribedNode):
     # --- record of deliveries -------------------------------------------------------------------
 
     def send(self, publisher: Any, message: Any) -> None:
-        """Publish, and enter it in the energy balance."""
+        """Publish a message, and count it."""
         publisher.publish(message)
         self.counts[publisher.topic_name] += 1
 
     def send_all(self, publisher: Any, messages: Sequence[bytes]) -> None:
-        """Publish serialised messages in their order, and enter them in the energy balance."""
+        """Publish serialised messages in their order, and count them."""
         publish_all(publisher, messages)
         self.counts[publisher.topic_name] += len(messages)
 
     def report_soon(self, t: float) -> None:
-        """Let partners know within a moment; many such calls make one report."""
+        """Report within `REPORT_PERIOD`; calls within that time make one report."""
         self._soon = t
 
     def _report_if_due(self) -> None:

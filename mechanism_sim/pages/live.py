@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.messages.events import described
+from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.force_markers import preview
 from mechanism_sim.pages.recorded import PER_TURN
@@ -37,7 +37,7 @@ class Live:
 
     def __init__(self, text: str) -> None:
         """`text`: the data of a message on ``scene``. InputError, RunError: no such machine."""
-        self.text, self.machine = text, described(text, 'the topic scene')
+        self.text, self.machine = text, parse_description(text, 'the topic scene')
         seen = preview(self.machine, _SEEN)
         t = seen.found.t
         self.stage = stage_of(self.machine, seen.found.solution.samples(t).observed)

@@ -21,7 +21,6 @@ from mechanism_sim.middleware import (
     ReliabilityPolicy,
 )
 from mechanism_sim.nodes.described_node import DescribedNode
-from mechanism_sim.nodes.process import main_of
 from mechanism_sim.nodes.qos import LATCHED
 from mechanism_sim.pages.assets import asset, embedded, render
 from mechanism_sim.pages.controls import Control, controls
@@ -266,12 +265,3 @@ def page() -> str:
         style=Markup(asset('style.css') + asset('live.css')),  # noqa: S704 - ours
         imports=embedded({name: f'/{name}.js' for name in MODULES}),
     )
-
-
-def main(args: list[str] | None = None) -> None:
-    """Run this node by itself."""
-    main_of(View, args)
-
-
-if __name__ == '__main__':
-    main()

@@ -10,7 +10,7 @@ from mechanism_sim.recording.inventory import (
     scene_text,
 )
 from mechanism_sim.recording.reader import Bag, Topic, read_bag
-from mechanism_sim.recording.recover import Recovered, recover, render_recovered
+from mechanism_sim.recording.recover import Recovery, recover, render_recovery
 from mechanism_sim.recording.rosbag2 import Qos, QosLike
 from mechanism_sim.recording.writer import BagWriter
 
@@ -20,7 +20,7 @@ __all__ = [
     'BagWriter',
     'Qos',
     'QosLike',
-    'Recovered',
+    'Recovery',
     'Topic',
     'displacements',
     'info',
@@ -28,7 +28,7 @@ __all__ = [
     'realtime_factor',
     'recover',
     'render_info',
-    'render_recovered',
+    'render_recovery',
     'scene_name',
     'scene_text',
 ]

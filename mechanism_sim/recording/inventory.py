@@ -18,7 +18,7 @@ class BagInfo:
 
     size: [bytes]; start, end: smallest and largest log time [s], simulated; duration: between
     them [s]; scene: name of the scene that made it, None where topic `scene` is missing;
-    version: of what it holds, '0' where it does not say; package: version of this package that
+    version: of its content, '0' where it has none; package: version of this package that
     wrote it; wall_time: how long the recording took [s], None where that is not known; recovered:
     `recover` has closed it.
     """
@@ -100,7 +100,7 @@ def scene_name(bag: Bag) -> str | None:
 
 
 def displacements(bag: Bag) -> frozenset[str]:
-    """Return the coordinates that are displacements, as the latched topic `scene` says."""
+    """Return the coordinates that are displacements, by the latched topic `scene`."""
     try:
         content = strict_json.loads(scene_text(bag) or '{}')
     except ValueError:
@@ -115,7 +115,7 @@ def scene_text(bag: Bag, namespace: str | None = None) -> str | None:
 
     Args:
         bag: The bag.
-        namespace: Of the machine, as '/left'; the first scene in the bag unless told.
+        namespace: Of the machine, as '/left'; the first scene in the bag by default.
 
     """
     prefix = f'{(namespace or "").rstrip("/")}/'

@@ -17,12 +17,12 @@ from mechanism_sim.recording.scan import DamagedBagError, Layout, blocks, messag
 from mechanism_sim.recording.writer import RECORDING, VERSION
 
 READABLE = frozenset(map(str, range(VERSION + 1)))
-"""Versions of bags, 0 being those that do not say theirs: read as far as their types are known."""
+"""Versions of bags, 0 for bags without one: read as far as their types are known."""
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag: `qos` is that of its first publisher, None where the bag does not say."""
+    """A topic of a bag: `qos` is that of its first publisher, None where the bag has none."""
 
     name: str
     type: str
@@ -43,8 +43,8 @@ class Bag:
         end: Largest log time [ns].
         compression: Of its chunks, as `zstd`.
         library: What wrote it.
-        version: Of what it holds, as it says itself; '0' where it does not.
-        package: Version of this package that wrote it; empty where it does not say.
+        version: Of its content; '0' where it has none.
+        package: Version of this package that wrote it; empty where it is missing.
         wall_time: How long that took [s], from the first message to the last; None of a bag that
             was cut short, or that others wrote.
         recovered: Whether it was cut short and `recover` has closed it.
@@ -65,7 +65,7 @@ class Bag:
         self.package = recording.get('package', '')
         self.recovered = recording.get('recovered') == 'yes'
         taken = recording.get('wall_time') if layout.complete else None
-        with sound(path, 'what it says of its recording'):
+        with sound(path, 'its metadata of the recording'):
             self.wall_time = None if taken is None else float(taken)
         self.topics = _topics(layout)
         self._layout = layout
@@ -76,18 +76,18 @@ class Bag:
         """Return an iterator over (topic, message, log time [ns]) in the order of the file.
 
         Args:
-            topics: Name or names of the topics wanted; all of them unless told.
+            topics: Name or names of the topics wanted; all of them by default.
 
         Raises:
             InputError: No such topic; from the iterator: a type that is not known here, or was
                 another when the bag was written.
 
         """
-        return self._decoded(self._channels(topics))
+        return self._read_decoded(self._channels(topics))
 
     def raw(self, topics: str | Iterable[str] | None = None) -> Iterator[tuple[str, bytes, int]]:
         """Return an iterator like that of `messages`, over the messages as CDR."""
-        return self._serialized(self._channels(topics))
+        return self._read_serialized(self._channels(topics))
 
     def _channels(self, topics: str | Iterable[str] | None) -> dict[int, str]:
         """Return the names of the topics wanted by channel."""
@@ -101,11 +101,11 @@ class Bag:
             raise InputError(f'{self.path} has no topic {name}; {hint}')
         return {channel: name for channel, name in names.items() if name in wanted}
 
-    def _serialized(self, channels: dict[int, str]) -> Iterator[tuple[str, bytes, int]]:
+    def _read_serialized(self, channels: dict[int, str]) -> Iterator[tuple[str, bytes, int]]:
         for channel, cdr, log_time in self._payloads(channels):
             yield channels[channel], cdr, log_time
 
-    def _decoded(self, channels: dict[int, str]) -> Iterator[tuple[str, Any, int]]:
+    def _read_decoded(self, channels: dict[int, str]) -> Iterator[tuple[str, Any, int]]:
         types: dict[int, str] = {}
         for channel, cdr, log_time in self._payloads(channels):
             if channel not in types:

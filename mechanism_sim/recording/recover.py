@@ -19,7 +19,7 @@ from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
 
 
 @dataclass(frozen=True)
-class Recovered:
+class Recovery:
     """What is in a bag now, and what is not.
 
     was_closed: nothing was to be done; end: largest log time [s]; cut: bytes at the end that were
@@ -38,7 +38,7 @@ class Recovered:
         return asdict(self)
 
 
-def recover(path: Path | str) -> Recovered:
+def recover(path: Path | str) -> Recovery:
     """Close the bag at `path`: all that can be read of it stays, byte by byte, with an index.
 
     It is written beside the file and takes its name at last. A bag that is closed is left alone.
@@ -49,7 +49,7 @@ def recover(path: Path | str) -> Recovered:
 
     """
     file = file_of(path)
-    survey(file)  # says what is wrong with it
+    survey(file)  # raises what is wrong with it
     with file.open('rb') as stream:
         if not lock(stream):
             raise InputError(f'{file} is still being recorded: end its recorder first.')
@@ -63,10 +63,10 @@ def recover(path: Path | str) -> Recovered:
                 os.fsync(out.fileno())
                 os.fchmod(out.fileno(), os.fstat(stream.fileno()).st_mode & 0o777)
     count = layout.counts.total()
-    return Recovered(str(file), layout.complete, count, layout.end / 1e9, cut, rescued)
+    return Recovery(str(file), layout.complete, count, layout.end / 1e9, cut, rescued)
 
 
-def render_recovered(found: Recovered) -> str:
+def render_recovery(found: Recovery) -> str:
     """Return the text that the command line shows."""
     if found.was_closed:
         return f'{found.path} was closed properly: it is left as it is'
@@ -111,7 +111,7 @@ def _rewrite(path: Path, stream: BinaryIO, layout: Layout, out: IO[bytes]) -> No
 
 
 def _own_metadata(path: Path, layout: Layout) -> dict[str, dict[str, str]]:
-    """Return what the recorder would have written at its end; others' we do not know."""
+    """Return what the recorder would have written at its end; nothing for files of others."""
     if layout.library != LIBRARY:
         return {}
     hashes = {c.topic: c.metadata.get('topic_type_hash', '') for c in layout.channels.values()}

@@ -29,7 +29,7 @@ POLICIES = {
 
 
 class QosLike(Protocol):
-    """Anything that says how a topic is delivered, in the words of `Qos`."""
+    """Anything with the policies of `Qos`."""
 
     @property
     def reliability(self) -> str:

@@ -37,7 +37,7 @@ VERSION = 2
 
 LIBRARY = 'mechanism_sim'
 RECORDING = 'mechanism_sim'
-"""Name of the metadata that say how the bag came about.
+"""Name of the metadata about the recording.
 
 ``version``: `VERSION`, missing in bags before the first; ``package``: version of the package;
 ``wall_time`` [s] of a bag that was closed: from the first message to the last; ``recovered``: it
@@ -76,7 +76,7 @@ class BagWriter:
         self._start, self._end = 2**63 - 1, 0
         self._flushed = time.monotonic()
         self._written: tuple[float, float] | None = None  # [s] when the first and last message was
-        with self._writing():
+        with self._guard_writes():
             self._mcap = McapFile(self._stream, Profile.ROS2, LIBRARY)
             # Here already, and again at the end: without the version that it states, the quality
             # of service of a bag that was cut would be misread.
@@ -84,7 +84,7 @@ class BagWriter:
             self._mcap.flush()
 
     def count_from(self, first: float) -> None:
-        """Say when the first message came, by ``time.monotonic`` [s]: it may be written later."""
+        """Set when the first message came, by ``time.monotonic`` [s]: it may be written later."""
         self._written = first, first
 
     @property
@@ -106,7 +106,7 @@ class BagWriter:
                 makes no sense.
 
         """
-        with self._writing():
+        with self._guard_writes():
             if topic in self._topics:
                 known = self._topics[topic].type
                 if known != type_name:
@@ -138,7 +138,7 @@ class BagWriter:
             topic: Name given to `add_topic` before.
             cdr: The message as on the wire, encapsulation header included.
             log_time_ns: Simulated time by which players order messages [ns], not negative.
-            publish_time_ns: Time of publication [ns], `log_time_ns` unless told.
+            publish_time_ns: Time of publication [ns], `log_time_ns` by default.
 
         Returns:
             How many messages of this topic are written now.
@@ -175,7 +175,7 @@ class BagWriter:
 
     def flush(self) -> None:
         """Close the chunk under way and hand everything to the operating system."""
-        with self._writing():
+        with self._guard_writes():
             self._mcap.flush()
             self._flushed = time.monotonic()
 
@@ -184,7 +184,7 @@ class BagWriter:
         with self._lock:
             if self._stream is None:
                 return
-            with self._writing():
+            with self._guard_writes():
                 took = self._written[1] - self._written[0] if self._written else 0.0
                 self._add_metadata({'wall_time': f'{took:.6f}'})
                 self._mcap.finish()
@@ -210,7 +210,7 @@ class BagWriter:
         self._mcap.add_metadata(RECORDING, own | dict(more))
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
+    def _guard_writes(self) -> Iterator[None]:
         with self._lock:
             if self._stream is None:
                 raise RunError(f'{self.path} is closed already.')
@@ -220,7 +220,7 @@ class BagWriter:
                 raise self._abandon(error) from error
 
     def _abandon(self, error: OSError) -> RunError:
-        """Let go of a file that takes no more, and return what to raise."""
+        """Close a file that cannot be written any further, and return the error."""
         if self._stream is not None:
             # Past the buffer, which would try to write its rest and fail the same way.
             self._stream.raw.close()
@@ -232,10 +232,10 @@ class BagWriter:
 
 
 def _create(path: Path, *, overwrite: bool) -> BufferedWriter:
-    """Open `path` for writing; InputError says why it cannot be."""
+    """Open `path` for writing; InputError if that is impossible."""
     try:
         # 'x' creates or fails in one step, so that nothing can slip in between a look and an open.
-        stream = open(path, 'wb' if overwrite else 'xb', opener=_keeping)  # noqa: SIM115
+        stream = open(path, 'wb' if overwrite else 'xb', opener=_open_without_truncating)  # noqa: SIM115
         if lock(stream):
             if path.is_file():
                 stream.truncate(0)
@@ -253,7 +253,7 @@ def _create(path: Path, *, overwrite: bool) -> BufferedWriter:
     raise InputError(f'{path} {reason}.')
 
 
-def _keeping(path: str, flags: int) -> int:
+def _open_without_truncating(path: str, flags: int) -> int:
     """Open a file as `open` does, but keep what is in it."""
     return os.open(path, flags & ~os.O_TRUNC, 0o666)
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from mechanism_sim import strict_json
-from mechanism_sim.study.identification import Identified
+from mechanism_sim.study.identification import Result
 
 _UNLIKE = 0.01
 
 
-def unlike(found: Identified) -> bool:
+def unlike(found: Result) -> bool:
     """Whether hardly any simulation is as far from what is expected as the signal is."""
     return found.likeness < _UNLIKE
 
 
-def render(found: Identified) -> str:
+def render(found: Result) -> str:
     """For people; in SI units."""
     lines = [f'{found.simulations} simulations, {found.failed} failed; all together with 95 %:']
     for e in found.estimates:
@@ -42,7 +42,7 @@ def render(found: Identified) -> str:
     return '\n'.join(lines)
 
 
-def to_json(found: Identified) -> dict[str, object]:
+def to_json(found: Result) -> dict[str, object]:
     """The same as JSON."""
     return {
         'parameters': {

@@ -16,7 +16,7 @@ from mechanism_sim.sensing.chain import Instrument, half_sine
 from mechanism_sim.sensing.sampling import Digitizer, Sampler
 
 BLOCK = 256
-"""Samples of a block, unless a trigger says otherwise."""
+"""Samples of a block without a trigger."""
 
 
 class Source(Protocol):

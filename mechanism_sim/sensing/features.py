@@ -18,7 +18,7 @@ from mechanism_sim.sensing.spectra import envelope, power
 Array = NDArray[np.float64]
 
 FEWEST = 4096
-"""Samples below which a stretch says too little."""
+"""Fewest samples of a stretch."""
 _SEGMENT = 2048  # samples of a segment of the spectrum
 _BANDS = np.geomspace(1.0 / 256.0, 1.0, 11)  # edges, over half of the sampling rate
 _ENVELOPE = 0.1  # from where on the envelope is taken, over half of the sampling rate

@@ -79,7 +79,7 @@ def at_equal_angles(
     ----------
     turned : revolutions of the shaft at the samples of runs without a gap, (N,) each, rising
     values : the samples, likewise
-    per_turn : angles in a turn; as many as there are samples in the slowest turn unless told
+    per_turn : angles in a turn; by default the number of samples in the slowest turn
 
     Raises
     ------
@@ -87,7 +87,7 @@ def at_equal_angles(
         If the shaft turns back, or no whole turn is covered.
     """
     if any(np.any(np.diff(run) <= 0.0) for run in turned):
-        raise ValueError('the shaft turns back or stands still, so that it has no orders')
+        raise ValueError('the shaft stops or turns back: orders need a speed of one sign')
     n = per_turn or _per_turn(turned)
     rows, first = [], []
     for run, x in zip(turned, values, strict=True):

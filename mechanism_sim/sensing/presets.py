@@ -43,4 +43,4 @@ PRESETS: dict[str, dict[str, Any]] = {
         'noise': {'rms': '0.075 m/s^2'},
     },
 }
-"""What a scene would have to say of ``sensors.NAME`` to get the instrument."""
+"""Keys of ``sensors.NAME`` in a scene that give the instrument."""

@@ -84,7 +84,7 @@ def by_two(first: Array, second: Array, at_first: float, at_second: float) -> Ar
         If both sit in the same place.
     """
     if at_first == at_second:
-        raise InputError('two sensors at the same place of a link do not tell how it turns')
+        raise InputError('two sensors at the same place of a link give no angular acceleration')
     return np.asarray((first - second) / (at_first - at_second))
 
 
@@ -96,7 +96,7 @@ def by_trapezoids(rate: Array, sample_rate: float, start: float = 0.0) -> Array:
     return np.asarray(start + integrate.cumulative_trapezoid(rate, dx=1 / sample_rate, initial=0))
 
 
-def closing(rate: Array, sample_rate: float, mean: float = 0.0) -> Array:
+def by_whole_cycles(rate: Array, sample_rate: float, mean: float = 0.0) -> Array:
     """The same for a record of whole cycles of a motion that repeats: (N,).
 
     An angular velocity that comes back to where it was has a derivative whose mean is zero, so

@@ -133,7 +133,7 @@ class Passage:
         rates = np.abs(coefficients[:, 1:] * np.arange(1.0, coefficients.shape[1]))
         may_turn = rates[:, 1:].sum(axis=1) > rates[:, 0]
         for k in np.flatnonzero(may_turn | (levels != before)):
-            passed = _passed(coefficients[k], int(before[k] - turns[k]), bool(may_turn[k]))
+            passed = _find_passages(coefficients[k], int(before[k] - turns[k]), bool(may_turn[k]))
             found += [(int(k), x) for x in passed]
         return [float(curve.start[k] + (curve.start_low[k] + h[k] * x)) for k, x in found]
 
@@ -143,7 +143,7 @@ def _floor(turns: ArrayLike) -> NDArray[np.int64]:
     return np.floor(np.asarray(turns) + 0.5 * _TOUCH).astype(np.int64)
 
 
-def _passed(powers: Array, level: int, may_turn: bool) -> list[float]:
+def _find_passages(powers: Array, level: int, may_turn: bool) -> list[float]:
     """Where on [0, 1] a polynomial that begins at a level passes from one integer to the next."""
     knots = [1.0]
     if may_turn:
@@ -172,7 +172,7 @@ def _root(powers: Array, value: int, begin: float, end: float) -> float:
     return float(scipy.optimize.brentq(excess, begin, end, xtol=1e-300, rtol=8.9e-16))
 
 
-class Converted(NamedTuple):
+class Conversion(NamedTuple):
     """What a converter shows."""
 
     samples: Array
@@ -186,7 +186,7 @@ class Digitizer:
         self._noise, self._converter = instrument.noise, instrument.converter
         self._random = generator(instrument, name, 'noise')
 
-    def convert(self, t: Array, values: Array) -> Converted:
+    def convert(self, t: Array, values: Array) -> Conversion:
         """Samples taken at times `t` (N,) [s] of values (N,)."""
         noise, converter = self._noise, self._converter
         if noise.rms:
@@ -195,14 +195,14 @@ class Digitizer:
             values = values + noise.hum.amplitude * np.sin(TWO_PI * noise.hum.frequency * t)
         limit = converter.range
         if limit is None:
-            return Converted(values, np.zeros(len(values), bool))
+            return Conversion(values, np.zeros(len(values), bool))
         largest = limit
         if converter.bits is not None:
             step = 2.0 * limit / 2**converter.bits
             values = step * np.round(values / step)
             largest = limit - step
         over = (values > largest) | (values < -limit)
-        return Converted(np.clip(values, -limit, largest), over)
+        return Conversion(np.clip(values, -limit, largest), over)
 
 
 def generator(instrument: Instrument, name: str, purpose: str) -> np.random.Generator:

@@ -35,7 +35,7 @@ _STILL = 1e-9  # of a change of velocity: what is less is rounding
 
 @dataclass(frozen=True)
 class Air:
-    """What the sound travels in; at 20 degrees Celsius and 101.325 kPa unless told."""
+    """What the sound travels in; by default air at 20 degrees Celsius and 101.325 kPa."""
 
     density: float = 1.204  #: [kg/m^3]
     speed: float = 343.2  #: [m/s] of sound
@@ -43,7 +43,7 @@ class Air:
 
 @dataclass(frozen=True)
 class Material:
-    """What both spheres are made of; steel unless told."""
+    """Material of both spheres; steel by default."""
 
     density: float = 7850.0  #: [kg/m^3]
     modulus: float = 206e9  #: [Pa] of elasticity

@@ -59,7 +59,7 @@ def power(
     signals : runs of samples without a gap, (N,) each; one that is shorter than a segment is left
         out
     rate : [Hz] of sampling
-    segment : samples of each segment; unless told the power of two of which 8 to 16 fit into all
+    segment : samples of each segment; by default the power of two of which 8 to 16 fit into all
         runs together, but at least 256, and no more than the longest run has
     """
     longest, total = max(map(len, signals)), sum(map(len, signals))

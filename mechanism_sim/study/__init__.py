@@ -1,1 +1,1 @@
-"""Studies: what takes many runs of a machine to say."""
+"""Studies by many runs of a machine."""

@@ -16,7 +16,7 @@ signal is compared by `features`, never sample by sample:
    box has lost the truth, and what was known before holds.
 
 The error contains chaos, noise, and jumps between responses that exist side by side, because the
-simulations do. It does not contain what no simulation has: `Identified.likeness` says whether the
+simulations do. It does not contain what no simulation has: `Result.likeness` says whether the
 signal is like any of them.
 """
 
@@ -34,7 +34,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
 from mechanism_sim.study.measurement import Measurement
 from mechanism_sim.study.parameters import Parameter
-from mechanism_sim.study.workers import on_this_machine
+from mechanism_sim.study.workers import run_local
 
 Progress = Callable[[int, int], None]
 """Called with the numbers of simulations finished and failed."""
@@ -70,12 +70,12 @@ class Estimate:
 
     @property
     def identified(self) -> bool:
-        """Whether the signal says more of it than half of what was known before."""
+        """Whether the signal narrows its range to less than half."""
         return self.share < 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class Result:
     """The outcome.
 
     Attributes
@@ -104,12 +104,12 @@ class Design:
     places: Array
     features: Array
 
-    def within(self, low: Array, high: Array) -> Design:
+    def select(self, low: Array, high: Array) -> Design:
         """Those in a box."""
         inside = ((self.places >= low) & (self.places <= high)).all(axis=1)
         return Design(self.places[inside], self.features[inside])
 
-    def joined(self, other: Design) -> Design:
+    def join(self, other: Design) -> Design:
         """Both."""
         return Design(
             np.concatenate([self.places, other.places]),
@@ -140,8 +140,8 @@ class Identification:
         self.simulations = self.failed = 0
         self._workers, self._progress = workers, progress or (lambda *_: None)
         self._random = np.random.default_rng(seed)
-        self.low = np.array([p.scaled(p.low) for p in parameters])
-        self.high = np.array([p.scaled(p.high) for p in parameters])
+        self.low = np.array([p.to_scale(p.low) for p in parameters])
+        self.high = np.array([p.to_scale(p.high) for p in parameters])
 
     def explore(self, low: Array, high: Array, count: int) -> Design:
         """So many simulations spread over a box on the parameters' scales.
@@ -166,9 +166,7 @@ class Identification:
         numbered = list(enumerate(tasks))
         work: Iterable[tuple[int, Array | str]] = map(_compute, numbered)
         if self._workers > 1:
-            work = on_this_machine(
-                numbered, self._workers, _compute, '--workers 1 takes the least'
-            )
+            work = run_local(numbered, self._workers, _compute, '--workers 1 takes the least')
         for k, outcome in work:
             if isinstance(outcome, str):
                 reasons.append(outcome)
@@ -182,7 +180,7 @@ class Identification:
         kept = [k for k, one in enumerate(found) if one is not None]
         return Design(places[kept], np.array([found[k] for k in kept]))
 
-    def find(self, rounds: Sequence[int] = ROUNDS, design: Design | None = None) -> Identified:
+    def find(self, rounds: Sequence[int] = ROUNDS, design: Design | None = None) -> Result:
         """Estimates from so many simulations in each round.
 
         Parameters
@@ -193,23 +191,21 @@ class Identification:
         observed = np.concatenate([m.features for m in self.measurements])
         low, high = self.low, self.high
         near = everything = design or self.explore(low, high, rounds[0])
-        fits = _fitted(near)
+        fits = _fit(near)
         found = self._outcome(near, fits, observed)
         for count in rounds[1:]:
             low, high = _closer(near, fits, observed, low, high)
-            everything = everything.joined(self.explore(low, high, count))
-            near = everything.within(low, high)
-            fits = _fitted(near)
+            everything = everything.join(self.explore(low, high, count))
+            near = everything.select(low, high)
+            fits = _fit(near)
             closer = self._outcome(near, fits, observed)
             if closer.likeness < _LOST <= found.likeness:
                 break
             found = closer
         return replace(found, simulations=self.simulations, failed=self.failed)
 
-    def _outcome(
-        self, near: Design, fits: Sequence[KernelRegression], observed: Array
-    ) -> Identified:
-        """What these simulations say."""
+    def _outcome(self, near: Design, fits: Sequence[KernelRegression], observed: Array) -> Result:
+        """Estimates by these simulations."""
         may_be = np.column_stack([fit.left_out(observed) + fit.residuals for fit in fits])
         level = 1.0 - (1.0 - LEVEL) / len(fits)
         estimates = []
@@ -221,7 +217,7 @@ class Identification:
             estimates.append(Estimate(p, p.value(middle), below, above, share))
         misfit, likeness = _likeness(near, fits, observed)
         correlation = np.atleast_2d(np.corrcoef(may_be.T))
-        return Identified(
+        return Result(
             tuple(estimates), correlation, self.simulations, self.failed, misfit, likeness
         )
 
@@ -230,14 +226,14 @@ class Identification:
         return {p.path: p.value(x) for p, x in pairs}
 
 
-def _fitted(design: Design) -> list[KernelRegression]:
+def _fit(design: Design) -> list[KernelRegression]:
     return [KernelRegression(design.features, column) for column in design.places.T]
 
 
-def _told(
+def _predict(
     design: Design, fits: Sequence[KernelRegression], observed: Array
 ) -> tuple[Array, Array]:
-    """Places that the regressions tell of the simulations (n, k), each left out, and here (k,)."""
+    """Predicted places of the simulations (n, k), each left out, and of the signal (k,)."""
     told = design.places - np.array([fit.residuals for fit in fits]).T
     return told, np.array([np.median(fit.left_out(observed)) for fit in fits])
 
@@ -250,7 +246,7 @@ def _closer(
     How much the features tell is another thing in another corner of the box, so the errors of
     those simulations count that seem to be nearest.
     """
-    told, here = _told(design, fits, observed)
+    told, here = _predict(design, fits, observed)
     apart = (((told - here) / told.std(axis=0)) ** 2).sum(axis=1)
     nearest = np.argsort(apart)[: max(_NEAREST, len(told) // 3)]
     limits = np.array([fit.interval(observed, _KEPT, nearest) for fit in fits]).T
@@ -268,7 +264,7 @@ def _likeness(
     Features are a parabola of what is predicted from them, plus what scatters. Each simulation is
     treated as the measurement is: by regressions without it.
     """
-    told, here = _told(near, fits, observed)
+    told, here = _predict(near, fits, observed)
     middle, scale = told.mean(axis=0), told.std(axis=0)
 
     def terms(places: Array) -> Array:
@@ -296,7 +292,7 @@ def _compute(numbered: tuple[int, _Task]) -> tuple[int, Array | str]:
     try:
         return k, np.concatenate(
             [
-                m.features_of(m.repeated(overrides, seed))
+                m.features_of(m.repeat(overrides, seed))
                 for m, seed in zip(measurements, seeds, strict=True)
             ]
         )

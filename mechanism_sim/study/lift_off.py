@@ -56,7 +56,7 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
 
     The motion is that of the machine without any play; at other speeds rates scale with the speed
     and accelerations with its square. Speeds from a hundredth to a hundred times that of the scene
-    are tried from below; the root is found to rounding. `progress` is told which cam is tried.
+    are tried from below; the root is found to rounding. `progress` is called with the present cam.
 
     Raises
     ------

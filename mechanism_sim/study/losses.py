@@ -1,4 +1,4 @@
-"""Where contact is lost, beside what the criteria of the literature say of the ideal mechanism."""
+"""Where contact is lost, beside criteria of the literature for the ideal mechanism."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An experiment with one sensor: what it said, and what it would say of another machine."""
+"""An experiment with one sensor: its signal, and that of a machine with other values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BATCH = 2048  # steps
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What a sensor of a machine said in one experiment.
+    """The signal of a sensor of a machine in one experiment.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Measurement:
         """Of other samples of the same experiment."""
         return features(samples, self.rate, 1 if self.steady else STRETCHES)
 
-    def repeated(self, overrides: dict[str, float], seed: int) -> Array:
+    def repeat(self, overrides: dict[str, float], seed: int) -> Array:
         """Samples (N,) of the same experiment on a machine with other values and other noise.
 
         Raises

@@ -41,13 +41,13 @@ class Parameter:
         """Whether ratios matter and not differences: where the limits are far apart."""
         return self.low > 0.0 and self.high >= 3.0 * self.low and self.name != 'restitution'
 
-    def scaled(self, value: float) -> float:
+    def to_scale(self, value: float) -> float:
         """A value on the parameter's scale."""
         return math.log(value) if self.logarithmic else value
 
-    def value(self, scaled: float) -> float:
+    def value(self, to_scale: float) -> float:
         """The value at a place on the parameter's scale, within the limits."""
-        value = math.exp(scaled) if self.logarithmic else scaled
+        value = math.exp(to_scale) if self.logarithmic else to_scale
         return min(max(value, self.low), self.high)
 
 

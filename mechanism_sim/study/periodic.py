@@ -94,8 +94,8 @@ class Section:
         angle -= float(TWO_PI) * np.round(angle / float(TWO_PI))
         return np.asarray(np.concatenate([angle, np.array(b.v) - np.array(a.v)]) / self.scale)
 
-    def moved(self, state: State, by: Array) -> State:
-        """The state changed by so much, in the same measure."""
+    def displace(self, state: State, by: Array) -> State:
+        """Displace a state by a difference in the same measure."""
         f = len(state.q)
         step = by * self.scale
         return replace(
@@ -119,7 +119,7 @@ def find_periodic(
     longest : period that is looked for [revolutions]
     transient : revolutions to wait first
     tolerance : residual to reach
-    progress : told what is being done
+    progress : called with the present action
 
     Returns
     -------
@@ -159,7 +159,7 @@ def _refine(section: Section, state: State, period: int, tolerance: float) -> Re
             break
         basis, J = jacobian(section, state, period)
         step = np.linalg.lstsq(J - np.eye(len(J)), -basis.T @ change, rcond=None)[0]
-        state = section.moved(state, basis @ step)
+        state = section.displace(state, basis @ step)
     if residual > tolerance:
         return None
     multipliers, finer = (
@@ -186,7 +186,7 @@ def jacobian(section: Section, state: State, period: int, h: float = 1e-6) -> tu
     for direction in np.eye(size):
         starts, ends = [], []
         for sign in (1.0, -1.0):
-            start = section.start(section.moved(state, sign * h * direction))
+            start = section.start(section.displace(state, sign * h * direction))
             starts.append(start)
             ends.append(section.map(start, period)[0])
         before.append(section.difference(starts[1], starts[0]) / (2.0 * h))

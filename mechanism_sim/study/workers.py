@@ -16,7 +16,7 @@ Result = TypeVar('Result')
 _HINT = 'the same command goes on from the finished runs, --workers 1 takes the least memory'
 
 
-def on_this_machine(
+def run_local(
     tasks: Sequence[Work], workers: int, work: Callable[[Work], Result], hint: str = _HINT
 ) -> Generator[Result, None, None]:
     """Results as they are finished, by so many processes that live until the end.

@@ -6,24 +6,18 @@ The motion is polynomials, so samples are not recorded: they follow at any rate.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Self
 
-from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid import events as happened
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.scene import Machine
-
-
-class BagError(RunError):
-    """A bag cannot be written: no fault of the run, so it ends the sweep."""
-
+from mechanism_sim.sweep.file_errors import file_errors
 
 _RESULTS = Qos('reliable', 'volatile', 'keep_all', 1000)
 _LATCHED = Qos('reliable', 'transient_local', 'keep_last', 1)
@@ -45,12 +39,12 @@ class RunBag:
 
     Raises
     ------
-    BagError
+    FileError
         From any method: nothing can be written there.
     """
 
     def __init__(self, file: Path, machine: Machine, end: float) -> None:
-        with _errors_as_sentences():
+        with file_errors():
             self._writer = BagWriter(file, overwrite=True)
         self._names = (machine.physics.coordinates, machine.physics.clearances)
         self._impacts = 0
@@ -81,20 +75,12 @@ class RunBag:
             self._impacts += 1
 
     def _write(self, topic: str, message: Any, t: float) -> None:
-        with _errors_as_sentences():
+        with file_errors():
             self._writer.write(topic, serialize(message), round(1e9 * t))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_failure: object) -> None:
-        with _errors_as_sentences():
+        with file_errors():
             self._writer.close()
-
-
-@contextmanager
-def _errors_as_sentences() -> Iterator[None]:
-    try:
-        yield
-    except (InputError, RunError) as error:
-        raise BagError(str(error)) from error

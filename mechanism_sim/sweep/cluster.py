@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.sweep.row import Finished, Task, compute
+from mechanism_sim.sweep.row import RunResult, Task, compute
 
 
-def on_cluster(tasks: Sequence[Task], address: str) -> Generator[Finished, None, None]:
+def run_on_cluster(tasks: Sequence[Task], address: str) -> Generator[RunResult, None, None]:
     """Rows as they are finished, by the workers of the Dask scheduler at an address.
 
     Raises

@@ -1,4 +1,4 @@
-"""What tells the runs of a sweep apart, as columns of a table."""
+"""The swept values of runs, as columns of a table."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ class Plan:
         """Of what is to be computed, in a few letters."""
         content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
         if self.windows:  # what measures does not rule the motion, but the windows
-            content += [vars(self.windows), [_measuring(run.scene) for run in self.runs]]
+            content += [vars(self.windows), [_measurement_keys(run.scene) for run in self.runs]]
         return _hash(content)
 
 
@@ -130,7 +130,7 @@ def read_plan(name: str) -> Plan:
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
     for one, point in product(file.runs or [{}], product(*grid)):
         given = {**one, **dict(point)}
-        where = f'{path.name}: run {len(runs)}{_settings_text(given)}'
+        where = f'{path.name}: run {len(runs)}{_describe(given)}'
         try:
             scene = str(given.get(SCENE, file.scene))
             if scene not in bases:
@@ -150,7 +150,7 @@ def read_plan(name: str) -> Plan:
                 if windows:
                     edges, skipped = extent.edges(machine)
                     windows.check(machine, edges[skipped], edges[-1])
-                    nudged = windows.seeded(nudged, len(runs), columns)
+                    nudged = windows.with_seed(nudged, len(runs), columns)
                 values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
                 values |= {SCENE: base.stem} if SCENE in columns else {}
                 values |= {REPEAT: repetition} if REPEAT in columns else {}
@@ -206,8 +206,8 @@ def _value(scene: Scene, path: str) -> float | str | bool | None:
     return json.dumps(place.model_dump() if hasattr(place, 'model_dump') else place)
 
 
-def _measuring(scene: Scene) -> dict[str, Any]:
-    """What a scene says of its measurements."""
+def _measurement_keys(scene: Scene) -> dict[str, Any]:
+    """Keys of a scene about its measurements."""
     return scene.model_dump(include={'sensors', 'oscillators'})
 
 
@@ -215,7 +215,7 @@ def _is_path(scene: str) -> bool:
     return scene.endswith(('.yaml', '.yml'))
 
 
-def _settings_text(given: Mapping[str, Any]) -> str:
+def _describe(given: Mapping[str, Any]) -> str:
     return f' ({", ".join(f"{k} = {v}" for k, v in given.items())})' if given else ''
 
 

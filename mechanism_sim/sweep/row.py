@@ -20,9 +20,10 @@ from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import Tally, ratio
-from mechanism_sim.sweep.bags import BagError, RunBag
+from mechanism_sim.sweep.bags import RunBag
+from mechanism_sim.sweep.file_errors import FileError
 from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.shards import Channels, Shard, ShardError, ShardWriter
+from mechanism_sim.sweep.shards import Channels, Shard, ShardWriter
 
 Value = float | int | str | None
 _BATCH = 2048
@@ -60,14 +61,14 @@ FIGURES = (
     Column('largest_impulse', 'N s', 'of an impact'),
     Column('largest_force', 'N', 'in any joint, between impacts'),
     Column('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
-    Column('energy_residual', 'J', 'what the energy balance leave over, whole run'),
+    Column('energy_residual', 'J', 'what the energy balance leaves over, whole run'),
 )
 """Numbers of a row, besides its steps, its digest and its status."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know of a motion; `bag` is a file to record it in.
+    """Input of a worker for one motion; `bag` is a file to record it in.
 
     Runs that differ in their sensors only share a motion, and write a shard each.
     """
@@ -80,7 +81,7 @@ class Task:
     shards: tuple[Shard, ...] = ()
 
 
-class Finished(NamedTuple):
+class RunResult(NamedTuple):
     """A row, the key of its run, and what it cost [s of CPU]."""
 
     key: str
@@ -88,22 +89,22 @@ class Finished(NamedTuple):
     cpu: float
 
 
-def compute(task: Task) -> Finished:
-    """Make a run; one that fails makes a row that says why.
+def compute(task: Task) -> RunResult:
+    """Make a run; the row of one that fails holds the reason.
 
     Raises
     ------
-    BagError, ShardError
+    FileError
         If its bag or its windows cannot be written.
     """
     cpu = time.process_time()
     try:
         row = _measure(Machine(task.name, task.scene), task)
-    except (BagError, ShardError):
+    except FileError:
         raise
     except (InputError, RunError) as error:
         row = {'status': str(error)}
-    return Finished(task.key, row, time.process_time() - cpu)
+    return RunResult(task.key, row, time.process_time() - cpu)
 
 
 def _measure(machine: Machine, task: Task) -> dict[str, Value]:

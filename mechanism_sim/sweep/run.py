@@ -11,8 +11,8 @@ from pathlib import Path
 
 from mechanism_sim import output
 from mechanism_sim.errors import InputError
-from mechanism_sim.study.workers import on_this_machine
-from mechanism_sim.sweep.cluster import on_cluster
+from mechanism_sim.study.workers import run_local
+from mechanism_sim.sweep.cluster import run_on_cluster
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.row import DONE, Task, Value, compute
 from mechanism_sim.sweep.shards import Shard, name_of, shards, windows_in
@@ -38,8 +38,8 @@ class Summary:
     windows_folder: str | None = None
 
 
-class Interrupted(Exception):  # noqa: N818 - nothing went wrong
-    """SIGINT or SIGTERM ended a sweep; the text says how to go on."""
+class SweepInterrupted(Exception):  # noqa: N818 - nothing went wrong
+    """SIGINT or SIGTERM ended a sweep; the text tells how to resume it."""
 
 
 def sweep(
@@ -73,7 +73,7 @@ def sweep(
         If the table or its journal cannot be written or are of something else.
     RunError
         If the workers cannot go on.
-    Interrupted
+    SweepInterrupted
         At SIGINT and SIGTERM.
     """
     output.check_path('-o', table, '.parquet')
@@ -97,7 +97,7 @@ def sweep(
         failed = sum(map(has_failed, journal.rows.values()))
         cores = len(os.sched_getaffinity(0))
         source = (
-            on_cluster(tasks, dask) if dask else on_this_machine(tasks, workers or cores, compute)
+            run_on_cluster(tasks, dask) if dask else run_local(tasks, workers or cores, compute)
         )
         try:
             with closing(source) as results:
@@ -109,7 +109,7 @@ def sweep(
                     if show:
                         show(finished, failed)
         except KeyboardInterrupt:
-            raise Interrupted(
+            raise SweepInterrupted(
                 f'interrupted after {finished} of {plan.size} runs, which are kept in '
                 f"'{journal.path}'; the same command goes on from there"
             ) from None
@@ -170,7 +170,7 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
     for file in sorted(folder.glob('*.parquet')):
         if file.name not in own:
             raise InputError(
-                f"'{file}' is not of this sweep, but whoever reads the folder would read it too: "
+                f"'{file}' is not of this sweep, but readers of the folder would read it too: "
                 'choose another folder by --windows, or remove it'
             )
     return folder

@@ -1,4 +1,4 @@
-"""What a sweep file may say: every key with its bounds and its default."""
+"""Schema of sweep files: every key with its bounds and its default."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -14,12 +14,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sweep.file_errors import file_errors
 from mechanism_sim.sweep.labels import column, label_columns
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.windows import Cutter, Windows
@@ -27,19 +28,15 @@ from mechanism_sim.sweep.windows import Cutter, Windows
 SIGNAL = 'signal'
 _ROWS = 256  # of a row group
 _DIGITAL = {'instrument', 'sample_rate', 'trigger', 'adc', 'noise'}
-"""Keys of a sensor that say nothing of its analogue part, or nothing that others do not say."""
+"""Keys of a sensor that its analogue part does not depend on, or that follow from others."""
 
 Channels = dict[str, Channel]
 """Channels of one motion by all that their analogue parts follow from."""
 
 
-class ShardError(RunError):
-    """A file of windows cannot be written: no fault of the run, so it ends the sweep."""
-
-
 @dataclass(frozen=True)
 class Shard:
-    """What a worker needs to know to write the windows of a run.
+    """Input of a worker that writes the windows of a run.
 
     Attributes
     ----------
@@ -105,7 +102,7 @@ class ShardWriter:
 
     Raises
     ------
-    ShardError
+    FileError
         From any method: nothing can be written there.
     """
 
@@ -114,13 +111,13 @@ class ShardWriter:
         scene, windows = machine.scene, shard.windows
         self._main = machine.mechanism.coordinates.index(machine.main)
         self._sensors = [
-            _Sensor(shard, machine, n, since, channels) for n in windows.chosen(scene)
+            _Sensor(shard, machine, n, since, channels) for n in windows.select_sensors(scene)
         ]
         self._rows: list[dict[str, Any]] = []
         self._signals: list[np.ndarray[Any, Any]] = []
         self._curves: list[PiecewisePolynomial] = []  # of motion in which windows may begin
         self._part = shard.file.with_name(f'.{shard.file.name}.part')
-        with _errors_as_sentences(shard.file):
+        with file_errors(shard.file):
             self._stream = self._part.open('wb')
             self._parquet = pq.ParquetWriter(
                 self._stream,
@@ -138,7 +135,7 @@ class ShardWriter:
             if not sensor.done:
                 sensor.channel.take(motion)
         self._gather(final=False)
-        reached = min(math.inf if s.done else s.cutter.reached for s in self._sensors)
+        reached = min(math.inf if s.done else s.cutter.next_start for s in self._sensors)
         self._curves = [curve for curve in self._curves if curve.end >= reached]
 
     def _gather(self, final: bool) -> None:
@@ -166,7 +163,7 @@ class ShardWriter:
                     'longer, or ask for fewer or shorter ones'
                 )
         self._flush()
-        with _errors_as_sentences(self._shard.file):
+        with file_errors(self._shard.file):
             self._parquet.close()
             self._stream.flush()
             os.fsync(self._stream.fileno())
@@ -190,7 +187,7 @@ class ShardWriter:
             else pa.FixedSizeListArray.from_arrays(pa.array(flat), type=field.type)
             for field in schema
         ]
-        with _errors_as_sentences(self._shard.file):
+        with file_errors(self._shard.file):
             self._parquet.write_batch(pa.record_batch(columns, schema))
         self._rows, self._signals = [], []
 
@@ -207,7 +204,7 @@ class ShardWriter:
 
 
 class _Sensor:
-    """A sensor of a shard: its channel, its cutter, and what its rows say."""
+    """A sensor of a shard: its channel, its cutter, and the labels of its rows."""
 
     def __init__(
         self, shard: Shard, machine: Machine, name: str, since: float, channels: Channels
@@ -243,11 +240,3 @@ class _Sensor:
     def row(self, start: float) -> dict[str, Any]:
         """All of a row but its signal and the crank."""
         return {**self._labels, 'window': self.count, 'start': start}
-
-
-@contextmanager
-def _errors_as_sentences(file: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise ShardError(f"'{file}' cannot be written: {error.strerror or error}") from error

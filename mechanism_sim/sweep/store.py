@@ -20,7 +20,7 @@ from mechanism_sim import output, strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.sweep.labels import column, label_columns
 from mechanism_sim.sweep.plan import Plan
-from mechanism_sim.sweep.row import FIGURES, Finished, Value
+from mechanism_sim.sweep.row import FIGURES, RunResult, Value
 
 _RULING = ('mechanism_sim', 'heyoka', 'numpy')
 """Packages whose version may change the last digit, and with it the impacts of a long run."""
@@ -77,7 +77,7 @@ class Journal:
         if not lines:
             self._append(head)
             return
-        entries = [self._parsed(line, n) for n, line in enumerate(lines, 1)]
+        entries = [self._parse(line, n) for n, line in enumerate(lines, 1)]
         if entries[0] != head:
             same = entries[0].get('sweep') == head['sweep']
             what = 'of another version of the software' if same else 'of another sweep'
@@ -87,7 +87,7 @@ class Journal:
             )
         self.rows = {entry['key']: entry['row'] for entry in entries[1:]}
 
-    def _parsed(self, line: bytes, number: int) -> dict[str, Any]:
+    def _parse(self, line: bytes, number: int) -> dict[str, Any]:
         try:
             entry = strict_json.loads(line)
             if isinstance(entry, dict) and (number == 1 or {'key', 'row'} <= entry.keys()):
@@ -98,7 +98,7 @@ class Journal:
             f"line {number} of '{self.path}' is damaged: give --restart to begin anew"
         )
 
-    def add(self, finished: Finished) -> None:
+    def add(self, finished: RunResult) -> None:
         """Keep a finished run, whatever happens from now on."""
         self._append({'key': finished.key, 'cpu': finished.cpu, 'row': finished.row})
         self.rows[finished.key] = finished.row

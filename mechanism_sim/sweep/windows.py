@@ -38,12 +38,12 @@ class Windows:
 
     @classmethod
     def of(cls, part: WindowsPart) -> Windows:
-        """What a sweep file asks for."""
+        """The windows of a sweep file."""
         hop = max(1, round(part.samples * (1.0 - part.overlap)))
         sensors = tuple(dict.fromkeys(part.sensors or ()))
         return cls(sensors, part.samples, hop, part.per_run, part.type)
 
-    def chosen(self, scene: Scene) -> tuple[str, ...]:
+    def select_sensors(self, scene: Scene) -> tuple[str, ...]:
         """The sensors of a scene that windows are cut from."""
         return self.sensors or tuple(scene.sensors)
 
@@ -60,7 +60,7 @@ class Windows:
         known = list(machine.scene.sensors)
         if not known:
             raise InputError(f'{machine.name} has no sensors to cut windows from')
-        for name in self.chosen(machine.scene):
+        for name in self.select_sensors(machine.scene):
             if name not in known:
                 raise InputError(
                     f"windows: {machine.name} has no sensor '{name}'{nearest(name, known)}; "
@@ -86,7 +86,7 @@ class Windows:
         samples = math.ceil(end * rate) - jitter
         return (samples - self.samples) // self.hop + 1 - math.ceil(since * rate / self.hop)
 
-    def seeded(self, scene: Scene, index: int, swept: Collection[str]) -> Scene:
+    def with_seed(self, scene: Scene, index: int, swept: Collection[str]) -> Scene:
         """The scene with noise of its own for run number `index`.
 
         The seed follows from that of the scene and the number; random numbers differ between
@@ -127,7 +127,7 @@ class Cutter:
         self._samples: Array = np.zeros(0)
 
     @property
-    def reached(self) -> float:
+    def next_start(self) -> float:
         """No window that is still to come begins before this time [s]."""
         return self._start + (self._index - 2) / self._rate
 

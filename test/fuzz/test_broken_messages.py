@@ -13,7 +13,7 @@ from strangers import damaged, digest_of, disturb, is_message
 
 from mechanism_sim.analysis import analyze
 from mechanism_sim.messages import MessageError, message_class, own_messages, serialize
-from mechanism_sim.middleware.refusals import judged
+from mechanism_sim.middleware.refusals import check_message
 from mechanism_sim.middleware.wire import parse_token
 
 EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '200'))
@@ -46,7 +46,7 @@ def test_bytes_are_a_good_message_or_refused_in_a_sentence(seed, kind):
     dice = random.Random(seed)
     data = damaged(dice, serialize(message_class(kind)()))
     try:
-        judged(data, message_class(kind))
+        check_message(data, message_class(kind))
         refused = ''
     except MessageError as error:
         refused = str(error)
@@ -58,7 +58,7 @@ def test_a_message_that_says_nothing_is_good(kind):
     message = message_class(kind)()
     if kind.endswith('DriveLaw'):  # whose kind and coefficients must be something
         message.kind, message.coefficients = message.TORQUE, [0.0, 0.0, 0.0]
-    assert judged(serialize(message), message_class(kind)) == message
+    assert check_message(serialize(message), message_class(kind)) == message
 
 
 @given(text=st.text('09:,%/x-~ \u0663', max_size=40))

@@ -1,7 +1,4 @@
-"""Cams and gear trains made by chance, as scenes, .
-
-Cams stand anywhere, turn either way, and lift in any direction; trains have any numbers of teeth.
-"""
+"""Random cams as scenes: they stand anywhere, turn either way, and lift in any direction."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned, variant
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate, variant
 from mechanism_sim.bench.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
 
 CURVES = (
@@ -74,7 +71,7 @@ def cam(random: Random, contact: Scene | None = None) -> Scene:
     guess, axis = {}, random.uniform(-0.01, 0.01, 2).tolist()
 
     def world(x: float, y: float) -> NDArray[np.float64]:
-        return turned(direction, (x, -sense * y))
+        return rotate(direction, (x, -sense * y))
 
     if swings:
         side = int(random.choice([1, -1]))
@@ -87,7 +84,7 @@ def cam(random: Random, contact: Scene | None = None) -> Scene:
             joint['face'] = float(random.uniform(-0.3, 0.3)) * base
         joint['law'] = law(random, float(random.uniform(0.1, 0.3)))
         pivot = centre + world(a, 0.0)
-        tip = own + turned(arm_angle, (arm, 0.0))
+        tip = own + rotate(arm_angle, (arm, 0.0))
         guide: Scene = {'revolute': ['ground.guide', 'follower.pin']}
         place = 0.9 * math.atan2(reach, a)
         guess['follower'] = float(
@@ -124,7 +121,7 @@ def cam(random: Random, contact: Scene | None = None) -> Scene:
     }  # fmt: skip
 
 
-def pressed(scene: Scene, spring: float, damping: float = 0.0) -> Scene:
+def press_follower(scene: Scene, spring: float, damping: float = 0.0) -> Scene:
     """The scene with a force that presses the follower against its cam (N or N m, 1/place)."""
     scene = {**scene, 'loads': {**scene['loads']}}
     if 'revolute' in scene['joints']['guide']:
@@ -133,7 +130,7 @@ def pressed(scene: Scene, spring: float, damping: float = 0.0) -> Scene:
         text = f'{out * -spring} - {damping}*follower_rate'
         scene['loads']['press'] = {'at': 'follower', 'torque': text}
     else:
-        d = turned(scene['joints']['guide']['axis'], (1.0, 0.0)).tolist()
+        d = rotate(scene['joints']['guide']['axis'], (1.0, 0.0)).tolist()
         force = f'(-{spring} - {damping}*follower_rate)'
         scene['loads']['press'] = {
             'at': 'follower.pin', 'force': [f'{force}*{d[0]!r}', f'{force}*{d[1]!r}']
@@ -165,15 +162,15 @@ def _ideal(random: Random, k: int) -> Draft:
     return _driven(random, cam(random), k)
 
 
-def _loaded(random: Random, scene: Scene) -> Scene:
+def _press_at_random(random: Random, scene: Scene) -> Scene:
     swings = 'revolute' in scene['joints']['guide']
     force = random.uniform(0.05, 2.0) if swings else random.uniform(2.0, 40.0)
-    return pressed(scene, float(force), float(pick(random, (0.0, 0.01 if swings else 1.0))))
+    return press_follower(scene, float(force), float(pick(random, (0.0, 0.01 if swings else 1.0))))
 
 
 def _lift_off(random: Random, k: int) -> Draft:
     keys = {'restitution': pick(random, RESTITUTIONS), 'hypothesis': pick(random, RIGID)}
-    return _driven(random, _loaded(random, cam(random, {'lift_off': keys})), k)
+    return _driven(random, _press_at_random(random, cam(random, {'lift_off': keys})), k)
 
 
 def _soft_lift_off(random: Random, k: int) -> Draft:
@@ -182,7 +179,7 @@ def _soft_lift_off(random: Random, k: int) -> Draft:
         'restitution': float(random.uniform(0.1, 1.0)),
         'contact': {'law': law, 'stiffness': decades(random, 7.0, 9.5), 'exponent': 1.5},
     }
-    return _driven(random, _loaded(random, cam(random, {'lift_off': keys})), 0)
+    return _driven(random, _press_at_random(random, cam(random, {'lift_off': keys})), 0)
 
 
 def _groove(random: Random, k: int) -> Draft:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.bench.grid.jams import confirmed
+from mechanism_sim.bench.grid.jams import confirm_jam
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.scene import Level, Machine
@@ -87,7 +87,7 @@ class GridCase:
         """Its scene; the same whatever else is run."""
         key = (self.seed, *self.family.name.encode(), self.number)
         draft = self.family.make(np.random.default_rng(key), self.number)
-        return draft._replace(scene=_plain(draft.scene))
+        return draft._replace(scene=_to_plain(draft.scene))
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def run_case(case: GridCase) -> Outcome:
                 raise _Failure('refused', str(error)) from error
             ok, kind, reason = None, 'refused', str(error)
         else:
-            figures, reason = _judged(machine, draft)
+            figures, reason = _judge(machine, draft)
     except _Failure as failure:
         ok, kind, reason = False, failure.kind, failure.reason
     except Exception as error:
@@ -140,22 +140,22 @@ def run_case(case: GridCase) -> Outcome:
     return Outcome(name, case.family.name, ok, kind, reason, figures, spent)
 
 
-def _judged(machine: Machine, draft: Draft) -> tuple[dict[str, float], str]:
+def _judge(machine: Machine, draft: Draft) -> tuple[dict[str, float], str]:
     """Figures of a run that is as it must be, and why it ended before its end if it jammed."""
 
-    def bounded(at: float, _impacts: int) -> None:
+    def count_steps(at: float, _impacts: int) -> None:
         steps['now'] = steps['now'] + 1
         if steps['now'] * 8192 > MOST_STEPS:
             raise _Failure('no progress', f'more than {MOST_STEPS} steps up to t = {at:.9g} s')
 
     steps = {'now': 0}
     try:
-        with _bounded_time():
-            solution = simulate(machine, draft.revolutions, draft.duration, bounded)
+        with _limit_time():
+            solution = simulate(machine, draft.revolutions, draft.duration, count_steps)
     except InputError as error:
         raise _Failure('refused late', f'check accepts it, the run does not: {error}') from error
     except RunError as error:
-        if confirmed(machine, error):
+        if confirm_jam(machine, error):
             return {}, f'jam, confirmed: {error}'
         raise _Failure('ended early', str(error)) from error
     end = machine.time_of(draft.revolutions) if draft.revolutions else draft.duration
@@ -165,7 +165,7 @@ def _judged(machine: Machine, draft: Draft) -> tuple[dict[str, float], str]:
 
 
 @contextmanager
-def _bounded_time() -> Iterator[None]:
+def _limit_time() -> Iterator[None]:
     """Ends what is done within when it has used up `MOST_TIME` of the processor."""
 
     def hang(*_: object) -> None:
@@ -226,12 +226,12 @@ def _where(error: BaseException) -> str:
     return place
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     """The same without numbers of NumPy, as a file has it."""
     if isinstance(value, Mapping):
-        return {k: _plain(x) for k, x in value.items()}
+        return {k: _to_plain(x) for k, x in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(x) for x in value]
+        return [_to_plain(x) for x in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -245,7 +245,7 @@ def variant(name: str, overrides: Mapping[str, Any]) -> Scene:
     return overridden(name, _content(name), overrides)
 
 
-def turned(angle: float, v: Any) -> NDArray[np.float64]:
+def rotate(angle: float, v: Any) -> NDArray[np.float64]:
     """A vector turned by an angle [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1]])

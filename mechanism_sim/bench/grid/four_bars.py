@@ -99,7 +99,7 @@ def base(random: Random) -> Scene:
     return found
 
 
-def with_drive(random: Random, found: Scene, kind: str, **how: Any) -> Draft:
+def add_drive(random: Random, found: Scene, kind: str, **how: Any) -> Draft:
     """The package's loose four-bar with these overrides and a drive."""
     keys, extent = drive(random, kind, **how)
     return Draft(variant('four_bar_clearance', found | {'drive': keys}), **extent)
@@ -145,7 +145,7 @@ def compliant(random: Random, law: str, friction: bool) -> Scene:
     return keys
 
 
-def _cleared(clearances: Scene) -> Scene:
+def _loosen(clearances: Scene) -> Scene:
     """Overrides that make these joints loose, and no other."""
     return {'joints': {joint: {'clearance': keys} for joint, keys in clearances.items()}}
 
@@ -155,21 +155,21 @@ def _ideal(random: Random, k: int) -> Draft:
     found = base(random) | {'joints': None, 'branch': pick(random, ('open', 'crossed'))}
     if kind in ('constant', 'ramp', 'smooth') and random.random() < 0.3:
         found['outputs.forces'] = False
-    return with_drive(random, found, kind)
+    return add_drive(random, found, kind)
 
 
 def _rigid(random: Random, k: int) -> Draft:
     joint, kind = JOINTS[k // 6 % 4], DRIVES[k % 6]
-    return with_drive(random, base(random) | _cleared({joint: clearance(random)}), kind)
+    return add_drive(random, base(random) | _loosen({joint: clearance(random)}), kind)
 
 
 def _frictional(random: Random, k: int) -> Draft:
     joint, kind = JOINTS[k // 6 % 4], DRIVES[k % 6]
-    found = base(random) | _cleared({joint: clearance(random, friction=True)})
-    return _whirling(with_drive(random, found, kind))
+    found = base(random) | _loosen({joint: clearance(random, friction=True)})
+    return _limit_whirl(add_drive(random, found, kind))
 
 
-def _whirling(draft: Draft) -> Draft:
+def _limit_whirl(draft: Draft) -> Draft:
     """A run in which pins that friction lets roll go round their bushings not too often.
 
     They whirl ``R/c`` times as fast as the links turn, R being the radius of the pin.
@@ -191,7 +191,7 @@ def _several(random: Random, k: int) -> Draft:
     kind, friction = DRIVES[0 if k % 4 < 3 else 3], k % 2 == 1
     # among others that rest, one without loss bounces for ever, however low
     play = {JOINTS[i]: clearance(random, friction, finest=-5.0, most=0.95) for i in loose}
-    return _whirling(with_drive(random, base(random) | _cleared(play), kind, speeds=(0.3, 1.9)))
+    return _limit_whirl(add_drive(random, base(random) | _loosen(play), kind, speeds=(0.3, 1.9)))
 
 
 def _soft(random: Random, k: int) -> Draft:
@@ -199,23 +199,23 @@ def _soft(random: Random, k: int) -> Draft:
     joint = JOINTS[2] if k % 3 else pick(random, JOINTS)
     kind = DRIVES[0] if k // 4 % 4 < 3 else pick(random, DRIVES)
     play = {joint: compliant(random, law, friction)}
-    return with_drive(random, base(random) | _cleared(play), kind, speeds=(0.3, 2.0))
+    return add_drive(random, base(random) | _loosen(play), kind, speeds=(0.3, 2.0))
 
 
 def _soft_several(random: Random, k: int) -> Draft:
     loose = ((1, 2), (2, 3), (0, 1, 2, 3))[k % 3]
     law = LAWS[k // 3 % 4]
     play = {JOINTS[i]: compliant(random, law, k % 2 == 0) for i in loose}
-    return with_drive(random, base(random) | _cleared(play), 'constant', speeds=(0.5, 1.7))
+    return add_drive(random, base(random) | _loosen(play), 'constant', speeds=(0.5, 1.7))
 
 
 def _film(random: Random, k: int) -> Draft:
     joint, kind = JOINTS[k % 4], DRIVES[(0, 1, 3)[k // 4 % 3]]
-    found = base(random) | _cleared({joint: compliant(random, 'film', friction=False)})
-    return with_drive(random, found, kind, speeds=(0.7, 1.8))
+    found = base(random) | _loosen({joint: compliant(random, 'film', friction=False)})
+    return add_drive(random, found, kind, speeds=(0.7, 1.8))
 
 
-def _placed(random: Random, k: int) -> Draft:
+def _start_in_bushing(random: Random, k: int) -> Draft:
     """A pin that starts anywhere in its bushing, at rates of its own."""
     found = base(random) | {'start': 'centred'}
     keys, extent = drive(random, DRIVES[0 if k % 3 else 3], speeds=(0.5, 2.0))
@@ -253,5 +253,5 @@ FAMILIES = (
     Family('four_bar_compliant', 144, _soft, NOT_SEATED),
     Family('four_bar_compliant_joints', 24, _soft_several, NOT_SEATED),
     Family('four_bar_film', 24, _film, NOT_SEATED, 12),
-    Family('four_bar_placed', 36, _placed, (), 6),
+    Family('four_bar_placed', 36, _start_in_bushing, (), 6),
 )

@@ -24,7 +24,7 @@ _BEFORE = 1e-9  # of the time: how long before the jam the state is taken
 _SLACK = 1e-9  # of the largest term: rounding of an inequality
 
 
-def confirmed(machine: Machine, error: RunError) -> bool:
+def confirm_jam(machine: Machine, error: RunError) -> bool:
     """Whether no mode of contact is consistent where a run ended because contacts jam."""
     said = re.search(r'jams .* at t = ([-+.\de]+) s', str(error))
     if not said or not machine.dynamic:

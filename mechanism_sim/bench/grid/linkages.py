@@ -1,4 +1,4 @@
-"""Mechanisms made by chance: links anywhere, joints where the links happen to be.
+"""Random mechanisms: links anywhere, joints where the links happen to be.
 
 Every link gets a pose; joints are put between them there, so that whatever is tied together can be
 assembled, and the poses are the guess. No dimension is special.
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate
 from mechanism_sim.bench.grid.four_bars import NOT_SEATED, clearance
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.scene import schema
@@ -54,7 +54,7 @@ def linkage(random: Random, size: float = 1.0) -> tuple[Scene, Poses, int]:
     def point(link: str, world: NDArray[np.float64]) -> str:
         x, y, angle = poses[link]
         points = links[link]['points']
-        points[f'p{len(points)}'] = turned(-angle, world - np.array([x, y])).tolist()
+        points[f'p{len(points)}'] = rotate(-angle, world - np.array([x, y])).tolist()
         return f'{link}.p{len(points) - 1}'
 
     def tie(a: str, b: str, kind: str) -> None:
@@ -136,7 +136,9 @@ def linkage(random: Random, size: float = 1.0) -> tuple[Scene, Poses, int]:
     return scene, poses, freedom
 
 
-def geared(random: Random, scene: Scene, poses: Poses, freedom: int) -> tuple[Scene, Poses, int]:
+def add_gears(
+    random: Random, scene: Scene, poses: Poses, freedom: int
+) -> tuple[Scene, Poses, int]:
     """The same with gears, or a gear and a rack, on links that have a common carrier."""
     sliding: list[Any] = []
     turning: list[Any] = []
@@ -152,7 +154,7 @@ def geared(random: Random, scene: Scene, poses: Poses, freedom: int) -> tuple[Sc
 
     def world(reference: str) -> NDArray[np.float64]:
         link, name = reference.split('.')
-        return poses[link][:2] + turned(poses[link][2], scene['links'][link]['points'][name])
+        return poses[link][:2] + rotate(poses[link][2], scene['links'][link]['points'][name])
 
     pairs = [
         (a, b) for i, a in enumerate(turning) for b in (*turning[i + 1 :], *sliding)
@@ -179,7 +181,7 @@ def geared(random: Random, scene: Scene, poses: Poses, freedom: int) -> tuple[Sc
     return {**scene, 'joints': joints, 'gears': gears}, poses, freedom
 
 
-def driven(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scene:
+def add_drives(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scene:
     """The same with drives: as many prescribed ones as there are freedoms, or fewer.
 
     Others are moved by a torque or a force, or by nothing.
@@ -219,10 +221,10 @@ def _coordinates(scene: Scene, poses: Poses) -> dict[str, tuple[float, bool]]:
             found[c] = float(poses[c][2]), False
             continue
         places = [
-            poses[link][:2] + turned(poses[link][2], at)
+            poses[link][:2] + rotate(poses[link][2], at)
             for link, at in ((j.first, j.on_first), (j.second, j.on_second))
         ]
-        way = turned(poses[j.first][2] + j.axis, (1.0, 0.0))
+        way = rotate(poses[j.first][2] + j.axis, (1.0, 0.0))
         found[c] = float((places[1] - places[0]) @ way), True
     return found
 
@@ -231,15 +233,15 @@ def _prescribed_or_free(random: Random, k: int) -> Draft:
     scene, poses, freedom = linkage(
         random, size=1.0 if k % 3 else float(10.0 ** random.uniform(-2.0, 1.0))
     )
-    return _timed(driven(random, scene, poses, freedom))
+    return _draft(add_drives(random, scene, poses, freedom))
 
 
-def _with_gears(random: Random, _k: int) -> Draft:
-    return _timed(driven(random, *geared(random, *linkage(random))))
+def _draft_geared(random: Random, _k: int) -> Draft:
+    return _draft(add_drives(random, *add_gears(random, *linkage(random))))
 
 
 def _loose(random: Random, k: int) -> Draft:
-    scene = driven(random, *linkage(random))
+    scene = add_drives(random, *linkage(random))
     pins = [n for n, j in scene['joints'].items() if 'revolute' in j]
     if pins:
         chosen = [str(n) for n in random.permutation(pins)[: 1 if k % 2 else 2]]
@@ -249,16 +251,16 @@ def _loose(random: Random, k: int) -> Draft:
                 'clearance': clearance(random, friction=k % 4 == 3, finest=-5.0),
             }
     scene['start'] = 'seated' if k % 3 else 'centred'
-    return _timed(scene)
+    return _draft(scene)
 
 
-def _timed(scene: Scene) -> Draft:
+def _draft(scene: Scene) -> Draft:
     """So that `check` looks whether the drives can go on for as long as the run."""
     return Draft({**scene, 'duration': SPAN}, duration=SPAN)
 
 
 FAMILIES = (
     Family('linkage', 48, _prescribed_or_free, REFUSED),
-    Family('linkage_gears', 24, _with_gears, REFUSED),
+    Family('linkage_gears', 24, _draft_geared, REFUSED),
     Family('linkage_loose', 36, _loose, (*REFUSED, *NOT_SEATED)),
 )

@@ -13,7 +13,7 @@ from mechanism_sim import output
 from mechanism_sim.bench.grid import cams, four_bars, linkages, machines, trains
 from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.study.workers import on_this_machine
+from mechanism_sim.study.workers import run_local
 
 SEED = 19
 _CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
@@ -68,7 +68,7 @@ def run_grid(cases: Sequence[GridCase], workers: int) -> Iterator[Outcome]:
         for part in ([*group],)
         for i in range(0, len(part), _CHUNK)
     ]
-    for outcomes in on_this_machine(chunks, workers, run_chunk):
+    for outcomes in run_local(chunks, workers, run_chunk):
         yield from outcomes
 
 

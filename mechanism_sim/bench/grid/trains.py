@@ -1,7 +1,7 @@
-"""Gear trains made by chance: gears on the ground, on links that turn, inside of others.
+"""Random gear trains: gears on the ground, on links that turn, inside of others.
 
 From a shaft on the ground a chain of gears grows; each next one is pivoted on the ground or on a
-carrier, at the distance and in the direction that chance wants, with external or internal teeth.
+carrier, at a random distance and in a random direction, with external or internal teeth.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, turned, variant
+from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate, variant
 from mechanism_sim.bench.grid.four_bars import LAWS, RESTITUTIONS, RIGID, decades, drive, pick
 
 MODULE = 2e-3
@@ -29,7 +29,7 @@ def train(random: Random, kind: str = 'ideal') -> Scene:
     if carried:
         links['arm'] = {'points': {}, **body(random)}
         joints['arm_shaft'] = {'revolute': ['ground', 'arm']}
-    start = turned(float(random.uniform(-3.0, 3.0)), (random.uniform(0.0, 0.05) * carried, 0.0))
+    start = rotate(float(random.uniform(-3.0, 3.0)), (random.uniform(0.0, 0.05) * carried, 0.0))
     if carried:
         start = 0.0 * start  # the sun turns about the shaft of the arm
     centres = [start]
@@ -49,7 +49,7 @@ def train(random: Random, kind: str = 'ideal') -> Scene:
         inside[i] = internal
         way = float(random.uniform(-3.0, 3.0))
         reach *= MODULE / math.cos(helix)
-        centres.append(centres[-1] + turned(way, (reach, 0.0)))
+        centres.append(centres[-1] + rotate(way, (reach, 0.0)))
         teeth.append(n)
     for i, at in enumerate(centres):
         links[carrier]['points'][f'c{i}'] = at.tolist()
@@ -109,7 +109,7 @@ def body(random: Random) -> Scene:
     }
 
 
-def _of_kind(kind: str, duration: float, random: Random, _k: int) -> Draft:
+def _draft_train(kind: str, duration: float, random: Random, _k: int) -> Draft:
     return Draft(train(random, kind), duration=duration)
 
 
@@ -144,9 +144,9 @@ def _rattle(random: Random, k: int) -> Draft:
 UNFIT = ('reach inside the base circle',)  # internal gears of too few teeth
 
 FAMILIES = (
-    Family('train', 32, partial(_of_kind, 'ideal', 0.2), UNFIT),
-    Family('train_backlash', 32, partial(_of_kind, 'loose', 0.2), UNFIT),
+    Family('train', 32, partial(_draft_train, 'ideal', 0.2), UNFIT),
+    Family('train_backlash', 32, partial(_draft_train, 'loose', 0.2), UNFIT),
     Family('train_rattle', 40, _rattle, (), 4),
-    Family('train_elastic', 24, partial(_of_kind, 'soft', 0.1), UNFIT),
+    Family('train_elastic', 24, partial(_draft_train, 'soft', 0.1), UNFIT),
     Family('train_compliant', 16, _compliant, UNFIT),
 )

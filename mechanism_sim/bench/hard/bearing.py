@@ -31,7 +31,7 @@ def _first_loss(solution: Solution) -> float:
     'impulses.',
 )
 def elastic_hundred_revolutions() -> list[Figure]:
-    """EnergyTerms and gaps with e = 1."""
+    """Energy residual and gaps with e = 1."""
     solution = simulate(thesis(start='centred', e=1.0), revolutions=100)
     balance = solution.energy or Energy(math.nan, 0.0, 0.0, math.nan)
     return [
@@ -92,7 +92,7 @@ def loss_of_contact_at_every_tolerance() -> list[Figure]:
     ]
 
 
-def _loses(speed: float) -> bool:
+def _loses_contact(speed: float) -> bool:
     solution = simulate(thesis(drive__speed=speed), revolutions=1.0)
     return not math.isnan(_first_loss(solution))
 
@@ -107,7 +107,7 @@ def force_that_touches_zero() -> list[Figure]:
     low, high = SPEED, 1.5 * SPEED
     for _ in range(44):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _loses(middle) else (middle, high)
+        low, high = (low, middle) if _loses_contact(middle) else (middle, high)
     below = simulate(thesis(drive__speed=low), revolutions=1.0)
     above = simulate(thesis(drive__speed=high), revolutions=1.0)
     t = np.linspace(0.0, below.duration, 20001)
@@ -130,7 +130,7 @@ def force_that_touches_zero() -> list[Figure]:
     'proportion to the clearance.',
 )
 def clearance_from_a_micrometre() -> list[Figure]:
-    """EnergyTerms, gaps, and the exponent with which the motion approaches the ideal one."""
+    """Energy residual, gaps, and the exponent with which the motion approaches the ideal one."""
     residual = depth = closure = 0.0
     ideal = simulate(load_scene('four_bar_nominal'), revolutions=0.5)
     t = np.linspace(0.0, 0.5 * TURN, 400)
@@ -160,7 +160,7 @@ def clearance_from_a_micrometre() -> list[Figure]:
     'same crank angles.',
 )
 def speeds_from_10_to_2500_rpm() -> list[Figure]:
-    """EnergyTerms and gaps over all speeds, and the scaling of impacts."""
+    """Energy residual and gaps over all speeds, and the scaling of impacts."""
     residual = depth = 0.0
     angles = []
     for rpm in (10.0, 100.0, 350.0, 1000.0, 2500.0):
@@ -187,7 +187,7 @@ def speeds_from_10_to_2500_rpm() -> list[Figure]:
     'The balance of energy; margins of 1e-2 to 1e-4 of the ground.',
 )
 def near_a_change_point() -> list[Figure]:
-    """EnergyTerms and gaps beside the singular configuration."""
+    """Energy residual and gaps beside the singular configuration."""
     residual = depth = 0.0
     largest = 0.0
     for margin in (1e-2, 1e-3, 1e-4):

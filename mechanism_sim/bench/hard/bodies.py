@@ -50,7 +50,7 @@ def thesis(**overrides: Any) -> Machine:
 
 
 def residual(balance: Energy | None) -> float:
-    """What the energy balance leaves over [J]; infinite where there is none."""
+    """Energy residual [J]; infinite without an energy balance."""
     return balance.residual if balance else math.inf
 
 
@@ -126,7 +126,7 @@ class Floor:
         return value
 
 
-class Thrown:
+class ThrownBody:
     """A body of 1 kg over a floor, in a uniform field of gravity.
 
     Coordinates are its angle, x and y; the run is kept whole.
@@ -153,7 +153,7 @@ class Thrown:
         self.parts: list[Motion] = []
         self.audit = Audit(self.physics)
 
-    def until(self, t: float) -> Thrown:
+    def until(self, t: float) -> ThrownBody:
         """Go on to time t [s]."""
         self.run.advance(t, final=True)
         motion, impacts, modes = self.run.drain()

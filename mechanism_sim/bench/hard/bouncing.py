@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mechanism_sim.bench.hard.bodies import GRAVITY, SIZE, Floor, Thrown, residual
+from mechanism_sim.bench.hard.bodies import GRAVITY, SIZE, Floor, ThrownBody, residual
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.hybrid.events import Mode
 
@@ -19,7 +19,7 @@ def bouncing_ball() -> list[Figure]:
     time = impulse = depth = energy = 0.0
     v = 1.0
     for e in (0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95):
-        ball = Thrown([Floor('body', e)], (0.0, 0.0, 1e-15), (0.0, 0.0, v))
+        ball = ThrownBody([Floor('body', e)], (0.0, 0.0, 1e-15), (0.0, 0.0, v))
         rest = 2.0 * v / (GRAVITY * (1.0 - e))
         ball.until(1.1 * rest)
         last = ball.impacts[-1]
@@ -52,7 +52,7 @@ def bouncing_tolerances() -> list[Figure]:
     rest = 2.0 * v / (GRAVITY * (1.0 - e))
     for exponent in range(4, 14):
         rtol = 10.0**-exponent
-        ball = Thrown([Floor('body', e)], (0.0, 0.0, 1e-15), (0.0, 0.0, v), rtol)
+        ball = ThrownBody([Floor('body', e)], (0.0, 0.0, 1e-15), (0.0, 0.0, v), rtol)
         ball.until(1.1 * rest)
         error = ball.impacts[-1].t + ball.impacts[-1].chatter_time - rest
         cut = math.sqrt(8.0 * rtol * SIZE / (GRAVITY * (1.0 - e)))
@@ -77,7 +77,7 @@ def grazing_touch() -> list[Figure]:
         for sign in (1.0, -1.0):
             # thrown down at 1 m/s in a field that pulls up: the vertex lies at h - v^2/(2 g)
             start = 0.5 / GRAVITY + sign * miss
-            ball = Thrown(
+            ball = ThrownBody(
                 [Floor('body', 0.5)], (0.0, 0.0, start), (0.0, 0.0, -1.0), gravity=(0.0, GRAVITY)
             )
             ball.until(0.3)
@@ -99,7 +99,7 @@ def grazing_touch() -> list[Figure]:
 def sliding_to_rolling() -> list[Figure]:
     """Time at which sliding ends, speed afterwards, and the energy that friction took."""
     mu, v, r = 0.3, 2.0, 0.5
-    disc = Thrown(
+    disc = ThrownBody(
         [Floor('body', 0.5, mu, r)],
         (0.0, 0.0, r),
         (0.0, v, 0.0),
@@ -131,7 +131,7 @@ def block_on_an_incline() -> list[Figure]:
     for excess in (-0.1, -1e-6, -1e-12, 1e-6, 1e-3, 0.1):
         slope = math.atan(mu) + excess
         field = (GRAVITY * math.sin(slope), -GRAVITY * math.cos(slope))
-        block = Thrown(
+        block = ThrownBody(
             [Floor('body', 0.0, mu)], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), gravity=field, closed=True
         )
         block.until(1.0)

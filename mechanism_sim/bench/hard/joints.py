@@ -77,7 +77,7 @@ def other_clearances_vanish() -> list[Figure]:
     'The energy balance, loss by sliding from a quadrature; energy never rises at an impact.',
 )
 def friction_in_four_joints() -> list[Figure]:
-    """EnergyTerms, gaps and changes of mode over 20 revolutions."""
+    """Energy residual, gaps and changes of mode over 20 revolutions."""
     machine = loose(JOINTS, friction=0.1, pin_radius=0.005, hypothesis='poisson')
     solution = simulate(machine, revolutions=20)
     modes = {m.mode for m in solution.modes}

@@ -101,7 +101,7 @@ def slider_on_a_fast_arm() -> list[Figure]:
     'Locked, the wheel stands at a whole number of slots; and the energy balance.',
 )
 def thousand_indexings() -> list[Figure]:
-    """Where the wheel stands, and what is missing in the energy balance."""
+    """Position of the wheel, and the energy residual."""
     torque = {'constant': 2.0, 'per_speed': -0.1}
     machine = load_scene('geneva', {'drive': {'speed': 20.0, 'torque': torque,
                                               'start_angle': '180 deg'}})  # fmt: skip
@@ -148,7 +148,7 @@ def ten_links_two_loose_joints() -> list[Figure]:
 
 
 @hard_case(
-    'A pendulum let go at 150 degrees, 10,000 swings at a tolerance of 1e-12 each.',
+    'A pendulum released at 150 degrees, 10,000 swings at a tolerance of 1e-12 each.',
     'The period by the complete elliptic integral, 4 K(sin(75 deg)) sqrt(I/(m g l)).',
 )
 def ten_thousand_swings() -> list[Figure]:

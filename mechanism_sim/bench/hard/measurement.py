@@ -16,7 +16,7 @@ from mechanism_sim.bench.hard.bodies import SPEED, TURN, thesis
 from mechanism_sim.bench.hard.case import Figure, hard_case
 from mechanism_sim.bench.stages import (
     State,
-    in_series,
+    connect_in_series,
     integral,
     lag,
     lead,
@@ -50,7 +50,7 @@ BLOCK = Mechanism(
 )
 
 
-def pushed(durations: ArrayLike, accelerations: ArrayLike, jumps: ArrayLike) -> Motion:
+def block_motion(durations: ArrayLike, accelerations: ArrayLike, jumps: ArrayLike) -> Motion:
     """A block under an acceleration (m,) [m/s^2] in each piece, after a jump of its velocity."""
     h, a, jump = (np.asarray(x, float) for x in (durations, accelerations, jumps))
     m = len(h)
@@ -69,18 +69,18 @@ def samples(blocks: Iterable[Block]) -> Array:
     return np.concatenate([block.samples for block in blocks])
 
 
-def measured(instrument: Instrument, motion: Motion) -> Array:
+def measure_block(instrument: Instrument, motion: Motion) -> Array:
     """All samples of the block's acceleration."""
     channel = Channel(PointOnLink(BLOCK, 'block', 0.0, 'along'), instrument, 'x')
     channel.take(motion)
     return samples(channel.blocks(final=True))
 
 
-def stepped(
+def step_response(
     stages: Sequence[State], count: int, jump: float, at: int, rate: float = RATE
 ) -> Array:
     """What stages in series give for 1 m/s^2 from rest and a jump at a sample, by ``expm``."""
-    A, B, C, D = in_series(stages)
+    A, B, C, D = connect_in_series(stages)
     n = len(A)
     step = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) / rate)
     x, out = np.append(np.zeros(n), 1.0), []
@@ -91,14 +91,14 @@ def stepped(
     return np.array(out)
 
 
-def wrong(instrument: Instrument, stages: Sequence[State], last: float = 0.05) -> float:
+def deviation(instrument: Instrument, stages: Sequence[State], last: float = 0.05) -> float:
     """Largest error of the answer to a push and a jump, over the largest sample."""
     rate = instrument.sample_rate
     count = round(last * rate)
     at = count // 4
     pieces = np.array([at, count // 3, count - at - count // 3]) / rate
-    found = measured(instrument, pushed(pieces, [1.0] * 3, [0.0, 0.3, 0.0]))
-    wanted = stepped(stages, len(found), 0.3, at, rate)
+    found = measure_block(instrument, block_motion(pieces, [1.0] * 3, [0.0, 0.3, 0.0]))
+    wanted = step_response(stages, len(found), 0.3, at, rate)
     return float(np.abs(found - wanted).max() / np.abs(wanted).max())
 
 
@@ -131,7 +131,7 @@ def coinciding_poles() -> list[Figure]:
     """Errors over the largest sample, and for exact coincidence over what is to be expected."""
     errors = np.array(
         [
-            [wrong(instrument, stages) for _, instrument, stages in equal_stages(apart)]
+            [deviation(instrument, stages) for _, instrument, stages in equal_stages(apart)]
             for apart in (0.0, *10.0 ** np.arange(-14.0, -0.9, 0.25))
         ]
     )
@@ -152,7 +152,7 @@ def coinciding_poles() -> list[Figure]:
 def critical_transducer() -> list[Figure]:
     """Largest error over damping ratios on both sides of one."""
     apart = [0.0, *(s * 10.0**-k for k in range(1, 16) for s in (-1.0, 1.0))]
-    errors = [wrong(Instrument(RATE, Transducer(90.0, 1.0 + d)), [resonator(90.0, 1.0 + d)])
+    errors = [deviation(Instrument(RATE, Transducer(90.0, 1.0 + d)), [resonator(90.0, 1.0 + d)])
               for d in apart]  # fmt: skip
     return [Figure('largest error', max(errors), 1e-9)]
 
@@ -166,11 +166,11 @@ def critical_transducer() -> list[Figure]:
 def transducer_far_from_the_rate() -> list[Figure]:
     """Errors over the largest sample."""
     count, rest = 400, 50
-    push = pushed(np.array([rest, count - rest]) / RATE, [1.0, 2.0], [0.0, 0.0])
-    fast = measured(Instrument(RATE, Transducer(1e6 * RATE, 0.02)), push)
+    push = block_motion(np.array([rest, count - rest]) / RATE, [1.0, 2.0], [0.0, 0.0])
+    fast = measure_block(Instrument(RATE, Transducer(1e6 * RATE, 0.02)), push)
     wanted = np.where(np.arange(len(fast)) < rest, 1.0, 2.0)
     settled = np.arange(len(fast)) % rest > 0  # at the start of a push it has not moved yet
-    slow = measured(Instrument(RATE, Transducer(1e-6 * RATE, 0.0)), push)
+    slow = measure_block(Instrument(RATE, Transducer(1e-6 * RATE, 0.0)), push)
     place = push.curve(np.arange(len(slow)) / RATE)[:, 0]
     reading = (2.0 * math.pi * 1e-6 * RATE) ** 2 * place
     # the next term of the series of a sine, -(wn t)^2/12, is what it is short of that
@@ -195,7 +195,9 @@ def high_orders_and_low_corners() -> list[Figure]:
     errors = []
     for corner, last in ((1e-4, 12.0), (1e-3, 3.0), (1e-2, 0.3), (0.5, 0.05)):
         f = corner * RATE
-        errors.append(wrong(Instrument(RATE, anti_alias=AntiAlias(f, 12)), low_pass(f, 12), last))
+        errors.append(
+            deviation(Instrument(RATE, anti_alias=AntiAlias(f, 12)), low_pass(f, 12), last)
+        )
     return [Figure('largest error', max(errors), 1e-10)]
 
 
@@ -214,11 +216,11 @@ def impacts_within_pulses() -> list[Figure]:
     jumps = 0.3 * 0.998 ** np.arange(n) * np.where(np.arange(n) % 3, 1.0, -0.6)
     jumps[0] = 0.0
     h = np.append(h, 0.2)
-    motion = pushed(h, np.zeros(n + 1), np.append(jumps, 0.0))
+    motion = block_motion(h, np.zeros(n + 1), np.append(jumps, 0.0))
     size, at = np.abs(jumps).sum(), motion.curve.start[:n]
     figures = []
     for T in (0.0, pulse):
-        found = measured(Instrument(RATE, integrator=Integrator(1), impact_pulse=T), motion)
+        found = measure_block(Instrument(RATE, integrator=Integrator(1), impact_pulse=T), motion)
         t = np.arange(len(found)) / RATE
         part = np.clip((t[:, None] - at) / T, 0.0, 1.0) if T else (t[:, None] >= at) * 1.0
         wanted = np.sin(0.5 * math.pi * part) ** 2 @ jumps
@@ -241,8 +243,8 @@ def long_double_integration() -> list[Figure]:
     """Drift of the displacement."""
     n, last = 4000, 1000.0
     h = np.full(n, last / n)
-    push = pushed(h, np.where(np.arange(n) % 2, -1.0, 1.0), np.zeros(n))
-    found = measured(Instrument(10.0, integrator=Integrator(2)), push)
+    push = block_motion(h, np.where(np.arange(n) % 2, -1.0, 1.0), np.zeros(n))
+    found = measure_block(Instrument(10.0, integrator=Integrator(2)), push)
     t = np.arange(len(found)) / 10.0
     away = np.abs(found - push.curve(t)[:, 0])
     place = float(np.abs(push.curve(t)[:, 0]).max())
@@ -369,7 +371,7 @@ def triggers_of_any_motion() -> list[Figure]:
     rest = {'speed': 0.0, 'start_angle': '0 deg', 'torque': {'constant': 0.1}}
     missed += len(passages(rest, 0.0, 0.1)) != 1
     rocking = {'speed': 0.0, 'start_angle': '200 deg', 'torque': {'constant': 0.0}}
-    up = pushed([0.7, 0.3, 1.0], [-4.0, -4.0, -4.0], [2.0, 0.0, 0.0])  # turns back at 0.5 s
+    up = block_motion([0.7, 0.3, 1.0], [-4.0, -4.0, -4.0], [2.0, 0.0, 0.0])  # turns back at 0.5 s
     for exponent in range(-10, -1):
         d = 10.0**exponent
         found = np.array(Passage(Trigger(0.5 - d), {0: 1.0}).times(up))

@@ -12,21 +12,21 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, Thrown, residual
+from mechanism_sim.bench.hard.bodies import GRAVITY, Floor, ThrownBody, residual
 from mechanism_sim.bench.hard.case import Figure, hard_case
 
 HALF = 1.0  # [m] half the length of the rod, of 1 kg
 INERTIA = HALF**2 / 3.0
 
 
-def _rod(angle: float, spin: float, slide: float, mu: float) -> Thrown:
+def _rod(angle: float, spin: float, slide: float, mu: float) -> ThrownBody:
     """A rod on its tip: its angle, its rate, and the velocity of the tip along x."""
     c, s = math.cos(angle), math.sin(angle)
     # the tip lies at -HALF (c, s) from the centre
     x, y = 0.0, HALF * s
     vx, vy = slide - HALF * s * spin, HALF * c * spin
     floor = Floor('body', 0.0, mu, at=(-HALF, 0.0))
-    return Thrown([floor], (angle, x, y), (spin, vx, vy), inertia=INERTIA, closed=True)
+    return ThrownBody([floor], (angle, x, y), (spin, vx, vy), inertia=INERTIA, closed=True)
 
 
 def _compliance(angle: float) -> tuple[float, float, float]:

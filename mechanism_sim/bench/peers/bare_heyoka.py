@@ -37,9 +37,9 @@ class BareLoop:
         self,
         four_bar: LooseFourBar,
         tol: float,
-        kept: list[tuple[float, float, Answer]] | None = None,
+        recording: list[tuple[float, float, Answer]] | None = None,
     ) -> None:
-        self._kept = kept
+        self._recording = recording
         self._f = f = four_bar
         (self._I3, self._I4), (moment3, moment4) = f.inertias, f.moments
         self._swing = moment3 * f.crank * f.crank_speed**2 / self._I3
@@ -118,7 +118,7 @@ class BareLoop:
         """
         ta, success, steps = self._ta, hy.taylor_outcome.success, 0
         outcome = success
-        if self._kept is None:
+        if self._recording is None:
             if first < math.inf:
                 outcome, _ = ta.step(min(first, end - ta.time))
                 steps = 1
@@ -128,11 +128,11 @@ class BareLoop:
                 outcome, _, _, count, *_ = ta.propagate_until(end, max_steps=STEPS)
                 steps += count
             return outcome, steps
-        series, keep, step = ta.tc, self._kept.append, ta.step
+        series, append, step = ta.tc, self._recording.append, ta.step
         while outcome == success:
             began = ta.time
             outcome, h = step(min(first, end - began), True)
-            keep((began, h, series.copy()))
+            append((began, h, series.copy()))
             steps += 1
             if first < math.inf:
                 first = math.inf
@@ -150,8 +150,8 @@ class BareLoop:
             math.sin(f.crank_angle), math.cos(f.crank_angle),
         ]  # fmt: skip
         closed, impacts, steps = f.seated, 0, 0
-        if self._kept is not None:
-            self._kept.clear()
+        if self._recording is not None:
+            self._recording.clear()
         self._flag[0] = float(closed)
         first = math.inf
         while True:
@@ -186,9 +186,9 @@ class BareLoop:
             self._flag[0] = float(closed)
 
 
-def prepare(four_bar: LooseFourBar, tol: float, keeping: bool = False) -> Run:
-    """Compile, and be ready to run; `keeping`: so that it can tell the state at any instant."""
-    loop = BareLoop(four_bar, tol, [] if keeping else None)
+def prepare(four_bar: LooseFourBar, tol: float, record: bool = False) -> Run:
+    """Compile; with `record` all steps are kept, which give the state at any instant."""
+    loop = BareLoop(four_bar, tol, [] if record else None)
 
     def run() -> Callable[[], Outcome]:
         steps, impacts = loop.run()
@@ -207,11 +207,11 @@ PEER = Peer(
     any_restitution=True,
 )
 
-KEEPING = Peer(
+RECORDING = Peer(
     'bare heyoka loop, steps kept',
     PEER.settings,
     'tol',
-    partial(prepare, keeping=True),
+    partial(prepare, record=True),
     'The same step by step, with the polynomials of every step put into a list: what it takes to '
     'answer at any instant, as this package does.',
     any_restitution=True,

@@ -16,7 +16,7 @@ import numpy as np
 
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
 from mechanism_sim.bench.peers.exudyn import damping
-from mechanism_sim.bench.problem import Outcome, Run, without
+from mechanism_sim.bench.problem import Outcome, Run, missing
 
 FLYWHEEL = 1e9  #: [kg m^2] of the crank: its speed stays the same to 1e-10 rad/s
 ACCURACY = 1e-4  #: of the error control; a smaller one costs time and changes nothing
@@ -192,6 +192,6 @@ PEER = Peer(
     'Runge-Kutta 3 with error control. Drake has no contact in a bushing and no restitution of '
     'its own. Tried and slower at equal error: Radau 3, implicit Euler, tighter accuracies; '
     'Runge-Kutta 5 and, from 1e8 N/m, Bogacki-Shampine 3 failed.',
-    lambda: without('pydrake'),
+    lambda: missing('pydrake'),
     any_restitution=True,
 )

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run, without
+from mechanism_sim.bench.problem import Outcome, Run, missing
 
 LONGEST_STEP = 1e-3  #: [s] longer trial steps of the Runge-Kutta method leave its bounds
 RETURN = 300.0  #: [1/s] at which an error of the closed gap is taken back
@@ -72,7 +72,7 @@ class Bar:
             1.0 / (row_b * row_b / inertia_b + row_c * row_c / inertia_c),
         )
 
-    def pushed(self, push: float, now: Motion) -> tuple[float, float]:
+    def accelerate(self, push: float, now: Motion) -> tuple[float, float]:
         """Angular accelerations (rates, angles) from a force (impulse, ...) on the gap."""
         return push * now.row[0] / self.inertia[0], push * now.row[1] / self.inertia[1]
 
@@ -81,7 +81,7 @@ class Bar:
         b, c, *rates = state
         for _ in range(3):
             now = self.at(t, [b, c, *rates])
-            db, dc = self.pushed(now.mass * (START_OF_FLIGHT - now.gap), now)
+            db, dc = self.accelerate(now.mass * (START_OF_FLIGHT - now.gap), now)
             b, c = b + db, c + dc
         return [b, c, *rates]
 
@@ -138,7 +138,7 @@ def hybrid_system(bar: LooseFourBar, accuracy: float) -> Any:
             b, c = now.flight
             if self.follows(context):
                 error = 2.0 * RETURN * now.rate + RETURN**2 * now.gap
-                db, dc = equations.pushed(-now.mass * (now.acceleration + error), now)
+                db, dc = equations.accelerate(-now.mass * (now.acceleration + error), now)
                 b, c = b + db, c + dc
             derivatives.SetFromVector([state[2], state[3], b, c])
 
@@ -153,7 +153,7 @@ def hybrid_system(bar: LooseFourBar, accuracy: float) -> Any:
             now = equations.at(t, [b, c, vb, vc])
             last = (bar.restitution * now.rate) ** 2 < -2.0 * now.acceleration * height
             rebound = 0.0 if last else bar.restitution
-            db, dc = equations.pushed(-(1.0 + rebound) * now.mass * now.rate, now)
+            db, dc = equations.accelerate(-(1.0 + rebound) * now.mass * now.rate, now)
             self.set(state, [b, c, vb + db, vc + dc], last)
             self.impacts += 1
 
@@ -203,6 +203,6 @@ PEER = Peer(
     'functions for impact and loss of contact, unrestricted updates for the resets, Runge-Kutta 5 '
     'with error control; the closed gap is held by Baumgarte terms. Tried and slower at equal '
     'error: Runge-Kutta 3, other gains. The search for events at 1e-10 does not always end.',
-    lambda: without('pydrake'),
+    lambda: missing('pydrake'),
     any_restitution=True,
 )

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mechanism_sim.bench.four_bar import Peer
-from mechanism_sim.bench.problem import Answer, Outcome, Run, without
+from mechanism_sim.bench.problem import Answer, Outcome, Run, missing
 from mechanism_sim.bench.tree import Link, Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.mechanism import GROUND, Vector2
@@ -50,13 +50,13 @@ def damping(e: float) -> float:
 def restitution_to_give(e: float) -> float:
     """The restitution for which Exudyn's impact model 2 takes the damping of the true `e`."""
 
-    def of_exudyn(x: float) -> float:
+    def exudyn_damping(x: float) -> float:
         if x > 1.0 / 3.0:
             return 1.5 * (1.0 - x) * (11.0 - x) / (1.0 + 9.0 * x)
         return (1.0 - x * x) / x
 
     number = damping(e)
-    return float(brentq(lambda x: of_exudyn(x) - number, 1e-6, 1.0))
+    return float(brentq(lambda x: exudyn_damping(x) - number, 1e-6, 1.0))
 
 
 def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
@@ -86,7 +86,7 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
                 first, final = axis == link.axes[0], axis == link.axes[-1]
                 parents.append(last[link.parent] if first else len(joints) - 1)
                 at.append([*link.at, 0.0] if first else [0.0] * 3)
-                turns.append(turned(link.turn) if first else np.eye(3))
+                turns.append(rotation_about_z(link.turn) if first else np.eye(3))
                 joints.append(getattr(exu.JointType, axis))
                 masses.append(link.mass if final else 0.0)
                 inertias.append((link.inertia + link.flywheel) * np.eye(3) * final)
@@ -248,7 +248,7 @@ def prepare_machine(tree: Tree, duration: float, setting: float) -> Run:
     return run
 
 
-def turned(angle: float) -> Answer:
+def rotation_about_z(angle: float) -> Answer:
     """The matrix of a turn about z (3, 3)."""
     return np.array(
         [[cos(angle), -sin(angle), 0.0], [sin(angle), cos(angle), 0.0], [0.0, 0.0, 1.0]]
@@ -259,11 +259,11 @@ PEER = Peer(
     'Exudyn',
     (1e7, 1e8, 1e9, 1e10, 1e11),
     'contact stiffness [N/m]',
-    lambda bar, setting: bar.solved_by(prepare_machine, setting),
+    lambda bar, setting: bar.run_as_tree(prepare_machine, setting),
     'Kinematic trees, the crank a flywheel; the pin in its bushing is ObjectContactSphereSphere '
     'with a hollow sphere, linear stiffness and impact model 2, whose restitution is set so that '
     "Newton's comes out; RK33 in the fast core, as few steps as stay stable. Tried and slower at "
     'equal error: RK44, ODE23, DOPRI5, generalised alpha and trapezoidal rule.',
-    lambda: without('exudyn'),
+    lambda: missing('exudyn'),
     any_restitution=True,
 )

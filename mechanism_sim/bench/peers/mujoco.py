@@ -13,7 +13,7 @@ from collections.abc import Callable
 from math import ceil, sqrt
 
 from mechanism_sim.bench.four_bar import Peer
-from mechanism_sim.bench.problem import Outcome, Run, without
+from mechanism_sim.bench.problem import Outcome, Run, missing
 from mechanism_sim.bench.tree import HINGE, SLIDE_X, SLIDE_Y, Link, Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.mechanism import GROUND
@@ -46,7 +46,7 @@ def model(tree: Tree, h: float, pull: float) -> str:
     pull : the share of an overlap that is taken away in a step, k h^2
     """
 
-    def carried(parent: str) -> str:
+    def bodies_on(parent: str) -> str:
         sites = ''.join(
             f'<site name="{pin.name}.{k}" pos="{at[0]!r} {at[1]!r} 0"/>'
             for pin in tree.pins
@@ -54,7 +54,7 @@ def model(tree: Tree, h: float, pull: float) -> str:
             if link == parent
         )
         children = (link for link in tree.links.values() if link.parent == parent)
-        return sites + ''.join(element(link, carried(link.name)) for link in children)
+        return sites + ''.join(element(link, bodies_on(link.name)) for link in children)
 
     def softness(e: float) -> str:
         return f'"{-pull / h**2!r} {-(1.0 + e - pull / 2.0) / h!r}"'
@@ -83,7 +83,7 @@ def model(tree: Tree, h: float, pull: float) -> str:
           iterations="{iterations}" tolerance="0" jacobian="dense">
     <flag contact="disable" eulerdamp="disable" island="disable"/>
   </option>
-  <worldbody>{carried(GROUND)}</worldbody>
+  <worldbody>{bodies_on(GROUND)}</worldbody>
   <tendon>{tendons}</tendon>
   <equality>{closing}</equality>
 </mujoco>"""
@@ -135,12 +135,12 @@ PEER = Peer(
     'MuJoCo',
     (5e3, 20e3, 80e3, 320e3, 1280e3),
     'steps per revolution',
-    lambda bar, setting: bar.solved_by(prepare_machine, setting),
+    lambda bar, setting: bar.run_as_tree(prepare_machine, setting),
     'MJCF of hinges, the crank with a flywheel as armature, the pin a tendon of limited length '
     'whose solref makes the law of Newton out of one step; semi-implicit Euler and PGS in one '
     'call of mj_step. Tried and worse at equal cost: springs that resolve the impact (Euler and '
     'RK4, 4 to 60 steps per impact), the Newton solver, other stiffnesses. Where impacts fall '
     'within a step is chance: the error of one run scatters by a factor of ten about its trend.',
-    lambda: without('mujoco'),
+    lambda: missing('mujoco'),
     any_restitution=True,
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Answer, Outcome, Run, whole, without
+from mechanism_sim.bench.problem import Answer, Outcome, Run, missing, run_once
 
 if TYPE_CHECKING:
     from mechanism_sim.bench.kernels.loose_equations import Constants
@@ -56,7 +56,7 @@ def prepare(four_bar: LooseFourBar, rtol: float) -> Run:
         *angles, steps, impacts = revolve(p, start, seated, end, rtol, times)
         return Outcome(np.array(angles), steps, impacts)
 
-    return whole(work)
+    return run_once(work)
 
 
 PEER = Peer(
@@ -66,6 +66,6 @@ PEER = Peer(
     prepare,
     'An event loop written for this mechanism alone, compiled as one function: DOP853 with its '
     'dense output, flight in two angles, following in the contact angle.',
-    lambda: without('numba'),
+    lambda: missing('numba'),
     any_restitution=True,
 )

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq
 
-from mechanism_sim.bench.problem import Answer, Outcome, Run, whole
+from mechanism_sim.bench.problem import Answer, Outcome, Run, run_once
 from mechanism_sim.bench.rattling import Rattling
 
 LOWEST = 1e-12  #: [m] bounces that count as contact
@@ -102,7 +102,7 @@ def events(
     return Landing(float(arc.t[-1]), arc.y[:, -1], hit, len(arc.t) - 1, last)
 
 
-def tuned(
+def fly_by_steps(
     r: Rattling, t: float, y: Answer, stop: float, left: int, first: float, rtol: float
 ) -> Landing:
     """Flight by `DOP853`, its dense output looked at, the last step taken again to its end."""
@@ -147,16 +147,16 @@ def rate(r: Rattling) -> Callable[[float, Answer], tuple[float, float]]:
     """Rates of way and speed."""
     pull, constants = r.pull, r.constants
 
-    def of(t: float, y: Answer) -> tuple[float, float]:
+    def rates(t: float, y: Answer) -> tuple[float, float]:
         z, v = y.tolist()
         return v, pull(t, z, v, constants)
 
-    return of
+    return rates
 
 
-def by(rattling: Rattling, fly: Fly) -> Callable[[float], Run]:
+def prepare(rattling: Rattling, fly: Fly) -> Callable[[float], Run]:
     """A run by tolerance."""
-    return lambda rtol: whole(lambda: simulate(rattling, fly, rtol))
+    return lambda rtol: run_once(lambda: simulate(rattling, fly, rtol))
 
 
 _EVENTS = '`solve_ivp` with terminal events, arc by arc, plain floats in the right-hand side.'
@@ -164,7 +164,7 @@ SOLVERS = (
     ('SciPy DOP853', events, _EVENTS),
     (
         'SciPy DOP853 tuned',
-        tuned,
+        fly_by_steps,
         'A hand-written event loop around `scipy.integrate.DOP853`, plain floats in the '
         'right-hand side; events are sought on the dense output, and the step is taken again to '
         'end there.',

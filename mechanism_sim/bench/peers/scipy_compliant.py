@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
 from mechanism_sim.bench.peers.scipy_events import Equations, Rates
-from mechanism_sim.bench.problem import Outcome, Run, whole
+from mechanism_sim.bench.problem import Outcome, Run, run_once
 from mechanism_sim.errors import RunError
 
 
@@ -37,7 +37,7 @@ def simulate(four_bar: LooseFourBar, method: str, stiffness: float, rtol: float)
             return eq.flight(t, y)
         b = eq.bearing(t, y)
         damping = 2.0 * ratio * math.sqrt(stiffness * b.mass)
-        return eq.pressed(y, b, max(0.0, damping * b.approach - stiffness * b.gap))
+        return eq.rates_under_force(y, b, max(0.0, damping * b.approach - stiffness * b.gap))
 
     def jacobian(t: float, y: Array) -> Array:
         # Differences would step out of the contact, which is 1e-10 m deep.
@@ -56,13 +56,15 @@ def simulate(four_bar: LooseFourBar, method: str, stiffness: float, rtol: float)
         t_eval=[four_bar.duration], jac=jacobian,
     )  # fmt: skip
     if not run.success:
-        raise RunError(f'{method} gave up: {run.message}')
+        raise RunError(f'{method} failed: {run.message}')
     return Outcome(run.y[:2, -1])
 
 
-def by(method: str, rtol: float) -> Callable[[LooseFourBar, float], Run]:
+def prepare(method: str, rtol: float) -> Callable[[LooseFourBar, float], Run]:
     """Prepare a run by a method at a tolerance."""
-    return lambda four_bar, stiffness: whole(lambda: simulate(four_bar, method, stiffness, rtol))
+    return lambda four_bar, stiffness: run_once(
+        lambda: simulate(four_bar, method, stiffness, rtol)
+    )
 
 
 LSODA, RADAU = (
@@ -70,7 +72,7 @@ LSODA, RADAU = (
         f'SciPy {method}, compliant',
         stiffnesses,
         'stiffness [N/m]',
-        by(method, rtol),
+        prepare(method, rtol),
         '`solve_ivp` over the whole run, a spring and damper that cannot pull, damped for the '
         f'restitution; Jacobian given; rtol {rtol:g}, below which the error no longer falls.',
     )

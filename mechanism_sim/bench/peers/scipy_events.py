@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, Run, whole
+from mechanism_sim.bench.problem import Outcome, Run, run_once
 
 Rates = tuple[float, float, float, float]
 
@@ -84,21 +84,21 @@ class Equations:
         approach = vx * nx + vz * nz
         return Bearing(f.clearance - r, approach, mass * outward, k3, k4, mass, moment3, moment4)
 
-    def pressed(self, y: Array, b: Bearing, force: float) -> Rates:
+    def rates_under_force(self, y: Array, b: Bearing, force: float) -> Rates:
         """Rates under a contact force [N]."""
         _, _, w3, w4 = y.tolist()
         return w3, w4, (b.moment3 - force * b.k3) / self.I3, (b.moment4 + force * b.k4) / self.I4
 
-    def following(self, t: float, y: Array) -> Rates:
+    def rates_in_contact(self, t: float, y: Array) -> Rates:
         """Rates in contact, with Baumgarte's terms for gap and rate."""
         b, a = self.bearing(t, y), STABILISATION
-        return self.pressed(y, b, b.force + b.mass * a * (2.0 * b.approach - a * b.gap))
+        return self.rates_under_force(y, b, b.force + b.mass * a * (2.0 * b.approach - a * b.gap))
 
     def force(self, t: float, y: Array) -> float:
         """Contact force [N]."""
         return self.bearing(t, y).force
 
-    def pushed(self, t: float, y: Array, gap: float, impulse: float) -> Array:
+    def displace(self, t: float, y: Array, gap: float, impulse: float) -> Array:
         """The state moved to a gap [m] along the normal, after a normal impulse [N s]."""
         b = self.bearing(t, y)
         push = (gap - b.gap) * b.mass
@@ -111,24 +111,24 @@ def simulate(four_bar: LooseFourBar, method: str, rtol: float) -> Outcome:
     """A run by `solve_ivp`, from event to event."""
     eq, e, end = Equations(four_bar), four_bar.restitution, four_bar.duration
 
-    def touches(t: float, y: Array) -> float:
+    def contact_begins(t: float, y: Array) -> float:
         return eq.gap(t, y)
 
-    def detachment(t: float, y: Array) -> float:
+    def contact_ends(t: float, y: Array) -> float:
         return eq.force(t, y)
 
-    for event in (touches, detachment):
+    for event in (contact_begins, contact_ends):
         event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
     t, y, closed = 0.0, eq.start, four_bar.seated
     steps = impacts = 0
     first: float | None = None
     while t < end:
         arc = solve_ivp(
-            eq.following if closed else eq.flight,
+            eq.rates_in_contact if closed else eq.flight,
             (t, end),
             y,
             method,
-            events=detachment if closed else touches,
+            events=contact_ends if closed else contact_begins,
             rtol=rtol,
             atol=0.1 * rtol,
             first_step=first,
@@ -142,11 +142,11 @@ def simulate(four_bar: LooseFourBar, method: str, rtol: float) -> Outcome:
         first = None
         if closed:
             closed = False
-            y = eq.pushed(t, y, HAIR, b.mass * b.approach)
+            y = eq.displace(t, y, HAIR, b.mass * b.approach)
             continue
         impacts += 1
         closed = e * b.approach < SLOWEST and b.force > 0.0
-        y = eq.pushed(
+        y = eq.displace(
             t, y, 0.0 if closed else HAIR, (1.0 + e * (not closed)) * b.mass * b.approach
         )
         if not closed and b.force > 0.0:  # the flight it begins, if it falls back
@@ -154,9 +154,9 @@ def simulate(four_bar: LooseFourBar, method: str, rtol: float) -> Outcome:
     return Outcome(y[:2], steps, impacts)
 
 
-def by(method: str) -> Callable[[LooseFourBar, float], Run]:
+def prepare(method: str) -> Callable[[LooseFourBar, float], Run]:
     """Prepare a run by a method of `solve_ivp`."""
-    return lambda four_bar, rtol: whole(lambda: simulate(four_bar, method, rtol))
+    return lambda four_bar, rtol: run_once(lambda: simulate(four_bar, method, rtol))
 
 
 HOW = (
@@ -164,7 +164,7 @@ HOW = (
     'start a hair off the event, the first step after a rebound is half the flight expected.'
 )
 RK45, DOP853, LSODA, RADAU = (
-    Peer(f'SciPy {method}', settings, 'rtol', by(method), HOW, any_restitution=everywhere)
+    Peer(f'SciPy {method}', settings, 'rtol', prepare(method), HOW, any_restitution=everywhere)
     for method, settings, everywhere in (
         ('RK45', (1e-4, 1e-6, 1e-8, 1e-10), False),
         ('DOP853', (1e-6, 1e-8, 1e-10, 1e-12), True),

@@ -30,7 +30,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.bench.four_bar import LooseFourBar, Peer
-from mechanism_sim.bench.problem import Outcome, whole
+from mechanism_sim.bench.problem import Outcome, run_once
 
 # Table 6.1 in SI, crank = 2, coupler = 3, rocker = 4, frame = 1; S: joint to mass centre
 l1, l2, l3, l4, c = 0.387, 0.064, 0.309, 0.312, 0.000254
@@ -94,7 +94,7 @@ def flight(t: float, y: Array) -> State:
     return (w3, w4, SWING3 * sin(w2 * t - th3) - FALL3 * cos(th3), -FALL4 * cos(th4))
 
 
-def following(
+def accelerate_in_contact(
     t: float, th3: float, th4: float, w3: float, w4: float
 ) -> tuple[float, float, float]:
     """Accelerations of coupler and rocker in contact, and the contact force."""
@@ -117,7 +117,7 @@ def following(
 def contact_force(t: float, y: Array) -> float:
     """Contact force [N], as if in contact."""
     th3, th4, w3, w4 = y.tolist()
-    return following(t, th3, th4, w3, w4)[2]
+    return accelerate_in_contact(t, th3, th4, w3, w4)[2]
 
 
 def project(t: float, th3: float, th4: float, w3: float, w4: float) -> State:
@@ -182,10 +182,10 @@ def simulate(four_bar: LooseFourBar, rtol: float, cut: float = 1e-6) -> Outcome:
     steps = impacts = 0
     low = high = 0.0  # contact force over the stages of a step
 
-    def pressed(t: float, y: Array) -> State:
+    def record_force(t: float, y: Array) -> State:
         nonlocal low, high
         th3, th4, w3, w4 = y.tolist()
-        a3, a4, force = following(t, th3, th4, w3, w4)
+        a3, a4, force = accelerate_in_contact(t, th3, th4, w3, w4)
         if force < low:
             low = force
         elif force > high:
@@ -193,7 +193,7 @@ def simulate(four_bar: LooseFourBar, rtol: float, cut: float = 1e-6) -> Outcome:
         return (w3, w4, a3, a4)
 
     while t < end:  # one arc of flight or of following
-        fun, guard = (pressed, contact_force) if touching else (flight, gap)
+        fun, guard = (record_force, contact_force) if touching else (flight, gap)
         first = None if step is None else min(step, end - t)
         solver = DOP853(fun, t, y, end, rtol=rtol, atol=0.1 * rtol, first_step=first)
         event = None
@@ -228,7 +228,7 @@ def simulate(four_bar: LooseFourBar, rtol: float, cut: float = 1e-6) -> Outcome:
         ratio = e
         if e * now.approach < cut:
             seated = project(t, *y)
-            if following(t, *seated)[2] > 0:
+            if accelerate_in_contact(t, *seated)[2] > 0:
                 touching, ratio = True, 0.0
         impacts += 1
         if touching:
@@ -237,7 +237,7 @@ def simulate(four_bar: LooseFourBar, rtol: float, cut: float = 1e-6) -> Outcome:
         _, w3, w4 = now.strike(y[2], y[3], ratio)
         y = (y[0], y[1], w3, w4)
         # ballistic estimate of the next impact: the gap opens at e v and is pulled back at `pull`
-        pull = following(t, *y)[2] / now.mass
+        pull = accelerate_in_contact(t, *y)[2] / now.mass
         if pull > 0:
             step = min(step, 1.2 * 2 * ratio * now.approach / pull)
     return Outcome(np.array(y[:2]), steps, impacts)
@@ -247,7 +247,7 @@ PEER = Peer(
     'SciPy DOP853 tuned',
     (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12),
     'rtol',
-    lambda four_bar, rtol: whole(lambda: simulate(four_bar, rtol)),
+    lambda four_bar, rtol: run_once(lambda: simulate(four_bar, rtol)),
     'A hand-written event loop around `scipy.integrate.DOP853`, plain floats in the right-hand '
     'side, dense output only where an event is possible, projection onto the contact.',
     any_restitution=True,

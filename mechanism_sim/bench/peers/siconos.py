@@ -96,7 +96,7 @@ def output(command: list[str], text: str = '', folder: str | None = None) -> str
     Raises
     ------
     RuntimeError
-        If it fails, with what it says about it.
+        If it fails, with its standard error.
     """
     done = subprocess.run(  # noqa: S603 - commands of this module
         command, input=text, cwd=folder, capture_output=True, text=True, check=False
@@ -145,8 +145,8 @@ def prepare(bar: LooseFourBar, setting: float) -> Run:
     command = [interpreter() or 'python3', '-I', str(PROCESS)]
 
     def run() -> Callable[[], Outcome]:
-        told = json.loads(output(command, json.dumps(problem), folder.name))
-        return lambda: Outcome(np.array(told['answer']), steps, cpu_time=told['cpu_time'])
+        result = json.loads(output(command, json.dumps(problem), folder.name))
+        return lambda: Outcome(np.array(result['answer']), steps, cpu_time=result['cpu_time'])
 
     return run
 

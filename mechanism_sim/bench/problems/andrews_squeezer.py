@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from functools import partial
 from math import pi
 
 import numpy as np
 
 from mechanism_sim.bench.four_bar import reference
-from mechanism_sim.bench.integration import event_loop, positions, solved
-from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, whole, without
+from mechanism_sim.bench.integration import event_loop, positions, run_solve_ivp, solve_ivp_methods
+from mechanism_sim.bench.problem import (
+    OURS,
+    Answer,
+    Method,
+    Outcome,
+    Problem,
+    Run,
+    missing,
+    run_once,
+)
 from mechanism_sim.bench.squeezer import Squeezer, rates
 from mechanism_sim.scene import load_scene
 
@@ -40,7 +48,7 @@ def ours(rtol: float) -> Run:
     return event_loop(machine, DURATION, lambda *run: relative_angles(at_end(*run)[order]))
 
 
-def initial_state() -> tuple[Squeezer, Answer]:
+def load_problem() -> tuple[Squeezer, Answer]:
     """The mechanism, and its angles and rates at the start (14,)."""
     content = reference('andrews_squeezer')
     start = np.array([*map(float, content['start']), *[0.0] * 7])
@@ -48,30 +56,30 @@ def initial_state() -> tuple[Squeezer, Answer]:
     return Squeezer(**parameters), start
 
 
-def compiled(rtol: float) -> Run:
+def run_numba(rtol: float) -> Run:
     """DOP853 on the same equations, all of it compiled by numba."""
     from mechanism_sim.bench.kernels.squeezer import integrate  # noqa: PLC0415
 
-    p, start = initial_state()
+    p, start = load_problem()
     integrate(p, start, 1e-9, rtol)
 
     def work() -> Outcome:
         end, steps = integrate(p, start, DURATION, rtol)
         return Outcome(end[:7], steps)
 
-    return whole(work)
+    return run_once(work)
 
 
 def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the test set's coordinates."""
-    p, start = initial_state()
+    p, start = load_problem()
 
     def rate(t: float, y: Answer) -> Answer:
         out = np.empty(14)
         rates(t, y, p, out)
         return out
 
-    return solved(rate, start, DURATION, method, rtol, 7)
+    return run_solve_ivp(rate, start, DURATION, method, rtol, 7)
 
 
 PROBLEM = Problem(
@@ -92,24 +100,19 @@ PROBLEM = Problem(
             'The event loop of `simulate`: seven coordinates, three closed loops as constraints, '
             'from the scene file.',
         ),
-        *(
-            Method(
-                f'SciPy {method}',
-                (1e-6, 1e-8, 1e-10, 1e-12),
-                'rtol',
-                partial(scipy, method),
-                "`solve_ivp` on the test set's seven angles in index 1, written by hand; "
-                '`numpy.linalg.solve` on 13 equations a call.',
-            )
-            for method in ('Radau', 'DOP853', 'LSODA')
+        *solve_ivp_methods(
+            scipy,
+            ('Radau', 'DOP853', 'LSODA'),
+            "`solve_ivp` on the test set's seven angles in index 1, written by hand; "
+            '`numpy.linalg.solve` on 13 equations a call.',
         ),
         Method(
             'numba DOP853 loop',
             (1e-6, 1e-8, 1e-10, 1e-12),
             'rtol',
-            compiled,
+            run_numba,
             'The same equations and DOP853 compiled as one function; nothing is kept but the end.',
-            lambda: without('numba'),
+            lambda: missing('numba'),
         ),
     ),
 )

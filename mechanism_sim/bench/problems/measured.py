@@ -14,19 +14,19 @@ from scipy.integrate import solve_ivp
 from scipy.signal import bilinear_zpk, lsim, sosfilt, zpk2sos
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.bench.accelerometer_chain import SENSOR, Measured
-from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, whole
+from mechanism_sim.bench.accelerometer_chain import SENSOR, SensorRun
+from mechanism_sim.bench.problem import OURS, Method, Outcome, Problem, Run, run_once
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.sensing.channel import Channel
 
-RUN = Measured(20)
+RUN = SensorRun(20)
 NODES = Nodes(tuple(chebyshev_nodes(14).tolist()))
 
 
-def timed(measure: Callable[[], Array]) -> Run:
+def run_samples(measure: Callable[[], Array]) -> Run:
     """A run whose answer are the samples."""
-    return whole(lambda: Outcome(measure()))
+    return run_once(lambda: Outcome(measure()))
 
 
 def ours(_: float) -> Run:
@@ -38,10 +38,10 @@ def ours(_: float) -> Run:
         channel.take(motion)
         return np.concatenate([block.samples for block in channel.blocks(final=True)])
 
-    return timed(measure)
+    return run_samples(measure)
 
 
-def oversampled(factor: float, pulses: bool) -> tuple[Array, Array]:
+def oversample(factor: float, pulses: bool) -> tuple[Array, Array]:
     """Ideal acceleration at a multiple of the rate, and its times [s].
 
     With pulses, the two samples about each impact share its area, so that its instant is kept.
@@ -59,34 +59,34 @@ def oversampled(factor: float, pulses: bool) -> tuple[Array, Array]:
     return u, t
 
 
-def filtered(pulses: bool, factor: float) -> Run:
+def run_sosfilt(pulses: bool, factor: float) -> Run:
     """`sosfilt` with the chain made digital by the bilinear transform, by factor of the rate."""
     chain = RUN.instrument.transfer()
     rate = factor * RUN.instrument.sample_rate
     sections = zpk2sos(*bilinear_zpk(chain.zeros, chain.poles, chain.gain, rate))
     every = int(factor)
-    return timed(lambda: sosfilt(sections, oversampled(factor, pulses)[0])[::every])
+    return run_samples(lambda: sosfilt(sections, oversample(factor, pulses)[0])[::every])
 
 
-def simulated(factor: float) -> Run:
+def run_lsim(factor: float) -> Run:
     """`lsim` of the state equations, straight lines between samples, by factor of the rate."""
     A, B, C, D = RUN.state
 
     def measure() -> Array:
-        u, t = oversampled(factor, pulses=True)
+        u, t = oversample(factor, pulses=True)
         _, y, _ = lsim((A, B[:, None], C[None], D), u, t)
         return np.asarray(y[:: int(factor)])
 
-    return timed(measure)
+    return run_samples(measure)
 
 
-def integrated(rtol: float) -> Run:
+def run_solve_ivp(rtol: float) -> Run:
     """`solve_ivp` from piece to piece, by tolerance.
 
     Raises
     ------
     RunError
-        If it gives up.
+        If it fails.
     """
     A, B, C, _ = RUN.state
     curve, times, every = RUN.motion.curve, RUN.times, np.arange(len(RUN.motion))
@@ -104,12 +104,12 @@ def integrated(rtol: float) -> Run:
                 x + step * B, 'DOP853', np.append(due / h, 1.0), rtol=rtol, atol=rtol,
             )  # fmt: skip
             if not solution.success:
-                raise RunError(f'DOP853 gave up: {solution.message}')
+                raise RunError(f'DOP853 failed: {solution.message}')
             shown.append(C @ solution.y[:, :-1])
             x = solution.y[:, -1]
         return np.concatenate(shown)
 
-    return timed(measure)
+    return run_samples(measure)
 
 
 FACTORS = (1.0, 4.0, 16.0, 64.0, 256.0)
@@ -136,7 +136,7 @@ MEASURED = Problem(
             'SciPy sosfilt, no impacts',
             FACTORS,
             OVER,
-            partial(filtered, False),
+            partial(run_sosfilt, False),
             'Ideal acceleration sampled at a multiple of the rate, sections by the bilinear '
             'transform, every n-th sample; impacts are not seen.',
         ),
@@ -144,21 +144,21 @@ MEASURED = Problem(
             'SciPy sosfilt, pulses',
             FACTORS,
             OVER,
-            partial(filtered, True),
+            partial(run_sosfilt, True),
             'The same; two samples about an impact share its area, so that its instant is kept.',
         ),
         Method(
             'SciPy lsim, pulses',
             FACTORS[:4],
             OVER,
-            simulated,
+            run_lsim,
             'The same input to `lsim`, which is exact for straight lines between samples.',
         ),
         Method(
             'SciPy DOP853',
             (1e-3, 1e-6),
             'rtol',
-            integrated,
+            run_solve_ivp,
             '`solve_ivp` from piece to piece of the motion, with velocity jumps put in the state.',
         ),
     ),

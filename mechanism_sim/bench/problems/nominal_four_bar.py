@@ -11,7 +11,7 @@ from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, 
 from mechanism_sim.scene import load_scene
 
 SAMPLES = 2**14
-KNOWN = 8  #: crank angles of the reference, evenly around the turn
+REFERENCE_ANGLES = 8  #: crank angles of the reference, evenly around the turn
 CRANK: Answer = np.arange(SAMPLES, dtype=np.float64) * (2.0 * np.pi / SAMPLES)
 
 
@@ -21,9 +21,9 @@ def error(answer: Answer) -> float:
     return float(np.abs(answer - np.array([right['force_x'], right['force_y']], float)).max())
 
 
-def known_forces(force: Answer) -> Answer:
-    """The forces (2, N) that the reference knows."""
-    return force[:, :: SAMPLES // KNOWN]
+def select_samples(force: Answer) -> Answer:
+    """The forces (2, N) at the angles of the reference."""
+    return force[:, :: SAMPLES // REFERENCE_ANGLES]
 
 
 def ours(_: float) -> Run:
@@ -35,7 +35,7 @@ def ours(_: float) -> Run:
 
     def run() -> Callable[[], Outcome]:
         observed = forces(*linkage.motion(CRANK, speed, rest))
-        return lambda: Outcome(known_forces(observed.reaction[joint]))
+        return lambda: Outcome(select_samples(observed.reaction[joint]))
 
     return run
 
@@ -84,7 +84,7 @@ def newton_euler(_: float) -> Run:
             b[:, 3 * i : 3 * i + 2], b[:, 3 * i + 2] = mass * c.T, inertia * alpha
         A[:, 2, 8] = 1.0
         forces = np.asarray(np.linalg.solve(A, b[:, :, None])[:, :, 0], np.float64)
-        return lambda: Outcome(known_forces(forces[:, 4:6].T))
+        return lambda: Outcome(select_samples(forces[:, 4:6].T))
 
     return run
 

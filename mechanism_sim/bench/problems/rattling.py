@@ -1,6 +1,6 @@
 """A valve that leaves its cam and bounces, and gears that rattle: times of the impacts.
 
-Our method is the event loop of `simulate`, which knows nothing of these scenes but their files.
+Our method is the event loop of `simulate`, which gets these scenes from their files.
 The peers are written for their one coordinate alone, `mechanism_sim.bench.rattling`.
 """
 
@@ -13,7 +13,15 @@ import numpy as np
 
 from mechanism_sim.bench.integration import event_loop
 from mechanism_sim.bench.peers import rattling_scipy
-from mechanism_sim.bench.problem import OURS, Answer, Method, Outcome, Problem, Run, without
+from mechanism_sim.bench.problem import (
+    OURS,
+    Answer,
+    Method,
+    Outcome,
+    Problem,
+    Run,
+    missing,
+)
 from mechanism_sim.bench.rattling import GEARS, VALVE, Rattling
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact
@@ -33,7 +41,7 @@ def ours(rattling: Rattling, rtol: float) -> Run:
     return event_loop(machine, rattling.duration, hard)
 
 
-def compiled(rattling: Rattling, rtol: float) -> Run:
+def run_numba(rattling: Rattling, rtol: float) -> Run:
     """The loop compiled by numba."""
     from mechanism_sim.bench.kernels.rattling import bouncer  # noqa: PLC0415
 
@@ -76,13 +84,13 @@ def problem(rattling: Rattling, title: str) -> Problem:
                 'numba DOP853 loop',
                 (1e-4, *TOLERANCES),
                 'rtol',
-                partial(compiled, rattling),
+                partial(run_numba, rattling),
                 'An event loop for one coordinate between walls, compiled with these equations as '
                 'one function; in contact, where the motion is known, nothing is integrated.',
-                lambda: without('numba'),
+                lambda: missing('numba'),
             ),
             *(
-                Method(name, TOLERANCES, 'rtol', rattling_scipy.by(rattling, solver), how)
+                Method(name, TOLERANCES, 'rtol', rattling_scipy.prepare(rattling, solver), how)
                 for name, solver, how in rattling_scipy.SOLVERS
             ),
         ),

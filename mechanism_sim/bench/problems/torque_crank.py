@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from math import cos, sin, sqrt
 
 from mechanism_sim.bench.four_bar import LooseFourBar, reference
-from mechanism_sim.bench.integration import event_loop, positions, solved
+from mechanism_sim.bench.integration import event_loop, positions, run_solve_ivp, solve_ivp_methods
 from mechanism_sim.bench.problem import OURS, Answer, Method, Problem, Run
 from mechanism_sim.scene import load_scene
 
@@ -67,7 +66,7 @@ def rates(f: LooseFourBar) -> Callable[[float, Answer], tuple[float, float]]:
 def scipy(method: str, rtol: float) -> Run:
     """`solve_ivp` on the one coordinate."""
     f = LooseFourBar.thesis()
-    return solved(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
+    return run_solve_ivp(rates(f), [f.crank_angle, f.crank_speed], DURATION, method, rtol, 1)
 
 
 PROBLEM = Problem(
@@ -87,16 +86,11 @@ PROBLEM = Problem(
             ours,
             'The event loop of `simulate`: three coordinates, the closed loop as a constraint.',
         ),
-        *(
-            Method(
-                f'SciPy {method}',
-                (1e-6, 1e-8, 1e-10, 1e-12),
-                'rtol',
-                partial(scipy, method),
-                '`solve_ivp` on the crank angle alone, everything else eliminated by hand, plain '
-                'floats.',
-            )
-            for method in ('RK45', 'DOP853', 'LSODA')
+        *solve_ivp_methods(
+            scipy,
+            ('RK45', 'DOP853', 'LSODA'),
+            '`solve_ivp` on the crank angle alone, everything else eliminated by hand, plain '
+            'floats.',
         ),
     ),
 )

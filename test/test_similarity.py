@@ -16,8 +16,8 @@ from mechanism_sim.messages import (
     TransformStamped,
     serialize,
 )
-from mechanism_sim.messages.likeness import Likenesses
-from mechanism_sim.middleware.refusals import judged
+from mechanism_sim.messages.similarity import SimilarMessages
+from mechanism_sim.middleware.refusals import check_message
 
 MESSAGES = [
     JointState(name=['crank', 'rocker'], position=np.ones(2), velocity=np.ones(2)),
@@ -33,7 +33,7 @@ BAD = np.array([np.nan, np.inf, -np.inf, 1e300, -1.0, 0.0]).view('u8')
 
 def is_good(data, kind):
     try:
-        judged(data, kind)
+        check_message(data, kind)
     except MessageError:
         return False
     return True
@@ -42,9 +42,9 @@ def is_good(data, kind):
 @pytest.mark.parametrize('message', MESSAGES, ids=lambda m: type(m).__name__)
 def test_bytes_that_are_changed_anywhere(message):
     kind, data = type(message), serialize(message)
-    known = Likenesses(kind)
+    known = SimilarMessages(kind)
     assert data not in known
-    known.add(judged(data, kind), data)
+    known.add(check_message(data, kind), data)
     assert data in known
     taken = refused = 0
     for at in range(len(data)):
@@ -63,13 +63,13 @@ def test_bytes_that_are_changed_anywhere(message):
 
 def test_what_contradicts_itself_is_decoded_every_time():
     data = serialize(Motion(coordinates=['a'], known_until=1.0))
-    known = Likenesses(Motion)
-    known.add(judged(data, Motion), data)
+    known = SimilarMessages(Motion)
+    known.add(check_message(data, Motion), data)
     assert data not in known
 
 
 def test_few_are_remembered():
-    known = Likenesses(String)
+    known = SimilarMessages(String)
     for n in range(100):
         text = String(data='x' * n)
         known.add(text, serialize(text))

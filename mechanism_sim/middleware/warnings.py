@@ -1,24 +1,24 @@
-"""What threads of Zenoh have a node say: its executor says it, for they must not wait."""
+"""Warnings from Zenoh's threads, logged by the executor of a node: those threads must not wait."""
 
 from mechanism_sim.middleware.inbox import Inbox
 from mechanism_sim.middleware.logger import Logger
 from mechanism_sim.middleware.session import Context
 
 
-class Voice:
-    """Warns by the logger of a node, in the thread that spins it."""
+class Warnings:
+    """Queue of warnings for the logger of a node."""
 
     def __init__(self, context: Context, logger: Logger) -> None:
         self._context, self._logger = context, logger
         self.inbox = Inbox(context, self)
-        context.voices.append(self.warn)
+        context.warn_functions.append(self.put)
 
-    def warn(self, text: str) -> None:
-        """Have the node warn of this; from any thread."""
+    def put(self, text: str) -> None:
+        """Have the node log a warning; from any thread."""
         self.inbox.put(text)
 
     def execute(self) -> bool:
-        """Say one thing; False if there is none."""
+        """Log one warning; False if none waits."""
         text = self.inbox.take()
         if text is None:
             return False
@@ -26,6 +26,6 @@ class Voice:
         return True
 
     def destroy(self) -> None:
-        """Say nothing any more."""
-        self._context.voices.remove(self.warn)
+        """Log nothing any more."""
+        self._context.warn_functions.remove(self.put)
         self.inbox.close()

@@ -1,4 +1,4 @@
-"""Judging serialised messages by their likeness to one that was judged before.
+"""Checks of serialised messages by comparison with one that was checked before.
 
 Samples of one topic differ in their numbers alone. Where all else in a message's bytes is as in
 one that was decoded and found good, only its numbers have to be looked at.
@@ -22,8 +22,8 @@ from mechanism_sim.messages.stamps import NANOSECONDS
 MOST = 8  # of one length
 
 
-class Likenesses:
-    """Messages of one type that were found good: others are good if they are like one of them."""
+class SimilarMessages:
+    """Valid messages of one type: others are valid if they differ from one in numbers alone."""
 
     def __init__(self, kind: type[Any]) -> None:
         name = type_name(kind)
@@ -41,11 +41,11 @@ class Likenesses:
         if self._able and len(self._known) < MOST and len(self._known[len(data)]) < MOST:
             layout = Layout(message)
             if layout.size == len(data):
-                self._known[len(data)].append(_like(layout, data, self._judged))
+                self._known[len(data)].append(_compile_check(layout, data, self._judged))
 
 
-def _like(layout: Layout, data: bytes, judged: bool) -> Callable[[bytes], bool]:
-    """What says whether bytes of the same length are like `data`, and their numbers possible."""
+def _compile_check(layout: Layout, data: bytes, judged: bool) -> Callable[[bytes], bool]:
+    """Compile a check: bytes of this length differ from `data` in plausible numbers alone."""
     codes, at = ['<'], 0
     same: list[int] = []
     numbers: list[int] = []

@@ -7,14 +7,14 @@ import pytest
 from scipy import signal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.sensing.fading import (
+from mechanism_sim.sensing.frequency_weights import (
+    attenuate,
     band_above_noise,
+    band_pass,
     both,
     fade,
-    fading,
+    invert,
     noise_floor,
-    passing,
-    undoing,
 )
 
 RATE = 2700.0
@@ -28,19 +28,19 @@ def tone(frequency, amplitude=1.0, phase=0.3):
 
 def test_a_tone_in_the_band_stays_and_one_outside_goes():
     """Both are whole numbers of periods long, so the rectangular window does not smear them."""
-    found = fade(tone(50.0) + tone(60.0), RATE, fading([(59.0, 61.0)]))
+    found = fade(tone(50.0) + tone(60.0), RATE, attenuate([(59.0, 61.0)]))
     assert np.abs(found - tone(50.0)).max() < 1e-12
-    found = fade(tone(50.0) + tone(400.0), RATE, passing(50.0, 399.0))
+    found = fade(tone(50.0) + tone(400.0), RATE, band_pass(50.0, 399.0))
     assert np.abs(found - tone(50.0)).max() < 1e-12
 
 
-def test_fading_to_a_tenth_leaves_a_tenth():
-    found = fade(tone(60.0), RATE, fading([(55.0, 65.0)], to=0.1))
+def test_frequency_weights_to_a_tenth_leaves_a_tenth():
+    found = fade(tone(60.0), RATE, attenuate([(55.0, 65.0)], to=0.1))
     assert np.abs(found - tone(60.0, 0.1)).max() < 1e-12
 
 
 def test_edges_fall_as_half_a_cosine():
-    weight = passing(100.0, 200.0, edge=40.0)
+    weight = band_pass(100.0, 200.0, edge=40.0)
     f = np.array([50.0, 60.0, 80.0, 100.0, 150.0, 200.0, 210.0, 220.0, 240.0, 300.0])
     fall = 0.5 + 0.5 * np.cos(np.pi * 10.0 / 40.0)
     assert weight(f) == pytest.approx([0, 0, 0.5, 1, 1, 1, fall, 0.5, 0, 0], abs=1e-12)
@@ -51,7 +51,7 @@ def test_edges_fall_as_half_a_cosine():
 def test_windows_add_up_to_the_signal(window, length):
     """Windows and their duals have constant overlap-add, at the ends of the record too."""
     x = np.random.default_rng(1).normal(size=len(T))
-    assert np.abs(fade(x, RATE, passing(0.0, RATE), window, length) - x).max() < 1e-12
+    assert np.abs(fade(x, RATE, band_pass(0.0, RATE), window, length) - x).max() < 1e-12
 
 
 def test_the_overlap_is_one_that_scipy_calls_constant():
@@ -61,7 +61,7 @@ def test_the_overlap_is_one_that_scipy_calls_constant():
 @pytest.mark.parametrize('window', ['hann', 'blackman', ('kaiser', 12.0)])
 def test_overlapping_windows_leave_a_tone_in_the_band_alone(window):
     """As far as the skirts of the window reach into what is faded."""
-    kept = fade(tone(301.3), RATE, passing(0.0, 700.0), window, 300)
+    kept = fade(tone(301.3), RATE, band_pass(0.0, 700.0), window, 300)
     inner = slice(300, -300)
     leak = {'hann': 3e-5, 'blackman': 2e-6}.get(window, 1e-6)
     assert np.abs(kept - tone(301.3))[inner].max() < leak
@@ -71,7 +71,7 @@ def test_what_a_rectangular_window_smears_into_the_band_stays():
     """[SB] 7.2 says that its noise is offset on the way back: not when something was faded."""
     off = tone(1000.37)
     left = {
-        window: np.sqrt(np.mean(fade(off, RATE, passing(0.0, 900.0), window)[400:-400] ** 2))
+        window: np.sqrt(np.mean(fade(off, RATE, band_pass(0.0, 900.0), window)[400:-400] ** 2))
         for window in ('boxcar', ('kaiser', 14.0))
     }
     assert left['boxcar'] > 1e-4
@@ -89,7 +89,7 @@ def test_undoing_takes_gain_and_delay_of_a_filter_out():
         tone(f, abs(x), np.angle(x)) for f, x in zip((300.0, 800.0), h, strict=True)
     )  # fmt: skip
     truth = tone(300.0, phase=0.0) + tone(800.0, phase=0.0)
-    found = fade(read, RATE, both(undoing(transfer), passing(0.0, 1000.0)))
+    found = fade(read, RATE, both(invert(transfer), band_pass(0.0, 1000.0)))
     assert np.abs(found - truth).max() < 1e-11
 
 
@@ -114,4 +114,4 @@ def test_the_noise_floor_is_that_of_the_noise_beside_tones():
 )
 def test_windows_that_cannot_be_are_refused(window, length, said):
     with pytest.raises(InputError, match=said):
-        fade(tone(50.0), RATE, passing(0.0, 100.0), window, length)
+        fade(tone(50.0), RATE, band_pass(0.0, 100.0), window, length)

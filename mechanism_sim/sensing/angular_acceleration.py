@@ -1,4 +1,4 @@
-"""The angular acceleration of a link as the input of an instrument: what no sensor on it tells."""
+"""The angular acceleration of a link as the input of an instrument."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Noise fading: amplitudes of a signal weighted by frequency, by FFT and back ([SB] 7.2).
 
-A weight is a function of frequency, real to fade, complex to undo the phase of an instrument.
+A weight is a function of frequency, real to attenuate, complex to invert an instrument.
 Weights are multiplied with each other by `both`.
 """
 
@@ -23,7 +23,7 @@ Weight = Callable[[Array], NDArray[np.complex128] | Array]
 _OVERLAP = 4  # windows over every sample: enough for all that are not narrower than Blackman's
 
 
-def passing(low: float, high: float, edge: float = 0.0) -> Weight:
+def band_pass(low: float, high: float, edge: float = 0.0) -> Weight:
     """A weight of 1 from `low` to `high` [Hz] and 0 elsewhere.
 
     Parameters
@@ -33,8 +33,8 @@ def passing(low: float, high: float, edge: float = 0.0) -> Weight:
     return lambda f: _inside(f, (low, high), edge)
 
 
-def fading(bands: Sequence[Band], to: float = 0.0, edge: float = 0.0) -> Weight:
-    """A weight of `to` in the bands [Hz] and 1 elsewhere; `edge` as for `passing`."""
+def attenuate(bands: Sequence[Band], to: float = 0.0, edge: float = 0.0) -> Weight:
+    """A weight of `to` in the bands [Hz] and 1 elsewhere; `edge` as for `band_pass`."""
 
     def weight(f: Array) -> Array:
         inside = np.max([np.zeros_like(f), *(_inside(f, band, edge) for band in bands)], axis=0)
@@ -43,11 +43,11 @@ def fading(bands: Sequence[Band], to: float = 0.0, edge: float = 0.0) -> Weight:
     return weight
 
 
-def undoing(transfer: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]) -> Weight:
+def invert(transfer: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]) -> Weight:
     """The reciprocal of an instrument's transfer function of s; zero where that is zero.
 
-    It takes gain and delay out of a signal, and makes noise louder where the instrument is deaf:
-    to be combined with a band in which it hears.
+    It takes gain and delay out of a signal, and amplifies noise where the instrument is
+    insensitive: to be combined with a band in which it is sensitive.
     """
 
     def weight(f: Array) -> NDArray[np.complex128]:
@@ -108,7 +108,7 @@ def fade(
         raise InputError(f'a window of {size} samples does not fit a record of {count} samples')
     if rectangular:
         pieces = [samples[i : i + size] for i in range(0, count, size)]
-        return np.concatenate([_weighted(piece, sample_rate, weight) for piece in pieces])
+        return np.concatenate([_apply_weight(piece, sample_rate, weight) for piece in pieces])
     try:
         shape = signal.get_window(window, size)
     except ValueError as error:
@@ -118,7 +118,7 @@ def fade(
     return np.asarray(transform.istft(spectra, k1=count))
 
 
-def _weighted(samples: Array, sample_rate: float, weight: Weight) -> Array:
+def _apply_weight(samples: Array, sample_rate: float, weight: Weight) -> Array:
     count = len(samples)
     f = np.asarray(np.fft.rfftfreq(count, 1.0 / sample_rate), np.float64)
     spectrum = np.fft.rfft(samples) * weight(f)
@@ -140,7 +140,7 @@ def band_above_noise(
 ) -> Band:
     """From zero to the highest frequency [Hz] whose power is `factor` times the noise floor.
 
-    A band for `passing`; of a signal that is nothing but noise it is empty (0, 0).
+    A band for `band_pass`; of a signal that is nothing but noise it is empty (0, 0).
     """
     f, density = _density(samples, sample_rate, length)
     loud = f[density > factor * np.median(density)]
