@@ -236,3 +236,31 @@ def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
         told.append([fields_of(m, KINDS['geneva']) for m in states_of(bag, '/geneva_state')])
     assert len(told[0]) > 20
     assert told[0] == told[1]
+
+
+def test_blocks_are_those_of_the_channel_and_an_inertial_unit_knows_its_attitude(tmp_path):
+    bag, imu = tmp_path / 'run.mcap', ('sensors.rocker.imu=true',)
+    with nodes_of('four_bar_measured', 0.2, record=bag, overrides=imu) as nodes:
+        finish(nodes)
+    machine, found = ms.load_scene('four_bar_measured'), read_bag(bag)
+    solution = ms.simulate(machine, duration=0.2)
+    for name, sensor in machine.scene.sensors.items():
+        channel = machine.channel(name)
+        channel.take(solution.motion)
+        messages = [m for _, m, _ in found.messages(f'/accelerometer/{name}')]
+        blocks = channel.blocks(final=True)
+        assert len(messages) == len(blocks) > 0
+        for message, block in zip(messages, blocks, strict=True):
+            assert (message.quantity, message.unit) == (sensor.measures, sensor.unit)
+            assert np.array_equal(message.samples, block.samples)
+            assert (message.time, message.overloads) == (block.time, block.overloads)
+    messages = [m for _, m, _ in found.messages('/imu/rocker')]
+    blocks = [m for _, m, _ in found.messages('/accelerometer/rocker')]
+    across = np.concatenate([m.samples for m in blocks])
+    assert np.array_equal([m.linear_acceleration.y for m in messages], across)
+    t = np.concatenate([b.time + np.arange(len(b.samples)) / b.sample_rate for b in blocks])
+    seen = solution.sample(t)
+    turned = np.array([(m.orientation.w + 1j * m.orientation.z) ** 2 for m in messages])
+    assert np.abs(turned - np.exp(1j * seen['position.rocker'])).max() < 1e-12
+    rate = np.array([m.angular_velocity.z for m in messages])
+    assert np.abs(rate - seen['velocity.rocker']).max() < 1e-9
