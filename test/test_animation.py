@@ -96,6 +96,18 @@ def test_frames_of_svg_show_pins_where_the_run_has_them(machine, solution, tmp_p
     assert dx / ex > 100.0 * scale
 
 
+def test_a_short_mp4_lasts_as_long_as_it_should(machine, solution, tmp_path):
+    file = tmp_path / 'film.mp4'
+    ms.animate(machine, file, solution, end=0.1 * machine.period, fps=10.0, size=240)
+    frames, about = pictures(file)
+    assert about['fps'] == 10.0
+    assert len(frames) == 3  # a turn takes three seconds
+    assert max(about['size']) == 240
+    assert not any(side % 2 for side in about['size'])
+    assert np.ptp(frames.astype(int), axis=0).max() > 50
+    assert [x.name for x in tmp_path.iterdir()] == ['film.mp4']
+
+
 @pytest.mark.deep
 def test_an_mp4_lasts_as_long_as_it_should_and_moves(machine, solution, tmp_path):
     file = tmp_path / 'film.mp4'

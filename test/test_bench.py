@@ -7,6 +7,7 @@ import json
 import math
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -247,6 +248,15 @@ def test_a_damped_spring_gives_back_the_restitution(e):
     assert -out.y[1, -1] == pytest.approx(e, abs=1e-8)
 
 
+def test_methods_without_events_agree_with_their_references():
+    for name, bound in (('four_bar_nominal', 1e-12), ('torque_crank', 1e-8)):
+        problem = problems()[name]
+        ours = next(method for method in problem.methods if method.name == OURS)
+        outcome = ours.prepare(ours.settings[-1])()()
+        assert problem.error(outcome.answer) < bound
+        assert problem.error(outcome.answer + 1e-3) == pytest.approx(1e-3, rel=1e-2)
+
+
 @pytest.mark.deep
 def test_the_nominal_mechanism_and_the_driven_crank_agree_with_their_references():
     for name, bound in (('four_bar_nominal', 1e-12), ('torque_crank', 1e-8)):
@@ -257,6 +267,22 @@ def test_the_nominal_mechanism_and_the_driven_crank_agree_with_their_references(
             outcome = method.prepare(method.settings[-1])()()
             assert problem.error(outcome.answer) < bound, (name, method.name)
             assert problem.error(outcome.answer + 1e-3) == pytest.approx(1e-3, rel=1e-2)
+
+
+def test_one_problem_as_json_and_files(tmp_path):
+    content = run_json(
+        'bench', 'torque_crank', '--methods', 'mechanism_sim', '--tolerances', '1e-4,1e-9',
+        '--repeats', '1', '--output', str(tmp_path),
+    )  # fmt: skip
+    rows = content['rows']
+    assert [(r['method'], r['tolerance']) for r in rows] == [(OURS, 1e-4), (OURS, 1e-9)]
+    assert {row['unit'] for row in rows} == {'simulated second'}
+    assert all(row['cpu_per_unit'] > 0.0 and row['repeats'] == 1 for row in rows)
+    assert rows[1]['error'] < 1e-9 < rows[0]['error']
+    assert content['machine']['processor']
+    assert json.loads((tmp_path / 'torque_crank.json').read_text())['rows']
+    assert (tmp_path / 'torque_crank.txt').read_text().startswith('torque_crank')
+    assert ET.parse(tmp_path / 'torque_crank.svg').getroot().tag.endswith('svg')
 
 
 @pytest.mark.deep
@@ -309,21 +335,23 @@ def test_costs_by_size(monkeypatch):
     assert json.loads(json.dumps(strict_json.plain(costs)))[0]['size'] == 4
 
 
-@pytest.mark.deep
-def test_costs_of_loose_joints():
-    runs = (('four_bar_clearance', 1, 0.2), ('slider_crank_engine', 2, 0.02))
+LOOSE = ('four_bar_clearance', 1, 0.2), ('slider_crank_engine', 2, 0.02)
+
+
+@pytest.mark.parametrize('runs', [LOOSE[:1], pytest.param(LOOSE, marks=pytest.mark.deep)])
+def test_costs_of_loose_joints(runs):
     said: list[str] = []
     costs = loose_joints(1, said.append, runs)
     assert [(c.machine, c.loose, c.friction) for c in costs] == [
         (*run[:2], friction) for run in runs for friction in (False, True)
     ]
-    assert len(said) == 8  # once to compile, once to measure
+    assert len(said) == 4 * len(runs)  # once to compile, once to measure
     assert all(c.cpu > 0.0 and c.cpu_per_event == c.cpu / max(c.events, 1.0) for c in costs)
     solution = ms.simulate(ms.load_scene('four_bar_clearance'), duration=0.4 * math.pi / 36.6519)
     assert costs[0].steps == pytest.approx(solution.stats.steps / 0.2)
     assert costs[0].impacts == pytest.approx(len(solution.impacts) / 0.2)
     text = report.render_loose_joints(costs)
-    assert text.count('mu 0.1') == 2
+    assert text.count('mu 0.1') == len(runs)
 
 
 INSTALLED = [pair for pair in loosened.PEERS if not pair[0].missing()]
@@ -460,13 +488,22 @@ def test_what_an_instrument_shows_agrees_with_power_series_of_its_state_equation
     assert run.error(found + 1e-3) == pytest.approx(1e-3, rel=1e-6)
 
 
+def test_a_filter_of_scipy_comes_near_to_what_the_instrument_shows(monkeypatch):
+    monkeypatch.setattr(measured, 'RUN', SensorRun(1))
+    largest = np.abs(measured.RUN.reference).max()
+    for prepare, factor, bound in (
+        (measured.ours, 1.0, 1e-12), (partial(measured.run_sosfilt, True), 16.0, 0.05),
+    ):  # fmt: skip
+        assert measured.RUN.error(prepare(factor)()().answer) < bound * largest
+
+
 @pytest.mark.deep
 def test_filters_of_scipy_come_near_to_what_the_instrument_shows(monkeypatch):
     monkeypatch.setattr(measured, 'RUN', SensorRun(2))
     largest = np.abs(measured.RUN.reference).max()
     for prepare, factor, bound in (
         (measured.ours, 1.0, 1e-12),
-        (measured.run_sosfilt(pulses=True), 16.0, 0.05),
+        (partial(measured.run_sosfilt, True), 16.0, 0.05),
         (measured.run_lsim, 16.0, 0.05),
         (measured.run_solve_ivp, 1e-3, 1e-4),
     ):

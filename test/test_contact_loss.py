@@ -305,6 +305,24 @@ def test_figures_and_instants_do_not_depend_on_the_grid(resolution):
     np.testing.assert_allclose(flat(first), flat(again), rtol=1e-11, atol=1e-12)
 
 
+@pytest.mark.parametrize(('count', 'tolerance'), [(91, 1e-5), (361, 1e-9)])
+def test_forces_between_samples_are_those_of_the_force(count, tolerance):
+    _, cycle, _ = thesis()
+    angle = 0.7 + np.linspace(0.0, TURN, count)
+    force = cycle.curve(angle, 0)
+    between = np.linspace(0.0, TURN, 50)
+    exact = [cycle.curve(between, order) for order in (0, 1)]
+    for made in (
+        ForceCycle.sampled(angle, force, speed=SPEED),
+        ForceCycle.sampled(angle[:-1], force[:, :-1], speed=SPEED),
+        ForceCycle.sampled(angle, force, time=1.0 + angle / SPEED),
+        ForceCycle.sampled(angle[::-1], force[:, ::-1], speed=SPEED),
+    ):
+        for order, values in enumerate(exact):
+            off = np.abs(made.curve(between, order) - values).max()
+            assert off < tolerance * np.abs(values).max()
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize(('count', 'tolerance'), [(91, 1e-5), (361, 1e-9)])
 def test_samples_of_the_force_tell_what_the_force_tells(count, tolerance):
@@ -451,10 +469,13 @@ def test_criteria_beside_the_machine(rpm, radial, predicted, turns, degrees, awa
     assert gap(found[-1].angles[0], TURN * lost[0]) < np.radians(0.6)
 
 
-@pytest.mark.deep
 @pytest.mark.parametrize(
     ('rpm', 'radial', 'within'),
-    [(150, 2.54e-4, 3e-4), (350, 2.54e-4, 2e-4), (350, 2.54e-5, 2e-4)],
+    [
+        pytest.param(150, 2.54e-4, 3e-4, marks=pytest.mark.deep),
+        (350, 2.54e-4, 2e-4),
+        pytest.param(350, 2.54e-5, 2e-4, marks=pytest.mark.deep),
+    ],
 )
 def test_the_pendulum_lets_go_in_the_same_turn_as_the_machine(rpm, radial, within):
     """Without the changing inertia of the links (H) it would not, at any clearance."""

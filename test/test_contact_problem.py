@@ -338,6 +338,23 @@ def test_modes_become_flags():
     assert np.isnan(flags.reshape(4, 6)[:, 3]).all()
 
 
+def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(monkeypatch, compiled_kernels):
+    """Those of flights and impacts: others show the complementarity problem compiled."""
+    scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
+    monkeypatch.setattr(kernels, '_spent', -math.inf)  # none is compiled by itself
+    for k in kernels._KERNELS:
+        monkeypatch.setattr(k, 'run', k.function)
+    plain = ms.simulate(scene, revolutions=5.0)
+    assert len(plain.impacts) > 150
+    compiled_kernels()
+    chosen = {'ends', 'remaining_time', 'horizon_of', 'problem_of', 'write_flags'}
+    for k in kernels._KERNELS:
+        if k.__name__ not in chosen:
+            monkeypatch.setattr(k, 'run', k.function)
+    assert ms.simulate(scene, revolutions=5.0).digest() == plain.digest()
+    assert {k.__name__ for k in kernels._KERNELS if getattr(k.run, 'signatures', ())} == chosen
+
+
 @pytest.mark.deep
 def test_a_run_has_the_same_bits_when_kernels_are_compiled(monkeypatch, compiled_kernels):
     clearance = {'radial': '0.2 mm', 'restitution': 0.5, 'friction': 0.2}

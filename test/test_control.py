@@ -477,6 +477,36 @@ def test_the_next_run_has_the_values_of_the_scene_that_are_asked_for(tmp_path):
         assert sum(len(m.samples) for m in samples) == 1000
 
 
+def by_hand(count: int) -> np.ndarray:
+    """Speeds [rad/s] of the controlled crank at so many samples, in one process.
+
+    The state at the beginning of a period gives the torque of the next.
+    """
+    machine = ms.load_scene('four_bar_governed')
+    run, law, integral, last = machine.start(), machine.law, 0.0, None
+    speeds = []
+    for n in range(1, count + 1):
+        run.advance(n * 0.005, final=n == count)
+        known, *_ = run.drain()
+        ahead = run.preview(n * 0.005)
+        parts = [p for p in (known, ahead) if p is not None and len(p)]
+        curve = parts[0].joined(parts).curve
+        now = (n - 1) * 0.005
+        k, dt = curve.find(np.array([now]))
+        v = float(curve.at(k, dt, 1)[0, 0])
+        speeds.append(v)
+        step = 0.0 if last is None else now - last
+        error = 36.65 - v
+        asked = 1.0 * error + integral + 10.0 * error * step
+        effort = min(max(asked, -20.0), 20.0)
+        integral += 10.0 * error * step if effort == asked else 0.0
+        last = now
+        if n < count:
+            slopes = law.coefficients[1:]
+            run.change_law(replace(law, coefficients=(effort, *slopes), valid_from=n * 0.005))
+    return np.array(speeds)
+
+
 @pytest.mark.deep
 def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend, tmp_path):
     """PI control of the crank, one command for each sample, against the same loop by hand."""
@@ -500,30 +530,7 @@ def test_a_controller_outside_holds_the_speed_and_every_run_is_the_same(backend,
     assert len(speed) == 100
     assert speed[0] == pytest.approx(15.70796327)
     assert np.abs(speed[40:] - 36.65).max() < 2.0
-    # By hand, in one process: the state at the beginning of a period gives the torque of the next.
-    machine = ms.load_scene('four_bar_governed')
-    run, law, integral, last = machine.start(), machine.law, 0.0, None
-    by_hand = []
-    for n in range(1, 101):
-        run.advance(n * 0.005, final=n == 100)
-        known, *_ = run.drain()
-        ahead = run.preview(n * 0.005)
-        parts = [p for p in (known, ahead) if p is not None and len(p)]
-        curve = parts[0].joined(parts).curve
-        now = (n - 1) * 0.005
-        k, dt = curve.find(np.array([now]))
-        v = float(curve.at(k, dt, 1)[0, 0])
-        by_hand.append(v)
-        step = 0.0 if last is None else now - last
-        error = 36.65 - v
-        asked = 1.0 * error + integral + 10.0 * error * step
-        effort = min(max(asked, -20.0), 20.0)
-        integral += 10.0 * error * step if effort == asked else 0.0
-        last = now
-        if n < 100:
-            slopes = law.coefficients[1:]
-            run.change_law(replace(law, coefficients=(effort, *slopes), valid_from=n * 0.005))
-    assert np.abs(np.array(by_hand) - speed).max() < 1e-6
+    assert np.abs(by_hand(100) - speed).max() < 1e-6
 
 
 @pytest.mark.parametrize('scene', [SCENE, 'four_bar_nominal', 'slider_crank_piston_driven'])

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from middleware_network import eventually
 from running import FOLLOW, TIMEOUT, environment
 
 from mechanism_sim import ending
@@ -114,3 +115,27 @@ def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():
         env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, '')
+
+
+def runs(pid: int) -> bool:
+    """Whether a process is there and has not ended."""
+    try:
+        with open(f'/proc/{pid}/stat', encoding='utf-8') as stat:
+            return stat.read().rpartition(')')[2].split()[0] != 'Z'
+    except OSError:
+        return False
+
+
+def test_a_worker_ends_with_the_process_that_was_killed():
+    text = (
+        FOLLOW + 'import os, time\nfrom mechanism_sim import ending\n'
+        'with ending.workers(1) as pool:\n'
+        '    print(pool.submit(os.getpid).result(), flush=True)\n'
+        '    time.sleep(300)\n'
+    )
+    args = [sys.executable, '-c', text]
+    with subprocess.Popen(args, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        worker = int(process.stdout.readline())
+        process.kill()
+    assert eventually(lambda: not runs(worker))

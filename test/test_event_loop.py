@@ -666,7 +666,6 @@ def six_bar(coupled, e):
     return run, DynamicPhysics(Observer(system))
 
 
-@pytest.mark.deep
 def test_two_loose_loops_on_one_crank_do_not_know_of_each_other():
     """All of their impacts are simultaneous, and each is that of the four-bar alone."""
     run, physics = six_bar(coupled=False, e=(0.5, 0.5))
@@ -691,7 +690,6 @@ def test_two_loose_loops_on_one_crank_do_not_know_of_each_other():
     assert abs(audited(physics, motion, impacts).energy.residual) < 1e-12
 
 
-@pytest.mark.deep
 @pytest.mark.parametrize('e', [(1.0, 1.0), (0.5, 0.5), (0.0, 0.8), (0.9, 0.2), (0.0, 0.0)])
 def test_two_gaps_that_shake_each_other_keep_the_energy_and_their_distance(e):
     run, physics = six_bar(coupled=True, e=e)

@@ -6,11 +6,13 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.experiment import JOINT, Experiment, bags_of, read_experiment
 from mechanism_sim.errors import InputError
+from mechanism_sim.report import experiment_figures
 from mechanism_sim.report.experiment import render, tables, to_json
 from mechanism_sim.report.experiment_figures import draw
 from mechanism_sim.scene import Level
@@ -162,6 +164,20 @@ def test_a_machine_that_is_compared_with_no_other_has_no_alpha(found):
     assert 'no alpha' in render(alone)
     assert to_json(alone)['alpha'] is None
     assert sorted(draw(alone))[-3:] == ['figure_8_03', 'figure_8_11', 'figure_8_12']
+
+
+def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkeypatch):
+    """All figures are drawn by other tests; here a command is to write them."""
+    monkeypatch.setattr(
+        experiment_figures, 'draw', lambda _: {n: Figure() for n in ('figure_1', 'figure_2')}
+    )
+    done = run('experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3', '--json')
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert [t['restitution'] for t in told['trials']] == [0.5, 1.0]
+    assert told['trials'][0]['turns'] == [3, TURNS]
+    written = {file.stem for file in (tmp_path / 'figures').glob('*.png')}
+    assert written == {'figure_1', 'figure_2'}
 
 
 @pytest.mark.deep

@@ -117,7 +117,6 @@ def test_four_rough_joints_do_not_chatter_at_the_scale_of_rounding():
     assert len(solution.impacts) < 3000
 
 
-@pytest.mark.deep
 def test_rates_are_kept_though_a_rounding_of_positions_turns_the_normal():
     """In a clearance of 1 um they came out 4e-12 m/s off, and slips never counted as ended."""
     name = 'four_bar_friction_059'

@@ -112,12 +112,13 @@ def turns_by_motion(joints, samples=1001):
     return np.array([winding(z) for z in (pin_a, arm, pin_a + arm - ground)]) != 0
 
 
-@pytest.mark.deep
-def test_ten_thousand_random_four_bars_move_as_they_are_classified():
-    joints = drawn_at_random(COUNT)
+@pytest.mark.parametrize('count', [500, pytest.param(COUNT, marks=pytest.mark.deep)])
+def test_random_four_bars_move_as_they_are_classified(count):
+    joints = drawn_at_random(count)
     lengths = lengths_of(joints)
-    assert (np.abs(excess(lengths)) / lengths.sum(axis=0)).min() < 1e-5  # some nearly change
-    blocks = np.array_split(np.arange(COUNT), 40)
+    nearest = (np.abs(excess(lengths)) / lengths.sum(axis=0)).min()
+    assert nearest < 0.1 / count  # some nearly change
+    blocks = np.array_split(np.arange(count), count // 250)
     moved = np.concatenate([turns_by_motion(joints[:, b]) for b in blocks], axis=1)
     assert (moved == full_turns(lengths)).all()
     as_moved = {
@@ -132,7 +133,7 @@ def test_ten_thousand_random_four_bars_move_as_they_are_classified():
     for name, turns in as_moved.items():
         of_it = names == name
         assert (moved[:, of_it] == np.array(turns)[:, None]).all()
-        assert of_it.sum() > 300
+        assert of_it.sum() > 0.03 * count
 
 
 def test_neighbours_turn_fully_against_each_other_as_their_triangles_show():

@@ -77,9 +77,9 @@ def test_an_inertial_unit_feels_gravity_and_knows_its_attitude(bags):
     for bag in bags:
         messages = [m for _, m, _ in bag.messages('/imu/rocker')]
         blocks = [m for _, m, _ in bag.messages('/accelerometer/rocker')]
-        across = np.concatenate([m.acceleration for m in blocks])
+        across = np.concatenate([m.samples for m in blocks])
         assert np.array_equal([m.linear_acceleration.y for m in messages], across)
-        t = np.concatenate([b.time + np.arange(len(b.acceleration)) / 2700.0 for b in blocks])
+        t = np.concatenate([b.time + np.arange(len(b.samples)) / 2700.0 for b in blocks])
         seen = solution.sample(t)
         turned = np.array([(m.orientation.w + 1j * m.orientation.z) ** 2 for m in messages])
         assert np.abs(turned - np.exp(1j * seen['position.rocker'])).max() < 1e-12

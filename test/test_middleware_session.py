@@ -132,6 +132,13 @@ def test_many_processes_start_at_once(network):
 
 def test_a_port_of_somebody_else_is_an_error_in_one_sentence(network, monkeypatch):
     monkeypatch.setattr(session, 'ROUTER_PATIENCE', 0.5)
+    asked, probe = [], session.config.probe_config
+
+    def remembered(timeout):
+        asked.append(probe(timeout))
+        return asked[-1]
+
+    monkeypatch.setattr(session.config, 'probe_config', remembered)
     with socket.create_server(('127.0.0.1', network.port)) as foreign:
         threading.Thread(target=foreign.accept, daemon=True).start()
         with pytest.raises(MiddlewareError, match='not a Zenoh router: stop it, or set') as error:
@@ -139,6 +146,8 @@ def test_a_port_of_somebody_else_is_an_error_in_one_sentence(network, monkeypatc
         assert str(network.port) in str(error.value)
         assert len(str(error.value).splitlines()) == 1
         assert not ok()
+    # it is asked once, and gets so long [ms] to answer
+    assert [c.get_json('transport/unicast/open_timeout') for c in asked] == ['500']
 
 
 @pytest.mark.parametrize(

@@ -579,6 +579,12 @@ def test_the_four_bar_reads_as_in_the_thesis():
     assert all(value > 0.0 for value in values.values())
 
 
+def test_another_process_prints_the_same():
+    """Whatever the order in which sets of symbols come: it differs from process to process."""
+    args = 'equations', 'four_bar_clearance', '--rates'
+    assert run(*args).stdout == run(*args, env=environment() | {'PYTHONHASHSEED': '1'}).stdout
+
+
 @pytest.mark.deep
 def test_the_same_scene_is_always_printed_the_same():
     """Whatever the order in which sets of symbols come."""

@@ -150,7 +150,6 @@ def test_normal_impulses_add_up_to_those_of_the_reference(name, impulse, left_ou
 # --- e = 1: chaos -----------------------------------------------------------------------------
 
 
-@pytest.mark.deep
 def test_elastic_impacts_are_as_right_as_double_precision_allows():
     """The error at every sample is that of a start which is some roundings off."""
     growth = reference('four_bar_centred_e1')['growth_of_a_start_1e-20_rad_off_in_th4']

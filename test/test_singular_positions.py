@@ -161,7 +161,6 @@ def three_bars(start, **more):
     return scene
 
 
-@pytest.mark.deep
 def test_nearly_singular_positions_take_few_pieces():
     """Rounding grows as the inverse of independence there: no reason to halve a piece."""
     scene = bars(0.2, 0.08, 0.2, 0.08 * (1.0 + 1e-7), 2.5, {'coupler': 0.0, 'rocker': 2.5})

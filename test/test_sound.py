@@ -26,6 +26,8 @@ from mechanism_sim.sensing.sound import (
     sphere_modes,
     strikes,
 )
+from mechanism_sim.sweep.plan import Extent
+from mechanism_sim.sweep.row import Task, compute
 
 
 def command(*options):
@@ -133,6 +135,19 @@ def test_what_a_drive_holds_is_silent():
     assert later
     assert {s.mass[0] for s in later} == {0.0}
     assert {round(s.mass[1], 9) for s in later} == {machine.scene.links['valve'].mass}
+
+
+def test_a_recorded_turn_sounds_like_its_scene(tmp_path, capsys):
+    scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
+    bag, args = tmp_path / 'bag.mcap', [scene.name, '--set', 'start=centred', '--revolutions', '1']
+    compute(Task('', scene.name, scene.scene, Extent(1, None, 0), bag))
+    files = tmp_path / 'bag.wav', tmp_path / 'live.wav'
+    told = []
+    for source, file in zip(([str(bag)], args), files, strict=True):
+        assert command('sound', *source, '-o', str(file), '--json') == 0
+        told.append(json.loads(capsys.readouterr().out) | {'file': ''})
+    assert told[0] == told[1]
+    assert files[0].read_bytes() == files[1].read_bytes()
 
 
 @pytest.mark.deep

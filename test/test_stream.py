@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
+import weakref
 from importlib import import_module
 
 import numpy as np
@@ -265,6 +267,18 @@ for piece in run:
     peak[turns // 300] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(peak[0], peak[4])
 """
+
+
+def test_a_piece_is_forgotten_once_the_next_is_there():
+    pieces = ms.stream(ms.load_scene('four_bar_clearance'), revolutions=20)
+    last, seen = None, 0
+    for piece in pieces:
+        if last is not None:
+            gc.collect()
+            assert last() is None
+        last, seen = weakref.ref(piece.motion), seen + 1
+        del piece
+    assert seen > 3
 
 
 @pytest.mark.deep

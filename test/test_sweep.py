@@ -6,8 +6,10 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -16,10 +18,12 @@ from four_bars import RADIAL, loose
 from running import TIMEOUT, command, environment, run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.study.statistics import ratio, statistics
 from mechanism_sim.sweep.plan import Extent, read_plan
 from mechanism_sim.sweep.row import DONE, Task, compute
+from mechanism_sim.sweep.run import Interrupted, sweep
 from mechanism_sim.sweep.store import write_table
 
 SWEEP = f"""
@@ -33,6 +37,11 @@ revolutions: 5
 skip: 1
 """
 RUNS = 16
+SMALL = """
+scene: four_bar_clearance
+grid: {drive.start_angle: [0 deg, 90 deg, 180 deg, 270 deg]}
+revolutions: 1
+"""
 
 
 def sweep_file(folder: Path, text: str, name: str = 'small.yaml') -> Path:
@@ -43,6 +52,15 @@ def sweep_file(folder: Path, text: str, name: str = 'small.yaml') -> Path:
 
 def plan_of(folder: Path, text: str):
     return read_plan(str(sweep_file(folder, text)))
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Runs of a sweep need no processes."""
+    monkeypatch.setattr(
+        'mechanism_sim.sweep.run.on_this_machine',
+        lambda tasks, _, work: (work(task) for task in tasks),
+    )
 
 
 @pytest.fixture(scope='module')
@@ -161,6 +179,21 @@ def test_bad_input_ends_with_two_and_one_sentence(tmp_path, reference):
         assert done.returncode == 2, done.stderr
         assert said in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.usefixtures('in_this_process')
+def test_bad_input_is_refused_in_one_sentence(tmp_path):
+    text = SMALL.replace('revolutions: 1', 'revolutions: 2')
+    table = tmp_path / 'one.parquet'
+    sweep(plan_of(tmp_path, SMALL), table)
+    for act, said in (
+        (lambda: plan_of(tmp_path, 'revolutions: 3\n'), "'scene' is missing"),
+        (lambda: sweep(plan_of(tmp_path, text), table), 'is of another sweep'),
+        (lambda: sweep(plan_of(tmp_path, text), tmp_path / 't.parquet', 0), 'at least 1'),
+    ):
+        with pytest.raises(InputError, match=said) as refused:
+            act()
+        assert len(str(refused.value).splitlines()) == 1
 
 
 # --- a row --------------------------------------------------------------------------------------
@@ -331,6 +364,61 @@ def test_a_sweep_that_was_ended_goes_on_and_writes_the_same_table(reference, tmp
     assert len(keys) == len(set(keys)) == RUNS
 
 
+@pytest.mark.usefixtures('in_this_process')
+def test_a_sweep_that_is_interrupted_goes_on_and_writes_the_same_table(tmp_path):
+    plan, one, table = plan_of(tmp_path, SMALL), tmp_path / '1.parquet', tmp_path / '2.parquet'
+    sweep(plan, one)
+    journal = tmp_path / '2.parquet.journal'
+
+    def interrupt(finished, _):
+        if finished == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match=r'after 2 of 4 .* the same command goes on from there'):
+        sweep(plan, table, show=interrupt)
+    kept = keys_of(journal)
+    assert len(kept) == 2
+    assert not table.exists()
+    with journal.open('ab') as torn:  # as if the power had failed in the middle of a line
+        torn.write(b'{"key": "12')
+    summary, _ = sweep(plan, table)
+    assert (summary.kept, summary.computed) == (2, 2)
+    assert table.read_bytes() == one.read_bytes()
+    keys = keys_of(journal)
+    assert keys[:2] == kept
+    assert len(keys) == len(set(keys)) == 4
+
+
+@pytest.mark.usefixtures('in_this_process')
+def test_what_a_cluster_computes_makes_the_same_table(monkeypatch, tmp_path):
+    """A scheduler that works in this process and returns the last run first."""
+    plan, one, table = plan_of(tmp_path, SMALL), tmp_path / '1.parquet', tmp_path / '2.parquet'
+    asked = []
+
+    class Client:
+        def __init__(self, address):
+            asked.append(address)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def submit(self, work, task, pure):
+            assert not pure
+            return SimpleNamespace(result=lambda: work(task), release=lambda: None)
+
+    cluster = SimpleNamespace(
+        Client=Client, as_completed=reversed, KilledWorker=OSError, CancelledError=OSError
+    )
+    monkeypatch.setitem(sys.modules, 'distributed', cluster)
+    assert sweep(plan, table, dask='tcp://here')[0].computed == 4
+    assert asked == ['tcp://here']
+    sweep(plan, one)
+    assert table.read_bytes() == one.read_bytes()
+
+
 @pytest.mark.deep
 def test_a_dask_cluster_writes_the_same_table(reference, tmp_path):
     distributed = pytest.importorskip('distributed')
@@ -389,3 +477,17 @@ def test_a_run_that_fails_keeps_the_others(tmp_path):
     assert bad['impacts'] is bad['digest'] is None
     bag = run_json('analyze', str(tmp_path / 't.bags' / 'run_00000.mcap'))
     assert bag['digest'] == good['digest']
+
+
+@pytest.mark.usefixtures('in_this_process')
+def test_of_two_runs_the_one_that_fails_keeps_the_other(tmp_path):
+    text = (
+        'scene: four_bar_clearance\nset: {start: centred}\nrevolutions: 1\nbags: true\n'
+        'grid: {initial.position.rocker: [2.0, 2.1257118]}\n'
+    )
+    summary, (bad, good) = sweep(plan_of(tmp_path, text), tmp_path / 't.parquet')
+    assert summary.failed == 1
+    assert good['status'] == DONE
+    assert 'initial.position puts the pin' in bad['status']
+    assert 'digest' not in bad or bad['digest'] is None
+    assert analyze(tmp_path / 't.bags' / 'run_00001.mcap').digest == good['digest']

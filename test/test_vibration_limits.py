@@ -129,10 +129,10 @@ def test_without_a_spring(stiffness, damping):
             )
 
 
-@pytest.mark.deep
-def test_divided_differences_of_close_nodes():
+@pytest.mark.parametrize('count', [12, pytest.param(300, marks=pytest.mark.deep)])
+def test_divided_differences_of_close_nodes(count):
     random = np.random.default_rng(5)
-    for _ in range(300):
+    for _ in range(count):
         spread = 10.0 ** random.uniform(-16, 1)
         x = complex(-random.uniform(0, 1), random.normal())
         nodes = [x, *(x + spread * complex(*random.normal(size=2)) for _ in range(2))]

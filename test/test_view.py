@@ -448,7 +448,6 @@ def test_a_page_that_takes_nothing_is_cut_off_and_pages_are_counted(serving):
             connect(address)
 
 
-@pytest.mark.deep
 def test_two_servers_find_ports_of_their_own():
     servers = [Server({}, port, list, print) for port in (0, 0)]
     third = Server({}, servers[0].port, list, print)

@@ -18,6 +18,7 @@ import pytest
 import yaml
 from four_bars import RADIAL
 from running import command, environment, run, run_json
+from test_sweep import in_this_process  # noqa: F401 - a fixture
 
 import mechanism_sim as ms
 from mechanism_sim import ending
@@ -25,7 +26,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.recording import read_bag
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.sweep.plan import read_plan
-from mechanism_sim.sweep.run import sweep
+from mechanism_sim.sweep.run import Interrupted, sweep
 from mechanism_sim.sweep.windows import Cutter, Windows
 
 SENSOR = 'sensors.rocker_accelerometer'
@@ -62,6 +63,18 @@ def reference(tmp_path_factory):
     assert (summary['runs'], summary['computed'], summary['failed']) == (RUNS, MOTIONS, 0)
     assert summary['windows'] == RUNS * EACH
     return table
+
+
+SMALL = f"""
+scene: four_bar_clearance
+set: {{{SENSOR}.adc: {{range: 2000 m/s^2, bits: 14, jitter: 1 us}}}}
+grid:
+  {RADIAL}: [0.0254 mm, 0.254 mm]
+  {SENSOR}.noise.rms: [0, 5 m/s^2]
+windows: {{samples: 256, per_run: 3, type: float64}}
+revolutions: 2
+skip: 1
+"""
 
 
 def folder_of(table):
@@ -186,6 +199,50 @@ def same(table, reference):
     assert sorted(name for name in found if not name.startswith('.')) == FILES
     assert all(found[name] == expected[name] for name in FILES)
     return table.read_bytes() == reference.read_bytes()
+
+
+@pytest.mark.usefixtures('in_this_process')
+def test_a_sweep_that_is_interrupted_or_loses_a_file_writes_the_same_windows(tmp_path):
+    plan = read_plan(sweep_file(tmp_path, SMALL))
+    one, table = tmp_path / 'one.parquet', tmp_path / 'two.parquet'
+    sweep(plan, one)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match='after 1 of 2'):
+        sweep(plan, table, show=interrupt)
+    assert not table.exists()
+    for kept, computed in ((1, 1), (1, 1)):
+        summary, _ = sweep(plan, table)
+        assert (summary.kept, summary.computed) == (kept, computed)
+        assert table.read_bytes() == one.read_bytes()
+        found, expected = contents(folder_of(table)), contents(folder_of(one))
+        assert all(found[name] == expected[name] for name in FILES[:4])
+        (folder_of(table) / FILES[3]).unlink()
+
+
+@pytest.mark.usefixtures('in_this_process')
+def test_windows_are_samples_of_the_channel_and_float32_is_the_same_rounded(tmp_path):
+    """What nodes publish are the same samples: see the tests of nodes."""
+    tables = []
+    for kind in ('float64', 'float32'):
+        plan = read_plan(sweep_file(tmp_path, SMALL.replace('float64', kind)))
+        tables.append(tmp_path / f'{kind}.parquet')
+        sweep(plan, tables[-1])
+    full, short = (np.array([r['signal'] for r in rows_of(t)]) for t in tables)
+    assert np.array_equal(short, full.astype('float32'))
+    name = SENSOR.partition('.')[2]
+    for row in rows_of(tables[0])[-3:]:
+        machine = ms.load_scene('four_bar_clearance', {
+            RADIAL: '0.254 mm', f'{SENSOR}.noise': {'rms': '5 m/s^2', 'seed': row['seed']},
+            f'{SENSOR}.adc': {'range': '2000 m/s^2', 'bits': 14, 'jitter': '1 us'},
+        })  # fmt: skip
+        channel = machine.channel(name)
+        channel.take(ms.simulate(machine, revolutions=2).motion)
+        signal = np.concatenate([block.samples for block in channel.blocks(final=True)])
+        first = round(row['start'] * 10000.0)
+        assert np.array_equal(row['signal'], signal[first : first + 256])
 
 
 @pytest.mark.deep
