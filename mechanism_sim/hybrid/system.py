@@ -331,8 +331,9 @@ class System:
         for switch, rate in zip(self.holding.values(), plain, strict=True):
             others = {x: part for x, part in self._parts.items() if x != switch.flag}
             for known in (others, {}):
-                for flag in (0.0, 1.0):
-                    outputs += hy.subs([rate], known | {switch.flag: hy.expression(flag)})
+                (own,) = hy.subs([rate], known) if known else [rate]
+                for flag in (0.0, 1.0):  # the others' parts depend on it, too
+                    outputs += hy.subs([own], {switch.flag: hy.expression(flag)})
             outputs.append(self._parts[switch.flag])
         return self._on_now(outputs)
 

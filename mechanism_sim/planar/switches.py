@@ -27,6 +27,9 @@ _BEYOND = 1e-9  # of its length: what a table that is not periodic allows for ro
 REST = 1e-10
 """Size of a function of rates that is as good as zero: what steps there may hold a motion."""
 
+_FELT = 1e-9
+"""Rate of such a function, per second: a force that changes it by less steps nowhere."""
+
 _OWN = 1e-6  # of its jump alone: less is left to a switch where others hold what it would
 
 HOLDS = 2
@@ -92,7 +95,7 @@ class Switch(NamedTuple):
         if row == HOLDS:
             return int(part > 0.5)
         own = below - above > _OWN * abs(free_below - free_above)
-        return HOLDS if own and above < 0.0 < below else None
+        return HOLDS if own and above < -_FELT and below > _FELT else None
 
     def values(self, row: int) -> list[float]:
         """Of the symbols."""

@@ -182,7 +182,7 @@ def _steps(random: Random, k: int) -> Draft:
         'loads': {name: known[name] for name in chosen},
     })  # fmt: skip
     if k % 3 == 2:
-        scene['joints']['rod_piston']['clearance'] = clearance(random, finest=-5.0)
+        scene['joints']['rod_piston']['clearance'] = clearance(random, finest=-5.0, most=0.9)
     return Draft(scene, **extent)
 
 
