@@ -183,6 +183,7 @@ def test_units_come_from_the_definitions():
         'overloads', 'triggered', 'mode', 'previous_mode', 'modes', 'engaged', 'index', 'run',
         'ends_chatter', 'segments', 'degree', 'turns', 'kind', 'law_id', 'final', 'again',
         'finished', 'counts', 'value', 'coefficients', 'torque_laws', 'samples',
+        'load_switches',
     }  # fmt: skip
     for name in own_messages():
         kind = f'mechanism_sim/msg/{name}'

@@ -23,7 +23,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.study.statistics import ratio, statistics
 from mechanism_sim.sweep.plan import Extent, read_plan
 from mechanism_sim.sweep.row import DONE, Task, compute
-from mechanism_sim.sweep.run import Interrupted, sweep
+from mechanism_sim.sweep.run import SweepInterrupted, sweep
 from mechanism_sim.sweep.store import write_table
 
 SWEEP = f"""
@@ -374,7 +374,9 @@ def test_a_sweep_that_is_interrupted_goes_on_and_writes_the_same_table(tmp_path)
         if finished == 2:
             raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted, match=r'after 2 of 4 .* the same command goes on from there'):
+    with pytest.raises(
+        SweepInterrupted, match=r'after 2 of 4 .* the same command goes on from there'
+    ):
         sweep(plan, table, show=interrupt)
     kept = keys_of(journal)
     assert len(kept) == 2

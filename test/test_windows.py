@@ -26,7 +26,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.recording import read_bag
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.sweep.plan import read_plan
-from mechanism_sim.sweep.run import Interrupted, sweep
+from mechanism_sim.sweep.run import SweepInterrupted, sweep
 from mechanism_sim.sweep.windows import Cutter, Windows
 
 SENSOR = 'sensors.rocker_accelerometer'
@@ -210,7 +210,7 @@ def test_a_sweep_that_is_interrupted_or_loses_a_file_writes_the_same_windows(tmp
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted, match='after 1 of 2'):
+    with pytest.raises(SweepInterrupted, match='after 1 of 2'):
         sweep(plan, table, show=interrupt)
     assert not table.exists()
     for kept, computed in ((1, 1), (1, 1)):
