@@ -58,7 +58,7 @@ def plan_of(folder: Path, text: str):
 def in_this_process(monkeypatch):
     """Runs of a sweep need no processes."""
     monkeypatch.setattr(
-        'mechanism_sim.sweep.run.on_this_machine',
+        'mechanism_sim.sweep.run.run_local',
         lambda tasks, _, work: (work(task) for task in tasks),
     )
 
