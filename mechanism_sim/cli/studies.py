@@ -40,6 +40,16 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
     option(sub, '--revolutions', 'N', 'how many to run from each', 3.0)
+    sub = command('find', _find, 'find the value of a key for which a figure is as wanted')
+    scene_options(sub)
+    option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
+    option(sub, '--so-that', 'GOAL', "as 'largest(reaction.ram_pin) = 20 kN'")
+    option(sub, '--minimise', 'FIGURE', "instead: as 'rms(drive_torque)'")
+    option(sub, '--samples', 'N', 'values at which the curve is computed', 17)
+    option(
+        sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
+    )
+    option(sub, '-o --output', 'FILE', 'draw the curve')
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
     option(sub, '-o --output', 'TABLE', 'the table, a Parquet file; NAME.parquet if not given')
@@ -127,6 +137,27 @@ def _starts(options: argparse.Namespace) -> int:
     with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
         found = starts(machine, options.angles, options.revolutions, show)
     return print_result(options, found, study.starts_json, study.starts)
+
+
+def _find(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.report import find as report  # noqa: PLC0415
+    from mechanism_sim.study.find import find, read_goal  # noqa: PLC0415
+    from mechanism_sim.study.parameters import ranges  # noqa: PLC0415
+
+    goal = read_goal(options.so_that, options.minimise)
+    if options.samples < 2:
+        raise InputError('--samples must be at least 2')
+    ((path, limits),) = ranges([options.vary or ''], '--vary').items()
+    machine = read_machine(options)
+    with progress.busy('find', options.json) as say:
+        finding = find(
+            machine, (path, *limits), goal, options.samples, lambda n: say(f'{n} cycles'),
+            duration=options.duration,
+        )  # fmt: skip
+    if options.output:
+        figures.save(report.picture(finding, machine.scene.title), Path(options.output))
+    return print_result(options, finding, report.to_json, report.text)
 
 
 def _sweep(options: argparse.Namespace) -> int:

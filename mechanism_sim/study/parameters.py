@@ -101,8 +101,8 @@ def parameters(
     return tuple(found)
 
 
-def ranges(texts: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Limits by name, from texts ``name=low:high``.
+def ranges(texts: Sequence[str], key: str = '--range') -> dict[str, tuple[str, str]]:
+    """Limits by name, from texts ``name=low:high`` of an option.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def ranges(texts: Sequence[str]) -> dict[str, tuple[str, str]]:
         name, _, limits = text.partition('=')
         low, colon, high = limits.partition(':')
         if not (name and low and colon and high):
-            raise InputError(f"--range '{text}': write NAME=LOW:HIGH, as 'radial=0.1 mm:0.4 mm'")
+            raise InputError(f"{key} '{text}': write NAME=LOW:HIGH, as 'radial=0.1 mm:0.4 mm'")
         found[name.strip()] = low.strip(), high.strip()
     return found
 

@@ -1,0 +1,92 @@
+"""Values of a scene for which a figure is as wanted, against closed forms."""
+
+import math
+
+import pytest
+from running import run, run_json
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.study.find import find, read_goal
+
+SPEED, ARM = 12.0, 0.25
+
+
+def rotor(**changes):
+    """A bar that turns about its end at a constant speed, with a brake."""
+    scene = {
+        'title': 'bar',
+        'mechanism': 'linkage',
+        'links': {'bar': {'mass': 2.0, 'inertia': 0.05, 'cog': ARM}},
+        'masses': {'weight': {'at': 'bar.start', 'mass': 1.0}},
+        'joints': {'O': {'revolute': ['ground', 'bar']}},
+        'gravity': [0.0, -9.81],
+        'drive': {'coordinate': 'bar', 'speed': SPEED},
+        'loads': {'brake': {'at': 'bar', 'torque': '-0.5*bar_rate'}},
+    }
+    return build('bar', Scene.model_validate(scene | changes))
+
+
+def test_every_crossing_is_found_to_rounding():
+    """``highest = 0.5 w + m g |a|`` has the wanted value at two arms."""
+    goal = read_goal('highest(drive_torque) = 10 N m', None)
+    finding = find(rotor(), ('links.bar.cog', '-0.4 m', '0.4 m'), goal, 8)
+    arm = (10.0 - 0.5 * SPEED) / (2.0 * 9.81)
+    assert [one.value for one in finding.found] == pytest.approx([-arm, arm], rel=1e-11)
+    assert [one.figure for one in finding.found] == pytest.approx([10.0, 10.0], rel=1e-11)
+    assert not any(one.jump for one in finding.found)
+    assert finding.unit == 'N m'
+    for value, figure in finding.curve:
+        assert figure == pytest.approx(0.5 * SPEED + 2.0 * 9.81 * abs(value), rel=1e-12)
+
+
+def test_the_least_is_where_it_is_balanced():
+    """The root mean square of the moment of a weight opposite to the bar."""
+    points = {'bar': {'mass': 2.0, 'inertia': 0.05, 'cog': ARM, 'points': {'w': [-0.1, 0.0]}}}
+    model = rotor(links=points, loads={}, masses={'weight': {'at': 'bar.w', 'mass': 1.0}})
+    goal = read_goal(None, 'rms(drive_torque)')
+    finding = find(model, ('masses.weight.mass', '1 kg', '20 kg'), goal, 9)
+    assert finding.found[0].value == pytest.approx(2.0 * ARM / 0.1, rel=1e-6)
+    at = finding.curve[0]
+    assert at == pytest.approx((1.0, 9.81 * (2.0 * ARM - 0.1) / math.sqrt(2.0)), rel=1e-12)
+
+
+def test_a_figure_that_steps_across_the_goal_is_marked():
+    brake = {'at': 'bar', 'torque': '-1 if t > 0 else 0'}
+    stepped = rotor(loads={'a': brake, 'b': {'at': 'bar', 'force': ['100 if x > 5 else 0', 0]}})
+    goal = read_goal('mean(drive_torque) = 1 N m', None)
+    finding = find(stepped, ('links.bar.cog', '0.1 m', '0.3 m'), goal, 3)
+    assert {round(one.figure, 12) for one in finding.found} <= {1.0}
+
+
+def test_what_cannot_run_leaves_a_gap_and_its_reason():
+    found = run_json(
+        'find', 'slider_crank', '--vary', 'links.rod.length=0.02 m:0.6 m', '--so-that',
+        'largest(position.piston) = 0.5 m', '--samples', '6',
+    )  # fmt: skip
+    assert [round(one['value'], 6) for one in found['failed']] == [0.02, 0.039487]
+    assert 'cannot follow its drive' in found['failed'][0]['reason']
+    (one,) = found['found']
+    assert one['value'] == pytest.approx(0.5 - 0.05, rel=1e-11)  # crank and rod in line
+
+
+@pytest.mark.parametrize(
+    ('args', 'said'),
+    [
+        ((), 'give one of'),
+        (('--so-that', 'most(x) = 3'), 'measures: highest'),
+        (('--so-that', 'mean(x)'), 'write MEASURE(QUANTITY) = VALUE'),
+        (('--so-that', 'mean(drive_torqe) = 1'), "did you mean 'drive_torque'"),
+        (('--so-that', 'mean(drive_torque) = 1 m'), 'the wanted value 1 m'),
+    ],
+)
+def test_goals_that_are_none_are_refused(args, said):
+    done = run('find', 'slider_crank', '--vary', 'links.rod.mass=1:2', '--samples', '2', *args)
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
+def test_a_path_that_is_none_is_refused():
+    with pytest.raises(InputError):
+        find(rotor(), ('links.bar.lenth', '1', '2'), read_goal(None, 'mean(drive_torque)'))
