@@ -13,7 +13,15 @@ GROUPS = {
     'Run it': ('solve', 'run', 'node'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
     'Recorded runs': ('info', 'recover', 'analyze', 'identify', 'experiment'),
-    'Many runs': ('sweep', 'statistics', 'starts', 'periodic', 'contact-loss', 'lift-off'),
+    'Many runs': (
+        'sweep',
+        'find',
+        'statistics',
+        'starts',
+        'periodic',
+        'contact-loss',
+        'lift-off',
+    ),
     'For the workshop and other programs': ('profile', 'teeth', 'export'),
     'The program itself': ('bench', 'completion'),
 }
