@@ -29,10 +29,11 @@ from mechanism_sim.recording.rosbag2 import (
     qos_profile,
 )
 
-VERSION = 2
+VERSION = 3
 """Of what bags hold: topics, their types, their times. A reader refuses a later one.
 
 2: samples of every kind of sensor are SensorBlock; of accelerometers it was AccelerometerBlock.
+3: Motion says which loads that step act (``load_switches``).
 """
 
 LIBRARY = 'mechanism_sim'
