@@ -50,7 +50,8 @@ def motion_notes(
             else slider_crank_notes(linkage, crank)
         )
         whose = f'{", ".join(links)}: ' if len(found) > 1 else ''
-        notes += [type(line)(whose + line) for line in lines]
+        # what turns only as far as others turn it stops nothing
+        notes += [(type(line) if crank in driven else str)(whose + line) for line in lines]
     return notes
 
 
