@@ -2,9 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
-from running import run, run_json
+from running import run
 
+import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
@@ -61,14 +63,13 @@ def test_a_figure_that_steps_across_the_goal_is_marked():
 
 
 def test_what_cannot_run_leaves_a_gap_and_its_reason():
-    found = run_json(
-        'find', 'slider_crank', '--vary', 'links.rod.length=0.02 m:0.6 m', '--so-that',
-        'largest(position.piston) = 0.5 m', '--samples', '6',
-    )  # fmt: skip
-    assert [round(one['value'], 6) for one in found['failed']] == [0.02, 0.039487]
-    assert 'cannot follow its drive' in found['failed'][0]['reason']
-    (one,) = found['found']
-    assert one['value'] == pytest.approx(0.5 - 0.05, rel=1e-11)  # crank and rod in line
+    goal = read_goal('largest(position.piston) = 0.5 m', None)
+    finding = find(ms.load_scene('slider_crank'), ('links.rod.length', '0.02 m', '0.6 m'), goal, 6)
+    assert [round(value, 6) for value, _ in finding.failed] == [0.02, 0.039487]
+    assert 'cannot follow its drive' in finding.failed[0][1]
+    assert np.isnan([figure for _, figure in finding.curve[:2]]).all()
+    (one,) = finding.found
+    assert one.value == pytest.approx(0.5 - 0.05, rel=1e-11)  # crank and rod in line
 
 
 @pytest.mark.parametrize(
