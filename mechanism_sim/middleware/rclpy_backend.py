@@ -13,6 +13,7 @@ What differs from rclpy:
 import signal
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 import rclpy
@@ -25,6 +26,7 @@ from rclpy import (
     spin_until_future_complete,
     try_shutdown,
 )
+from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.client import ClientGoalHandle
 from rclpy.action.server import ServerGoalHandle
@@ -126,8 +128,47 @@ _USUAL: dict[signal.Signals, tuple[Any, SignalHandlerOptions]] = {
 }
 
 
+ROUND = 64
+"""Messages that a subscription hands over at most in its turn: for each turn the executor of rclpy
+makes a set of all entities anew, which costs more than most callbacks."""
+
+PATIENCE, RETRY = 60.0, 0.005
+"""[s] that a publisher with a full queue waits for slow subscribers, and between two tries."""
+
+
 class Node(rclpy.node.Node):  # type: ignore[misc]
-    """A node of rclpy whose subscriptions judge what comes."""
+    """A node of rclpy.
+
+    Its subscriptions judge what comes, and hand over all that is there. Its publishers wait where
+    a queue is full: rmw returns an error then. After `PATIENCE` they raise MiddlewareError.
+    """
+
+    def create_publisher(self, *given: Any, **how: Any) -> Any:
+        """Publisher whose `publish` waits while the queue of the middleware is full."""
+        publisher = super().create_publisher(*given, **how)
+        publish, topic = publisher.publish, publisher.topic_name
+
+        def publish_when_possible(message: Any) -> None:
+            end = time.monotonic() + PATIENCE
+            while True:
+                try:
+                    return publish(message)
+                except RCLError as error:
+                    if not ok(context=self.context):
+                        return None  # the network is left
+                    if time.monotonic() > end:
+                        raise MiddlewareError(
+                            f'{topic}: a subscriber has taken nothing for {PATIENCE:g} s, and the '
+                            f'queue is full: {error}'
+                        ) from error
+                    self.get_logger().warning(
+                        f'{topic}: the queue is full; waiting for a slow subscriber',
+                        throttle_duration_sec=10.0,
+                    )
+                    time.sleep(RETRY)
+
+        publisher.publish = publish_when_possible
+        return publisher
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callable[[Any], Any], *given: Any, **how: Any
@@ -135,7 +176,7 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
         """Subscription whose callback gets the message, or with ``raw`` its bytes."""
         refusals, raw = Refusals(), how.get('raw', False)
 
-        def take(message: Any) -> None:
+        def judge(message: Any) -> None:
             try:
                 if raw:
                     check_message(message, msg_type)
@@ -146,6 +187,17 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                 refusals.count(subscription.topic_name, 'message', str(error), warn)
             else:
                 callback(message)
+
+        def take(message: Any) -> None:
+            judge(message)
+            with suppress(InvalidHandle):  # the callback may have destroyed the subscription
+                handle = subscription.handle
+                for _ in range(ROUND):
+                    with handle:
+                        taken = handle.take_message(msg_type, raw)
+                    if taken is None:
+                        return
+                    judge(taken[0])
 
         subscription = super().create_subscription(msg_type, topic, take, *given, **how)
         return subscription
