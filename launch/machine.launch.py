@@ -60,7 +60,8 @@ class MachineFailed(Event):
     """A process of a machine failed: the machine ends, once for each machine.
 
     Matched by its name, ``EventHandler(matcher=lambda e: e.name == 'mechanism_sim.MachineFailed',
-    entities=...)``: every inclusion of this file makes a class of its own.
+    entities=[...])``, as every inclusion of this file makes a class of its own; entities find it
+    as ``context.locals.event``.
 
     Attributes
     ----------
@@ -156,7 +157,7 @@ def _plan(program, options):
     )  # fmt: skip
     if asked.returncode:
         said = [line for line in asked.stderr.splitlines() if line.strip()]
-        raise ValueError(said[-1] if said else f'{program} ended with {asked.returncode}')
+        raise ValueError(said[-1].removeprefix('mechanism-sim: ') if said else f'{program} ended with {asked.returncode}')
     return json.loads(asked.stdout)
 
 
@@ -224,11 +225,11 @@ class _Machine:
         left = [self.nodes[name] for name in sorted(self._running)]
         left += [self.recording] if self.recording else []
         actions = [EmitEvent(event=event), *map(_stop, left)]
+        get_logger('mechanism_sim').error(reason)
         if not self.fatal:
-            get_logger('mechanism_sim').error(reason)
             return actions
-        # Logs it, and gives `ros2 launch` its exit code, which an event cannot.
-        context.asyncio_loop.call_exception_handler({'message': reason})
+        # Gives `ros2 launch` its exit code, which an event cannot.
+        context.asyncio_loop.call_exception_handler({'message': f'{self.namespace}: launch ends'})
         return [*actions, EmitEvent(event=Shutdown(reason=reason))]
 
     def _reaction(self, name):

@@ -14,8 +14,8 @@ from test_control import CONTROL, SCENE, operate
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.scene.files import find_scene
 from mechanism_sim.recording import read_bag
+from mechanism_sim.scene.files import find_scene
 
 WORLDS = (
     CONTROL
