@@ -10,6 +10,7 @@ What differs from rclpy:
 - The future of a service that goes away is never done.
 """
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterable
@@ -18,6 +19,7 @@ from typing import Any
 
 import rclpy
 import rclpy.node
+from ament_index_python.packages import get_package_share_directory
 from rclpy import (
     ok,
     shutdown,
@@ -132,6 +134,12 @@ ROUND = 64
 """Messages that a subscription hands over at most in its turn: for each turn the executor of rclpy
 makes a set of all entities anew, which costs more than most callbacks."""
 
+LEASES = {
+    'CYCLONEDDS_URI': 'file://{}/cyclonedds.xml',
+    'FASTRTPS_DEFAULT_PROFILES_FILE': '{}/fastdds.xml',
+}
+"""By variables of the environment: files that let DDS wait for subscribers that do not answer."""
+
 PATIENCE, RETRY = 60.0, 0.005
 """[s] that a publisher with a full queue waits for slow subscribers, and between two tries."""
 
@@ -142,6 +150,12 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
     Its subscriptions judge what comes, and hand over all that is there. Its publishers wait where
     a queue is full: rmw returns an error then. After `PATIENCE` they raise MiddlewareError.
     """
+
+    def __init__(self, *given: Any, **how: Any) -> None:
+        try:
+            super().__init__(*given, **how)
+        except RCLError as error:  # such as a configuration of the middleware that it refuses
+            raise MiddlewareError(f'no node can be made here: {error}') from error
 
     def create_publisher(self, *given: Any, **how: Any) -> Any:
         """Publisher whose `publish` waits while the queue of the middleware is full."""
@@ -206,11 +220,16 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
 def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:
     """``rclpy.init``, with handlers for those signals that the program does not handle itself.
 
+    DDS is told to wait longer for subscribers that are stopped, unless its environment says more.
+
     Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
     """
     free = [
         option for number, (usual, option) in _USUAL.items() if signal.getsignal(number) is usual
     ]
+    folder = f'{get_package_share_directory("mechanism_sim")}/launch/dds'
+    for variable, file in LEASES.items():
+        os.environ.setdefault(variable, file.format(folder))
     options = free[0] if len(free) == 1 else SignalHandlerOptions.ALL if free else None
     try:
         rclpy.init(

@@ -86,7 +86,7 @@ class SimulationNode(DescribedNode):
         self._seen: set[str] = set()
         self._soon: float | None = None
         self._early: list[tuple[Callable[[Any], None], Any]] = []
-        self._reported = 0.0
+        self._reported, self._finished = 0.0, False
         self.first_heard: float | None = None
 
     def frame(self, link: str) -> str:
@@ -251,7 +251,7 @@ class SimulationNode(DescribedNode):
 
     def begin_run(self, number: int) -> None:
         """Everything begins anew at time 0: records of deliveries, state of partners, machine."""
-        self.run = number
+        self.run, self._finished = number, False
         self.first_heard = time.monotonic()
         if Content.of(self) != self._content:
             self.forget_machine()
@@ -308,8 +308,14 @@ class SimulationNode(DescribedNode):
             self.report(self._soon)
 
     def report(self, t: float, finished: bool = False, again: bool = False) -> None:
-        """Publish how far this node has come, and what it has published, this included."""
+        """Publish how far this node has come, and what it has published, this included.
+
+        A report of its end is the last of a run, in whatever order messages come after it.
+        """
         self._soon = None
+        if self._finished:
+            return
+        self._finished = finished
         self.counts[self._progress.topic_name] += 1
         message = Progress(
             node=self.get_name(),
