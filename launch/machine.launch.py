@@ -1,4 +1,5 @@
-"""A machine as nodes: ``ros2 launch mechanism_sim machine.launch.py scene:=four_bar_clearance``.
+"""
+A machine as nodes: ``ros2 launch mechanism_sim machine.launch.py scene:=four_bar_clearance``.
 
 Starts the nodes that the scene needs, each in a process of its own, and ends with them. It needs
 `launch` and `launch_ros` only: what is to be run comes from the package's own interpreter. To be
@@ -57,7 +58,8 @@ OWNED = {'MECHANISM_SIM_PARENT': str(os.getpid())}
 
 
 class MachineFailed(Event):
-    """A process of a machine failed: the machine ends, once for each machine.
+    """
+    A process of a machine failed: the machine ends, once for each machine.
 
     Matched by its name, ``EventHandler(matcher=lambda e: e.name == 'mechanism_sim.MachineFailed',
     entities=[...])``, as every inclusion of this file makes a class of its own; entities find it
@@ -69,6 +71,7 @@ class MachineFailed(Event):
     process : what failed, such as ``linkage``; empty if nothing could be started
     returncode : its exit code, negative for a signal
     reason : one sentence
+
     """
 
     name = 'mechanism_sim.MachineFailed'
@@ -79,7 +82,7 @@ class MachineFailed(Event):
 
 
 def generate_launch_description():
-    """What ``ros2 launch`` asks for."""
+    """Describe the launch."""
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=about)
         for name, (default, about) in ARGUMENTS.items()
@@ -102,7 +105,7 @@ def generate_launch_description():
 
 
 def _machine(context):
-    """The processes of a machine, and what happens when they end."""
+    """Make the processes of a machine, and what happens when they end."""
     given = {name: context.launch_configurations[name].strip() for name in (*ARGUMENTS, *FLAGS)}
     relative = given['namespace'].strip('/') or None
     pushed = context.launch_configurations.get('ros_namespace')
@@ -136,7 +139,7 @@ def _machine(context):
 
 
 def _options(given, bag):
-    """Options of ``mechanism-sim run``."""
+    """Write options of ``mechanism-sim run``."""
     options = [given['scene'], '--realtime-factor', given['realtime_factor']]
     for text in filter(None, map(str.strip, given['overrides'].split(';'))):
         options += ['--set', text]
@@ -147,7 +150,8 @@ def _options(given, bag):
 
 
 def _plan(program, options):
-    """Nodes with their parameters, and topics with their quality of service.
+    """
+    Ask for the nodes with their parameters, and the topics with their quality of service.
 
     Raises ValueError with one sentence if the machine cannot be run.
     """
@@ -157,7 +161,11 @@ def _plan(program, options):
     )  # fmt: skip
     if asked.returncode:
         said = [line for line in asked.stderr.splitlines() if line.strip()]
-        raise ValueError(said[-1].removeprefix('mechanism-sim: ') if said else f'{program} ended with {asked.returncode}')
+        raise ValueError(
+            said[-1].removeprefix('mechanism-sim: ')
+            if said
+            else f'{program} ended with {asked.returncode}'
+        )
     return json.loads(asked.stdout)
 
 
@@ -170,7 +178,7 @@ def _refuse(given):
 
 
 def _recording(plan, namespace, folder, name):
-    """``ros2 bag record`` of all topics of a run, without its habit of keeping the last ten."""
+    """Start ``ros2 bag record`` of all topics, without its habit of keeping the last ten."""
     space = namespace.rstrip('/')
     profiles = {
         topic if topic.startswith('/') else f'{space}/{topic}': profile
@@ -191,12 +199,14 @@ def _recording(plan, namespace, folder, name):
 
 
 class _Machine:
-    """The processes of one machine, which end together.
+    """
+    The processes of one machine, which end together.
 
     Attributes
     ----------
     nodes : actions by the names of the nodes, or of the one process that has all
     recording : the action of ``ros2 bag record``, if there is one
+
     """
 
     def __init__(self, namespace, fatal):
@@ -205,7 +215,7 @@ class _Machine:
         self._failed, self._running = False, set()
 
     def entities(self):
-        """All processes, and what happens when each ends."""
+        """List all processes, and what happens when each ends."""
         self._running = set(self.nodes)
         entities = [
             RegisterEventHandler(OnProcessExit(target_action=node, on_exit=self._reaction(name)))
@@ -217,7 +227,7 @@ class _Machine:
         return [*entities, *self.nodes.values()]
 
     def fail(self, context, process, returncode, reason):
-        """Actions for a failure: tell of it, and end what is left."""
+        """Tell of a failure, and end what is left."""
         if self._failed:
             return []
         self._failed = True

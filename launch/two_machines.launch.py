@@ -17,7 +17,7 @@ SHARED = {
 
 
 def generate_launch_description():
-    """What ``ros2 launch`` asks for."""
+    """Describe the launch."""
     entities = []
     for name, (default, about) in SHARED.items():
         entities.append(DeclareLaunchArgument(name, default_value=default, description=about))

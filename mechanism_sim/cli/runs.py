@@ -59,7 +59,7 @@ def add(command: Command) -> None:
         sub,
         '--listeners',
         'NAMES',
-        'other nodes of yours that must receive all messages, separated by commas',
+        'other nodes of yours that must receive all messages, or NODE:TOPIC; commas between',
         '',
     )
     option(sub, '--namespace', 'NS', 'namespace of all nodes and topics of the run')

@@ -37,8 +37,8 @@ class SimulationNode(DescribedNode):
     another text holds from the next run on), ``duration`` [s] (0: one revolution), ``partners``
     (names of the other nodes of the run, separated by commas), ``listeners`` (names of other
     nodes that must receive all of this one's results from the first on, such as that of ``ros2
-    bag record``), ``partner_timeout`` [s], ``frame_prefix``, put before the name of every frame
-    (the namespace, if it is not given).
+    bag record``; ``NODE:TOPIC`` for one topic), ``partner_timeout`` [s], ``frame_prefix``, put
+    before the name of every frame (the namespace, if it is not given).
 
     Subclasses make their endpoints, the results first, and then `join`; they work in `on_ready`
     and after. A node is `done` when it has nothing left to do. What comes while it is not `active`
@@ -66,7 +66,11 @@ class SimulationNode(DescribedNode):
         space = self.get_namespace().strip('/')
         for key, default, about in (
             ('partners', '', 'Names of the other nodes of the run, separated by commas'),
-            ('listeners', '', 'Names of nodes that must receive all results, separated by commas'),
+            (
+                'listeners',
+                '',
+                'Nodes that must receive all results, or NODE:TOPIC; commas between',
+            ),
             ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
             self.declare(key, default, about, read_only=True)
@@ -235,8 +239,9 @@ class SimulationNode(DescribedNode):
         for topic in self.results if self._listeners else ():
             hearing = {s.node_name for s in self.get_subscriptions_info_by_topic(topic)}
             for listener in self._listeners:
-                if listener not in hearing:
-                    return listener, topic
+                name, _, only = listener.partition(':')
+                if name not in hearing and (not only or self.resolve_topic_name(only) == topic):
+                    return name, topic
         return None
 
     def _on_progress(self, message: Any) -> None:
