@@ -166,10 +166,11 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
             end = time.monotonic() + PATIENCE
             while True:
                 try:
-                    return publish(message)
+                    publish(message)
+                    return
                 except RCLError as error:
                     if not ok(context=self.context):
-                        return None  # the network is left
+                        return  # the network is left
                     if time.monotonic() > end:
                         raise MiddlewareError(
                             f'{topic}: a subscriber has taken nothing for {PATIENCE:g} s, and the '
