@@ -77,7 +77,7 @@ GOOD = {
     ),
     'lift-off': ('eccentric_cam',),
     'modes': ('vibration_absorber',),
-    'response': ('vibration_absorber', '--torque', 'motor', '--frequencies', '1 Hz:9 Hz:3'),
+    'response': ('half_car', '--torque', 'body', '--frequencies', '1 Hz:9 Hz:3'),
     'identify': ('{}/run.mcap', '--fit', 'restitution', '--rounds', '16', '--workers', '1'),
     'export': ('four_bar_nominal', '--format', 'urdf', '-o', '{}/machine.urdf'),
     'bench': (),

@@ -10,6 +10,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.start_configuration import joint_forces
 from mechanism_sim.study.modes import (
     along,
     campbell,
@@ -245,6 +246,32 @@ def test_a_machine_with_loops_swings_as_its_simulation_does():
     )
 
 
+def test_reactions_are_those_of_the_equations_of_motion():
+    """Forces at both ends of a small vibration, by the forward dynamics of the loaded machine."""
+    f, small = 2.0, 1e-4
+    shaken = ms.load_scene('catapult')
+    one = linearised(shaken)
+    names = [j.name for j in shaken.plan.joints]
+    wanted = [f'reaction.{name}.{axis}' for name in names for axis in 'xy']
+    places = [f'position.{c}' for c in one.derivatives.coordinates]
+    source = read_source(shaken, force='arm.cup', direction=np.pi / 2)
+    found = response(shaken, source, [*wanted, *places], np.array([f])).amplitudes
+    z = np.array([found[name][0] for name in places])
+
+    def forces(sign, phase):
+        turn = small * sign * np.exp(1j * phase)
+        content = shaken.scene.model_dump()
+        content['loads'] = {'push': {'at': 'arm.cup', 'force': [0.0, turn.real]}}
+        loaded = build('catapult', Scene.model_validate(content))
+        q, v = one.at.q + (z * turn).real, (1j * TURN * f * z * turn).real
+        return joint_forces(loaded, q[:, None], v[:, None], np.zeros((len(q), 1))).ravel()
+
+    for phase in (0.0, np.pi / 2):
+        change = (forces(1.0, phase) - forces(-1.0, phase)) / (2.0 * small)
+        expected = [(found[name][0] * np.exp(1j * phase)).real for name in wanted]
+        assert change == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
 def rotating():
     """A mass on two springs across each other in a frame that turns."""
     spring = {'stiffness': '400 N/m', 'free_length': 1.0}
@@ -324,6 +351,9 @@ def test_what_cannot_be_is_refused():
     ):
         with pytest.raises(InputError, match=message):
             read_source(machine, **wrong)
+    absorber = ms.load_scene('vibration_absorber')
+    with pytest.raises(InputError, match='torque motor moves nothing'):
+        amplitudes(absorber, 'position.machine', [1.0], torque='motor')
     source = read_source(machine, base='base')
     for name in ('speed.mass', 'position.mas', 'reaction.ground_mass', 'reaction.g.x'):
         with pytest.raises(InputError, match=r'mass_on_spring: .*(allowed|expected|coordinates)'):

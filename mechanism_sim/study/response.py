@@ -137,7 +137,7 @@ def response(
     Raises
     ------
     InputError
-        If a quantity is not known, a frequency is negative or meets a resonance without damping,
+        If a quantity is not known, the source moves nothing, a frequency is negative or meets a resonance without damping,
         or as `mechanism_sim.study.modes.linearised`.
     """
     if not (np.isfinite(frequency).all() and (frequency >= 0.0).all()):
@@ -146,6 +146,12 @@ def response(
     names = quantities or [f'position.{one.derivatives.coordinates[i]}' for i in one.independent]
     units = {name: _unit(one, name) for name in names}
     w = 2.0 * np.pi * np.asarray(frequency, float)
+    reactions = any(name.startswith('reaction.') for name in names)
+    if source.excitation and not reactions and not (one.B.T @ one.linear.input).any():
+        raise InputError(
+            f'{machine.name}: a {source.name} moves nothing: drives or guides hold the link '
+            'against it; choose another link or direction'
+        )
     moved, forces = _steady(one, source, w)
     found = {name: _amplitudes(one, name, w, moved, forces, source) for name in names}
     return FrequencyResponse(source, np.asarray(frequency, float), found, units)
