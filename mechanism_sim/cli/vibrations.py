@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.cli.options import (
     Command,
+    Result,
     option,
     print_result,
     quantity,
@@ -17,6 +18,8 @@ from mechanism_sim.cli.options import (
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mechanism_sim.arrays import Array
 
 
@@ -43,15 +46,33 @@ def add(command: Command) -> None:
     option(sub, '-o --output', 'FILE', 'draw it')
 
 
-def _span(name: str, text: str | None, unit: str) -> Array:
+def _picture(options: argparse.Namespace) -> Path | None:
+    """Where a picture goes, checked before anything is computed."""
+    from mechanism_sim.report.figures import check_picture  # noqa: PLC0415
+
+    return check_picture('--output', options.output) if options.output else None
+
+
+def _draw(
+    file: Path | None, picture: Callable[[Result, str], Any], found: Result, title: str
+) -> None:
+    """Draw a result, if that was asked for."""
+    from mechanism_sim.report import figures  # noqa: PLC0415
+
+    if file:
+        with figures.style():
+            figures.save(picture(found, title), file)
+
+
+def _span(name: str, text: str, unit: str) -> Array:
     """Equidistant values from ``A:B:N``."""
     import numpy as np  # noqa: PLC0415
 
     example = {'Hz': '1 Hz:20 Hz:39', 'rad/s': '0 rpm:3000 rpm:31'}[unit]
-    parts = (text or '').split(':')
+    parts = text.split(':')
     if len(parts) != 3 or not parts[2].strip().isdecimal() or int(parts[2]) < 2:
         raise InputError(
-            f"{name} '{text or ''}': expected first, last and number of values, 2 or more, as "
+            f"{name} '{text}': expected first, last and number of values, 2 or more, as "
             f"'{example}'"
         )
     low, high = (quantity(name, x, unit)[0] for x in parts[:2])
@@ -61,12 +82,12 @@ def _span(name: str, text: str | None, unit: str) -> Array:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import figures  # noqa: PLC0415
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
     from mechanism_sim.study import modes as study  # noqa: PLC0415
 
     if options.along is not None and options.speeds:
         raise InputError('give either --along or --speeds, not both')
+    file = _picture(options)
     speeds = _span('--speeds', options.speeds, 'rad/s') if options.speeds else None
     machine = read_machine(options)
     if speeds is not None:
@@ -79,16 +100,15 @@ def _modes(options: argparse.Namespace) -> int:
     else:
         found = study.modes(machine)
         table = report.ModeTable(machine.name, [study.Station({}, 0.0, found)])
-    if options.output:
-        figures.save(report.modes_picture(table, machine.scene.title), Path(options.output))
+    _draw(file, report.modes_picture, table, machine.scene.title)
     return print_result(options, table, report.modes_json, report.modes_text)
 
 
 def _response(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import figures  # noqa: PLC0415
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
     from mechanism_sim.study.response import harmonics, read_source, response  # noqa: PLC0415
 
+    file = _picture(options)
     forced = [options.force, options.direction, options.torque, options.base, options.frequencies]
     if options.harmonics is not None:
         if any(x is not None for x in forced):
@@ -96,12 +116,12 @@ def _response(options: argparse.Namespace) -> int:
         period = quantity('--period', options.period, 's')[0] if options.period else None
         machine = read_machine(options)
         series = harmonics(machine, options.quantities, options.harmonics, period)
-        if options.output:
-            picture = report.harmonics_picture(series, machine.scene.title)
-            figures.save(picture, Path(options.output))
+        _draw(file, report.harmonics_picture, series, machine.scene.title)
         return print_result(options, series, report.harmonics_json, report.harmonics_text)
     if options.period is not None:
         raise InputError('--period belongs to --harmonics')
+    if not options.frequencies:
+        raise InputError("give --frequencies, as '1 Hz:20 Hz:39', or --harmonics")
     frequency = _span('--frequencies', options.frequencies, 'Hz')
     direction = None
     if options.direction is not None:
@@ -109,6 +129,5 @@ def _response(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     source = read_source(machine, options.force, direction, options.torque, options.base)
     found = response(machine, source, options.quantities, frequency)
-    if options.output:
-        figures.save(report.response_picture(found, machine.scene.title), Path(options.output))
+    _draw(file, report.response_picture, found, machine.scene.title)
     return print_result(options, found, report.response_json, report.response_text)

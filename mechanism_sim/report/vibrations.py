@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechanism_sim import text_table
-from mechanism_sim.report.figures import titled
+from mechanism_sim.report.figures import strokes, titled
 from mechanism_sim.study.modes import Mode, Station
 from mechanism_sim.study.response import FrequencyResponse, Harmonics
 
@@ -103,9 +103,9 @@ def _amplitude(z: complex | None) -> str:
 
 def modes_picture(table: ModeTable, title: str) -> Any:
     """Mode shapes as bars; frequencies over angle or speed, with the line of the rotation."""
-    figure = titled(title)
     if table.over is None:
         modes = table.stations[0].modes
+        figure = titled(title, height=0.8 + 1.3 * len(modes))
         for axes, mode in zip(
             np.ravel(figure.subplots(len(modes), 1, sharex=True)), modes, strict=True
         ):
@@ -120,12 +120,14 @@ def modes_picture(table: ModeTable, title: str) -> Any:
             axes.set_xticks(list(places), names)
             axes.set_ylabel(f'{mode.frequency:.4g} Hz\nratio {mode.damping_ratio:.3g}')
         return figure
+    figure = titled(title)
     axes = figure.subplots()
     x = [table.abscissa(s) for s in table.stations]
-    for k in range(min(len(s.modes) for s in table.stations)):
-        axes.plot(x, [s.modes[k].frequency for s in table.stations], lw=1.2, label=f'mode {k + 1}')
+    count = min(len(s.modes) for s in table.stations)
+    for k, stroke in enumerate(strokes(count)):
+        axes.plot(x, [s.modes[k].frequency for s in table.stations], label=f'{k + 1}', **stroke)
     if table.over == 'speed':
-        axes.plot(x, np.abs(x) / (2.0 * np.pi), '--', color='0.5', lw=0.8, label='rotation')
+        axes.plot(x, np.abs(x) / (2.0 * np.pi), color='0.6', lw=0.6, label='rotation')
         for w in table.critical:
             axes.plot([w], [abs(w) / (2.0 * np.pi)], 'o', color='k', mfc='none')
     axes.legend()
@@ -171,11 +173,13 @@ def _per(found: FrequencyResponse, name: str) -> str:
 def response_picture(found: FrequencyResponse, title: str) -> Any:
     """Amplitudes, logarithmic, above phases; each unit has a row of its own."""
     units = list(dict.fromkeys(_per(found, name) for name in found.amplitudes))
-    figure = titled(title)
+    figure = titled(title, height=1.4 + 1.6 * len(units))
     rows = np.ravel(figure.subplots(len(units) + 1, 1, sharex=True))
-    for name, z in found.amplitudes.items():
-        rows[units.index(_per(found, name))].plot(found.frequency, np.abs(z), lw=1.2, label=name)
-        rows[-1].plot(found.frequency, np.degrees(np.unwrap(np.angle(z))), lw=1.2)
+    lines = strokes(len(found.amplitudes))
+    for (name, z), stroke in zip(found.amplitudes.items(), lines, strict=True):
+        axes = rows[units.index(_per(found, name))]
+        axes.plot(found.frequency, np.abs(z), label=name, **stroke)
+        rows[-1].plot(found.frequency, np.degrees(np.unwrap(np.angle(z))), **stroke)
     for axes, unit in zip(rows, units, strict=False):
         if all((line.get_ydata() > 0.0).any() for line in axes.get_lines()):
             axes.set_yscale('log')
@@ -217,7 +221,7 @@ def harmonics_text(found: Harmonics) -> str:
 
 def harmonics_picture(found: Harmonics, title: str) -> Any:
     """Amplitudes of the harmonics as stems."""
-    figure = titled(title)
+    figure = titled(title, height=1.0 + 1.5 * len(found.series))
     rows = np.ravel(figure.subplots(len(found.series), 1, sharex=True))
     for axes, (name, s) in zip(rows, found.series.items(), strict=True):
         axes.bar(np.arange(1, len(s.amplitudes) + 1), np.abs(s.amplitudes), 0.3, color='0.4')

@@ -137,8 +137,8 @@ def response(
     Raises
     ------
     InputError
-        If a quantity is not known, the source moves nothing, a frequency is negative or meets a resonance without damping,
-        or as `mechanism_sim.study.modes.linearised`.
+        If a quantity is not known, the source moves nothing, a frequency is negative or meets a
+        resonance without damping, or as `mechanism_sim.study.modes.linearised`.
     """
     if not (np.isfinite(frequency).all() and (frequency >= 0.0).all()):
         raise InputError('frequencies must be finite and not negative')
