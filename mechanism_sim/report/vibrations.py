@@ -183,7 +183,7 @@ def response_picture(found: FrequencyResponse, title: str) -> Any:
     for axes, unit in zip(rows, units, strict=False):
         if all((line.get_ydata() > 0.0).any() for line in axes.get_lines()):
             axes.set_yscale('log')
-        axes.set_ylabel(f'amplitude [{unit}]')
+        axes.set_ylabel(f'[{unit}]')
         axes.legend()
     rows[-1].set_ylabel('phase [deg]')
     rows[-1].set_xlabel(f'frequency of {found.source.name} [Hz]')
@@ -226,5 +226,6 @@ def harmonics_picture(found: Harmonics, title: str) -> Any:
     for axes, (name, s) in zip(rows, found.series.items(), strict=True):
         axes.bar(np.arange(1, len(s.amplitudes) + 1), np.abs(s.amplitudes), 0.3, color='0.4')
         axes.set_ylabel(f'{name} [{found.units[name]}]')
+    rows[-1].xaxis.get_major_locator().set_params(integer=True)
     rows[-1].set_xlabel(f'harmonic of {1.0 / found.period:.6g} Hz')
     return figure
