@@ -272,6 +272,85 @@ def test_reactions_are_those_of_the_equations_of_motion():
         assert change == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
+def random_machine(rng, kind):
+    """Two links under springs, dampers and weight: free, or the end of the second one guided."""
+
+    def u(low, high):
+        return float(rng.uniform(low, high))
+
+    def link(length=None):
+        mass = {'mass': u(0.2, 2.0), 'inertia': u(0.01, 0.1)}
+        return mass if length is None else {**mass, 'length': length, 'cog': u(0.05, 0.3)}
+
+    ground = {'w': [u(0.3, 0.8), u(-0.8, 0.3)], 'o': [u(0.6, 0.9), u(-0.1, 0.1)]}
+    parts = {
+        'links': {'ground': {'points': ground}, 'a': link(u(0.2, 0.6)), 'b': link(u(0.5, 0.9))},
+        'joints': {'O': {'revolute': ['ground', 'a']}, 'A': {'revolute': ['a.end', 'b']}},
+        'springs': {
+            's': {'between': ['ground.w', 'b.end'], 'stiffness': f'{u(20, 300)} N/m',
+                  'damping': f'{u(0, 3)} N s/m', 'free_length': u(0.1, 0.3)},
+            't': {'between': ['a', 'b'], 'stiffness': f'{u(1, 8)} N m/rad',
+                  'damping': f'{u(0, 0.4)} N m s/rad', 'free_angle': f'{u(-1, 1)} rad'},
+        },
+        'gravity': [u(-3.0, 3.0), -9.81],
+        'guess': {'a': '-60 deg', 'b': '20 deg'},
+    }  # fmt: skip
+    if kind == 'four-bar':
+        parts['links']['c'] = link(u(0.5, 0.8))
+        parts['joints'] |= {'B': {'revolute': ['b.end', 'c.end']},
+                            'C': {'revolute': ['ground.o', 'c']}}  # fmt: skip
+        parts['guess']['c'] = '-80 deg'
+    elif kind == 'slider-crank':
+        parts['links']['c'] = link()
+        guide = {'prismatic': ['ground', 'c'], 'axis': f'{u(-20, 20)} deg'}
+        parts['joints'] |= {'B': {'revolute': ['b.end', 'c']}, 'C': guide}
+        parts['guess']['c'] = 0.8
+    elif kind == 'governed':
+        parts['drive'] = {'coordinate': 'a', 'torque': {
+            'constant': u(-1, 1), 'per_angle': -u(1, 9), 'per_speed': -u(0, 1)}}  # fmt: skip
+        parts['loads'] = {'f': {'at': 'b.end', 'force': [f'1-{u(0, 2)}*vx', '3*sin(x)-vy*y']}}
+    return scene(**parts)
+
+
+def accelerations(one, dz, dv):
+    """Of the independent coordinates beside the equilibrium, by the forward dynamics."""
+    machine, coordinates = one.machine, one.derivatives.coordinates
+    kinematics = machine.kinematics([coordinates[i] for i in one.independent])
+    q = kinematics.positions((one.at.q + one.B @ dz)[:, None])[0]
+    v = kinematics.rates(q, np.array(dv)[:, None])
+    torques = []
+    for c in machine.plan.powered:
+        i, (k0, k1, k2) = coordinates.index(c), machine.plan.laws[c][0].coefficients
+        torques.append(k0 + k1 * q[i] + k2 * v[i])
+    none = np.zeros((0, 1))
+    seen = machine.ideal_observer.observe(
+        q, v, none, np.zeros((0, 1), np.uint8), np.reshape(torques, (-1, 1))
+    )
+    return seen.acceleration[one.independent, 0]
+
+
+@pytest.mark.parametrize('kind', ['free', 'four-bar', 'slider-crank', 'governed'])
+def test_random_machines_accelerate_as_their_matrices_say(kind):
+    """By central differences over states that are compatible."""
+    rng, h = np.random.default_rng(6), 1e-5
+    for _ in range(3):
+        one = linearised(random_machine(rng, kind))
+        M, C, K = one.matrices
+        still, moved = np.zeros(len(M)), h * np.eye(len(M))
+        for matrix, states in (
+            (K, [(x, still) for x in moved]),
+            (C, [(still, x) for x in moved]),
+        ):
+            ahead, behind = (
+                np.array([accelerations(one, sign * a, sign * b) for a, b in states])
+                for sign in (1.0, -1.0)
+            )
+            expected = -np.linalg.solve(M, matrix)
+            size = np.abs(expected).max() + 1e-3
+            found = (ahead - behind).T / (2.0 * h)
+            assert found == pytest.approx(expected, abs=1e-7 * size)
+
+
 def rotating():
     """A mass on two springs across each other in a frame that turns."""
     spring = {'stiffness': '400 N/m', 'free_length': 1.0}
@@ -354,6 +433,11 @@ def test_what_cannot_be_is_refused():
     absorber = ms.load_scene('vibration_absorber')
     with pytest.raises(InputError, match='torque motor moves nothing'):
         amplitudes(absorber, 'position.machine', [1.0], torque='motor')
+    with pytest.raises(InputError, match='a spring whose ends meet has no direction'):
+        modes(scene(
+            links={'a': {'mass': 1.0}}, joints={'g': {'prismatic': ['ground', 'a']}},
+            springs={'s': {'between': ['ground', 'a'], 'stiffness': '9 N/m'}},
+        ))  # fmt: skip
     source = read_source(machine, base='base')
     for name in ('speed.mass', 'position.mas', 'reaction.ground_mass', 'reaction.g.x'):
         with pytest.raises(InputError, match=r'mass_on_spring: .*(allowed|expected|coordinates)'):

@@ -210,10 +210,17 @@ class Linearisation:
 
         By Newton's method, downhill where the potential is not convex, so that what is found is
         stable if the forces have a potential. Rates stay too. None if there is no such point.
+
+        Raises
+        ------
+        FloatingPointError
+            If forces or their slopes are not finite on the way.
         """
         for _ in range(_STEPS):
             at = self._closed(at)
             linear = self(at)
+            if not all(np.isfinite(x).all() for x in linear):
+                raise FloatingPointError
             B, _ = self.basis(linear.J)
             g, K = B.T @ linear.F, B.T @ linear.K @ B
             scale = 1.0 / np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
@@ -227,8 +234,6 @@ class Linearisation:
                 along[~held] = 0.0
                 step = -vectors @ (along / np.where(held, np.abs(values), 1.0))
             size = np.abs(step).max(initial=0.0)
-            if not np.isfinite(size):
-                return None
             q = at.q + B @ (scale * step) * min(1.0, 0.5 / max(size, 1e-300))
             at = at._replace(q=q)
             if size <= 1e-14:

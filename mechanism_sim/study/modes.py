@@ -216,7 +216,14 @@ def linearised(
     """
     found = known or derivatives(machine, excitation)
     q = machine.assembly.q if start is None else start
-    at = found.equilibrium(found.point(np.array(q, float), _rates(machine, speed)))
+    try:
+        at = found.equilibrium(found.point(np.array(q, float), _rates(machine, speed)))
+    except FloatingPointError:
+        raise InputError(
+            f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
+            "spring whose ends meet has no direction (set them apart, with a 'free_length'), and a "
+            'formula may be out of its range'
+        ) from None
     if at is None:
         raise InputError(
             f'{machine.name}: no equilibrium was found near the start'

@@ -284,21 +284,26 @@ def harmonics(
     t = length * np.arange(samples) / samples
     forces = _excitation(one, driven, rates, t)
     w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
+    # what is rounding of the forces that balance at rest would look like a response
+    rounding = 1e-13 * np.abs(one.linear.K @ np.diag(one.at.q)).max(initial=0.0)
     spectrum = [FourierSeries.of_samples(f, length) for f in forces.T]
     F = np.array([s.amplitudes[:count] for s in spectrum]).T
     M, C, K = one.matrices
-    Z = K + 1j * w[:, None, None] * C - w[:, None, None] ** 2 * M
-    excited = np.abs(F).max(axis=1) > 1e-12 * np.abs(F).max(initial=1e-300)
+    each = w[:, None, None]
+    Z = np.asarray(K + 1j * each * C - each**2 * M, complex)
+    F[np.abs(F) <= rounding + 1e-13 * np.abs(F).max()] = 0.0
+    excited = F.any(axis=1)
     _refuse_resonance(one, Z[excited], w[excited])
     z = np.zeros((count, len(K)), complex)
     z[excited] = np.linalg.solve(Z[excited], F[excited][:, :, None])[:, :, 0]
-    mean = np.linalg.lstsq(K, np.array([s.mean for s in spectrum]))[0]
+    still = np.array([s.mean for s in spectrum])
+    mean = np.linalg.lstsq(K, np.where(np.abs(still) > rounding, still, 0.0))[0]
     found = {}
     for name in names:
         kind, _, rest = name.partition('.')
         row, order = one.B[coordinates.index(rest)], _DERIVATIVES[kind]
-        still = float(row @ mean) if order == 0 else 0.0
-        series = FourierSeries(2.0 * np.pi / length, still, (1j * w) ** order * (z @ row))
+        constant = float(row @ mean) if order == 0 else 0.0
+        series = FourierSeries(2.0 * np.pi / length, constant, (1j * w) ** order * (z @ row))
         found[name] = series
     return Harmonics(length, found, units)
 
