@@ -221,8 +221,8 @@ def linearised(
     except FloatingPointError:
         raise InputError(
             f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
-            "spring whose ends meet has no direction (set them apart, with a 'free_length'), and a "
-            'formula may be out of its range'
+            "spring whose ends meet has no direction (set them apart, with a 'free_length'), and "
+            'a formula may be out of its range'
         ) from None
     if at is None:
         raise InputError(
