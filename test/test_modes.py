@@ -20,7 +20,9 @@ from mechanism_sim.study.modes import (
     natural_modes,
 )
 from mechanism_sim.study.response import harmonics, read_source, response
+from mechanism_sim.vibration.damping import damping_ratio, logarithmic_decrement
 from mechanism_sim.vibration.excitation import relative_transmissibility
+from mechanism_sim.vibration.rotors import Rotor
 from mechanism_sim.vibration.single import Oscillator
 from mechanism_sim.vibration.systems import chain
 from mechanism_sim.vibration.two_masses import TwoMasses
@@ -387,6 +389,29 @@ def test_critical_speeds_of_unequal_supports():
     stations = campbell(machine, np.linspace(10.0, 100.0, 4))
     expected = [np.sqrt(25e3 / 10.0), np.sqrt(46e3 / 9.0)]
     assert critical_speeds(machine, stations) == pytest.approx(expected, **EXACT)
+
+
+def test_a_rotor_whirls_on_its_orbit():
+    rotor = Rotor(9.0, 8e-3 / 9.0, (25e3, 46e3), (50.0, 60.0))
+    for speed in (30.0, 60.0, 90.0):  # below, between and above its critical speeds
+        turning = ms.load_scene('rotor_on_supports', {
+            'links.bearing.mass': '1e-12 kg', 'drive.speed': f'{speed} rad/s'})  # fmt: skip
+        series = harmonics(turning, [], 1).series
+        x, y = (series[f'position.{name}'].amplitudes[0] for name in ('bearing', 'hub'))
+        orbit = rotor.whirl(speed)
+        assert [x, y] == pytest.approx([orbit.x, orbit.y], **EXACT)
+    undamped = [TURN * m.frequency for m in modes(turning)]
+    assert undamped == pytest.approx([x.natural_frequency for x in rotor.directions], **EXACT)
+
+
+def test_a_mass_let_go_decays_by_its_decrement():
+    machine = ms.load_scene('mass_on_spring')
+    (mode,) = modes(machine)
+    period = 1.0 / mode.damped_frequency
+    t = np.arange(4) * period
+    seen = ms.simulate(machine, duration=2.0).sample(t)['position.mass']
+    heights = -(seen - (0.3 - 2.0 * 9.81 / 500.0))
+    assert damping_ratio(logarithmic_decrement(heights)) == pytest.approx(mode.damping_ratio)
 
 
 def test_modes_along_the_turn():
