@@ -501,6 +501,8 @@ def test_what_cannot_be_is_refused():
             response(machine, source, [name], np.array([1.0]))
     with pytest.raises(InputError, match='no drive turns'):
         harmonics(machine, [], 2)
+    with pytest.raises(InputError, match='not what they were'):
+        harmonics(ms.load_scene('torsional_shaft'), [], 2)
 
 
 def test_the_commands(tmp_path):

@@ -265,8 +265,8 @@ def harmonics(
     Raises
     ------
     InputError
-        If a quantity is not known, nothing gives the period, a harmonic meets a resonance without
-        damping, or as `mechanism_sim.study.modes.linearised`.
+        If a quantity is not known, nothing gives the period, the forces do not repeat after it, a
+        harmonic meets a resonance without damping, or as `mechanism_sim.study.modes.linearised`.
     """
     if count < 1:
         raise InputError(f'--harmonics {count}: expected 1 or more')
@@ -281,17 +281,24 @@ def harmonics(
     rates = np.array([machine.held[c][1] for c in machine.plan.prescribed])
     length = _period(machine, rates, period)
     samples = max(64, 8 * count)
-    t = length * np.arange(samples) / samples
-    forces = _excitation(one, driven, rates, t)
+    t = length * np.arange(samples + 1) / samples
+    *forces, last = _excitation(one, driven, rates, t)
+    scale = np.abs(forces).max() + np.abs(one.linear.K @ np.diag(one.at.q)).max(initial=0.0)
+    if np.abs(last - forces[0]).max() > 1e-9 * scale:
+        raise InputError(
+            f'{machine.name}: after {length:.6g} s the forces on the free coordinates are not '
+            'what they were: the period is another, or a spring couples links to the drive that '
+            'turn with it; take --torque or --base with --frequencies'
+        )
     w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
     # what is rounding of the forces that balance at rest would look like a response
-    rounding = 1e-13 * np.abs(one.linear.K @ np.diag(one.at.q)).max(initial=0.0)
-    spectrum = [FourierSeries.of_samples(f, length) for f in forces.T]
+    rounding = 1e-13 * scale
+    spectrum = [FourierSeries.of_samples(f, length) for f in np.transpose(forces)]
     F = np.array([s.amplitudes[:count] for s in spectrum]).T
     M, C, K = one.matrices
     each = w[:, None, None]
     Z = np.asarray(K + 1j * each * C - each**2 * M, complex)
-    F[np.abs(F) <= rounding + 1e-13 * np.abs(F).max()] = 0.0
+    F[np.abs(F) <= rounding] = 0.0
     excited = F.any(axis=1)
     _refuse_resonance(one, Z[excited], w[excited])
     z = np.zeros((count, len(K)), complex)
