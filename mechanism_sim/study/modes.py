@@ -335,7 +335,7 @@ def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[float
 
     def above(speed: float, k: int) -> float:
         modes = linearised(machine, speed=speed, known=known).modes()
-        return modes[k].frequency - abs(speed) / (2.0 * np.pi)
+        return modes[min(k, len(modes) - 1)].frequency - abs(speed) / (2.0 * np.pi)
 
     for a, b in pairwise(stations):
         for k in range(min(len(a.modes), len(b.modes))):
