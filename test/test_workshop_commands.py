@@ -108,6 +108,7 @@ def test_a_cam_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
         'smallest_radius_of_curvature': pytest.approx(radii.min(), rel=1e-6),
         'cam_speed': pytest.approx(speed),
         'largest_sliding_velocity': pytest.approx(speed * 26e-3),
+        'largest_contact_velocity': pytest.approx(speed * radii.max(), rel=1e-6),
     }
     at = whole['figures']['smallest_radius_of_curvature']['at']
     assert min(at, math.pi - at) == pytest.approx(half * x[radii.argmin()], abs=1e-3)

@@ -78,6 +78,7 @@ def add(command: Command) -> None:
     scene_options(sub)
     sub.add_argument('joint', metavar='JOINT', help='a joint with a cam or teeth')
     option(sub, '-o --output', 'FILE', 'draw the outlines to a .svg or .dxf file')
+    option(sub, '--table', 'FILE', 'write a cam over its turn to a .npz, .csv or .parquet file')
     option(sub, '--gear', 'NAME', 'only the outline of this gear')
     option(sub, '--friction', 'MU', 'coefficient of friction between teeth', 0.05)
     sub = command('export', _export, 'a machine for viewers and for other simulators')
@@ -171,10 +172,14 @@ def _layout(options: argparse.Namespace) -> int:
 
 
 def _profile(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import profile  # noqa: PLC0415
+    from mechanism_sim.report import profile, tables  # noqa: PLC0415
 
     file = options.output and output.check_path('--output', options.output, *profile.WRITERS)
+    if options.table:
+        tables.check_output(options.table, '--table')
     machine = read_machine(options)
+    if options.table:
+        tables.write(options.table, profile.table(machine, options.joint))
     sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
     if file:
         profile.write(outline, file)

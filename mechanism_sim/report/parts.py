@@ -10,10 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim import text_table
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.followers import Oscillating, OscillatingFlat, Translating
 from mechanism_sim.cams.interference import find_cut_away
-from mechanism_sim.cams.laws import check_smoothness, spelled
-from mechanism_sim.cams.profiles import Cam, find_flaws, greatest, smallest_base_radius
+from mechanism_sim.cams.laws import DERIVATIVES, check_smoothness, spelled
+from mechanism_sim.cams.profiles import (
+    Cam,
+    drawing_angles,
+    extent,
+    find_flaws,
+    greatest,
+    smallest_base_radius,
+)
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.involute import Gear, least_teeth
 from mechanism_sim.gears.pair import Pair
@@ -134,8 +142,30 @@ def _cam_figures(cam: Cam, speed: float | None) -> Iterator[Figure]:
     if speed:
         yield Figure('cam_speed', speed, f'{by}/s')
         yield Figure(f'largest_{motion}_velocity', value * abs(speed), 'm/s', at)
+        at, value = greatest(law, lambda x: np.abs(cam.at(x).rate))
+        yield Figure('largest_contact_velocity', value * abs(speed), 'm/s', at)
     else:
         yield Figure(f'largest_{motion}', value, f'm/{by}', at)
+
+
+def cam_table(cam: Cam) -> dict[str, Array]:
+    """A cam over its turn or stroke, (N,) by name, in SI units; both sides of every break.
+
+    Derivatives, and speeds of the point of contact and of sliding, are by radians of the cam, or
+    by metres if it slides; the profile is in the frame of `mechanism_sim.cams.touch`.
+    """
+    law = cam.law
+    x = drawing_angles(law, extent(law) / 360)
+    touch = cam.at(x)
+    return {
+        'cam': x,
+        **{name: law(x, order) for order, name in enumerate(DERIVATIVES)},
+        'pressure_angle': touch.pressure_angle,
+        'contact.x': touch.profile[0],
+        'contact.y': touch.profile[1],
+        'contact_speed': touch.rate,
+        'sliding_speed': touch.sliding,
+    }
 
 
 def _radii(cam: Cam) -> Iterator[Figure]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mechanism_sim import output
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.dxf import to_dxf
@@ -22,7 +23,14 @@ from mechanism_sim.export.svg import to_svg
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.pair import Pair
-from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
+from mechanism_sim.report.parts import (
+    Figure,
+    Sheet,
+    cam_sheet,
+    cam_table,
+    gear_figures,
+    pair_figures,
+)
 from mechanism_sim.scene.gears import Wheel, read_wheel
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.places import Places
@@ -65,6 +73,24 @@ def profile(
         f"{machine.name}: the joint '{name}' {wrong}{nearest(name, fitting)}; joints with a cam "
         f'or teeth: {", ".join(fitting) or "none"}'
     )
+
+
+def table(machine: Machine, name: str) -> dict[str, Array]:
+    """A cam over its turn, see `cam_table`.
+
+    Raises
+    ------
+    InputError
+        If the joint has no cam.
+    """
+    joint = next((j for j in machine.plan.joints if j.name == name), None)
+    if not isinstance(joint, CamPair):
+        cams = [j.name for j in machine.plan.joints if isinstance(j, CamPair)]
+        raise InputError(
+            f'{machine.name}: --table is for cams, and {name} has none; joints with a cam: '
+            f'{", ".join(cams) or "none"}'
+        )
+    return cam_table(joint.cam)
 
 
 def write(outline: Outline, path: Path) -> None:
