@@ -116,7 +116,7 @@ def test_a_law_whose_velocity_jumps_runs_as_kinematics(tmp_path):
     segments = ', '.join('{' + ', '.join(f'{k}: {v}' for k, v in s.items()) + '}' for s in HALF)
     given = ['offset_roller_cam', '--set', f'{LAW}.segments=[{segments}]']
     table = tmp_path / 'cam.csv'
-    assert 'at 60 deg the velocity jumps' in run('cycle', *given)
+    assert 'at 60 deg the velocity jumps' in run('cycle', *given).stdout
     run('profile', given[0], 'contact', *given[1:], '--table', str(table))
     rows = np.genfromtxt(table, delimiter=',', names=True)
     at = np.isclose(rows['cam'], span, atol=1e-9)  # both sides of the corner

@@ -269,7 +269,7 @@ def test_the_report_tells_tooth_frequencies():
 @pytest.mark.parametrize(
     ('scene', 'changes', 'said'),
     [
-        ('gear_pair', {'gears.pinion.teeth': 12}, 'gears.pinion: .* 12 teeth is undercut'),
+        ('gear_pair', {'gears.pinion.teeth': 42}, 'the teeth of pinion and wheel jam'),
         ('gear_pair', {'gears.pinion.teeth': 2}, 'must be at least 3'),
         ('gear_pair', {'gears.pinion.module': 3e-3}, 'modules are 3 mm and 2 mm'),
         ('gear_pair', {'gears.wheel.pressure_angle': '25 deg'}, 'angles are 20 deg and 25 deg'),

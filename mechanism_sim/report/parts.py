@@ -194,6 +194,7 @@ def gear_figures(name: str, gear: Gear) -> Iterator[Figure]:
     if not gear.internal:
         yield Figure(f'{name}.least_profile_shift', gear.least_shift, 'modules')
         yield Figure(f'{name}.least_teeth', least_teeth(gear.system))
+        yield Figure(f'{name}.form_radius', gear.form_radius, 'm')
 
 
 def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
