@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mechanism_sim.cycles.shafts import shaft_columns
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.hybrid.system import Array
@@ -89,4 +90,4 @@ def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
                 machine.mechanism, joint, machine.physics, samples.observed, samples.modes
             )
             found |= joint.columns(view)
-    return found
+    return found | shaft_columns(machine, samples)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
-    from mechanism_sim.planar.view import Charted, Draft, View
+    from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
 
@@ -137,6 +137,10 @@ class HigherPair(ABC):
     def columns(self, view: View) -> dict[str, NDArray[np.float64]]:
         """What else is worth a column over a cycle: arrays (N,) by name, in SI units."""
         return {}
+
+    def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
+        """Forces of its teeth on shafts, where forces are known."""
+        return ()
 
     def charts(self, *, slides: bool) -> Sequence[Charted]:
         """Which readings are worth a chart; `slides` tells whether `second` does."""

@@ -124,6 +124,7 @@ def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
         contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
         helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
                               / one.gear.pitch_radius),
+        hand=-1 if one.part.helix_angle < 0.0 else 1, along=(one.part.along, two.part.along),
     )  # fmt: skip
 
 
