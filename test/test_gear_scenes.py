@@ -6,14 +6,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from absolute import differences
+from book_trains import compound_planetary, gear_box, planetary
 from matplotlib.path import Path as Polygon
+from tooth_forces import helical
+from willis import Mesh, Train
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.book_trains import compound_planetary, gear_box, planetary
-from mechanism_sim.gears.forces import helical
 from mechanism_sim.gears.mesh import GearMesh
-from mechanism_sim.gears.trains import Mesh, Train
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.check import check
