@@ -115,9 +115,14 @@ class WormPair:
         """Between the shafts [m]."""
         return (self.diameter + self.wheel_diameter) / 2.0
 
+    @property
+    def locking_friction(self) -> float:
+        """Coefficient of friction from which on the wheel cannot drive: cos phi_n tan lambda."""
+        return math.cos(self.pressure_angle) * math.tan(self.lead_angle)
+
     def self_locking(self, friction: float) -> bool:
-        """Whether the wheel cannot drive the worm: mu >= cos phi_n tan lambda."""
-        return friction >= math.cos(self.pressure_angle) * math.tan(self.lead_angle)
+        """Whether the wheel cannot drive the worm."""
+        return friction >= self.locking_friction
 
     def forces(
         self, torque: float, friction: float = 0.0, *, wheel_drives: bool = False

@@ -19,7 +19,10 @@ import numpy as np
 from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.reading import GearReading
 from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.planar.view import Array, ToothLoad, View
+from mechanism_sim.planar.view import Array, Draft, ToothLoad, View
+
+UNIT = WormPair(1, 1, 1.0, math.pi / 4)
+"""What fields of dataclasses after others with defaults need."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,16 @@ class SpatialPair(Transmission):
             arm = np.array([radius * c, radius * s, along])[:, None] + np.zeros(view.count)
             found.append(ToothLoad(link, force, arm, False))
         return found
+
+    def draw(self, draft: Draft) -> None:
+        """Pitch circles, with a notch that shows how far they have turned."""
+        for link, at, radius in zip(
+            (self.first, self.second), (self.on_first, self.on_second), self.radii, strict=True
+        ):
+            turn = np.linspace(0.0, 2.0 * math.pi, 73)
+            size = radius * np.where(np.arange(73) % 72, 1.0, 0.85)
+            points = np.stack([size * np.cos(turn), size * np.sin(turn)], axis=1) + at
+            draft.add('wheel', [(link, (float(x), float(y))) for x, y in points], size=radius)
 
     def reading(self, view: View) -> GearReading:
         """Motion and torques, and the force on the second."""
@@ -113,18 +126,16 @@ class WormDrive(SpatialPair):
     hand : 1 right, -1 left
     """
 
-    worm: WormPair | None = None
+    worm: WormPair = UNIT
     hand: int = 1
 
     @property
     def radii(self) -> tuple[float, float]:
         """Pitch radii [m]."""
-        assert self.worm is not None  # noqa: S101 - a default for dataclasses only
         return 0.5 * self.worm.diameter, 0.5 * self.worm.wheel_diameter
 
     def _beside(self, tangential: Array) -> tuple[Array, Array, Array, Array]:
         """The axial force on the worm is the tangential one of its wheel, and so the other way."""
-        assert self.worm is not None  # noqa: S101
         lead, press = self.worm.lead_angle, self.worm.pressure_angle
         apart = np.abs(tangential) * math.tan(press) / math.cos(lead)
         around = -self.hand * math.tan(lead) * tangential

@@ -23,8 +23,10 @@ from mechanism_sim.cams.profiles import (
     smallest_base_radius,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.involute import Gear, least_teeth
 from mechanism_sim.gears.pair import Pair
+from mechanism_sim.gears.spatial import BevelPair
 from mechanism_sim.report.cycle import for_people
 
 #: for which a base radius is proposed [rad]
@@ -208,3 +210,44 @@ def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
     yield Figure('backlash', play if play > 1e-12 * pair.pinion.module else 0.0, 'm')
     yield Figure('tip_clearance', min(pair.clearances), 'm')
     yield Figure('efficiency', pair.efficiency(friction))
+
+
+def bevel_sheet(title: str, pair: BevelPair) -> Sheet:
+    """Sizes of bevel gears; what is of each has the name of its link."""
+    figures = [
+        Figure('ratio', 1.0 / float(pair.ratio)),
+        Figure('shaft_angle', sum(pair.cones), 'rad'),
+        Figure('pressure_angle', pair.pressure_angle, 'rad'),
+    ]
+    for link, radius, cone in zip(
+        (pair.first, pair.second), pair.mean_radii, pair.cones, strict=True
+    ):
+        figures.append(Figure(f'{link}.pitch_angle', cone, 'rad'))
+        figures.append(Figure(f'{link}.mean_radius', radius, 'm'))
+    return Sheet(title, tuple(figures))
+
+
+def worm_sheet(title: str, pair: WormPair, friction: float) -> Sheet:
+    """Sizes of a worm and its wheel, and their efficiency for a coefficient of friction.
+
+    Raises
+    ------
+    InputError
+        If friction is negative, or lets nothing through.
+    """
+    figures = [
+        Figure('ratio', pair.teeth / pair.threads),
+        Figure('lead', pair.lead, 'm'),
+        Figure('lead_angle', pair.lead_angle, 'rad'),
+        Figure('wheel_helix_angle', pair.lead_angle, 'rad'),
+        Figure('worm_diameter', pair.diameter, 'm'),
+        Figure('wheel_diameter', pair.wheel_diameter, 'm'),
+        Figure('centre_distance', pair.centre_distance, 'm'),
+        Figure('efficiency', pair.forces(1.0, friction).efficiency),
+        Figure('self_locking_friction', pair.locking_friction),
+    ]
+    if pair.self_locking(friction):
+        remark = f'at a friction of {friction:g} it is self-locking: its wheel cannot drive it'
+        return Sheet(title, tuple(figures), (remark,))
+    driven = pair.forces(1.0, friction, wheel_drives=True).efficiency
+    return Sheet(title, (*figures, Figure('efficiency_wheel_drives', driven)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.forces import WormPair
@@ -55,4 +55,12 @@ def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
     )  # fmt: skip
 
 
-register(JointKind('worm', WormKeys, _read, firm='a worm has no play here'))
+def _notes(_: Any, pair: WormDrive) -> list[str]:
+    """The friction that it could bear."""
+    return [
+        f'{pair.name}: friction is left out; from a coefficient of '
+        f'{pair.worm.locking_friction:.4g} on the wheel could not drive the worm'
+    ]
+
+
+register(JointKind('worm', WormKeys, _read, firm='a worm has no play here', notes=_notes))
