@@ -396,8 +396,8 @@ class NominalPhysics:
         count = q.shape[1]
         none, unknown = np.zeros((0, count)), np.full(count, np.nan)
         return Observation(
-            q, v, a, none, none, none, np.zeros(count), np.zeros((0, 2, count)), none,
-            np.tile(unknown, (len(self.driven), 1)), unknown, unknown, unknown,
+            q, v, a, none, none, none, np.zeros(count), np.zeros((0, 2, count)), none, none,
+            unknown, unknown, unknown,
         )  # fmt: skip
 
     def _motion(

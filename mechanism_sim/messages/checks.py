@@ -37,8 +37,7 @@ def refusals(message: Any, path: str = '') -> Iterator[str]:
 
 
 UNKNOWN_AS_NAN = frozenset(
-    f'mechanism_sim/msg/{name}'
-    for name in ('CamState', 'GearState', 'GenevaState', 'LinkageState')
+    f'mechanism_sim/msg/{name}' for name in ('CamState', 'GearState', 'GenevaState')
 )
 """Messages that hold NaN for what is unknown."""
 
