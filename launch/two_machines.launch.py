@@ -1,7 +1,5 @@
 """Two machines side by side, ``/left`` and ``/right``, that know nothing of each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from launch import LaunchDescription
@@ -14,11 +12,12 @@ SHARED = {
     'duration': ('1', 'length of the runs [s]'),
     'realtime_factor': ('0', 'simulated seconds per second; 0: no limit'),
     'display': ('false', 'markers for RViz and Foxglove, too'),
+    'on_failure': ('shutdown', 'of one machine: shutdown of both, or ignore'),
 }
 
 
-def generate_launch_description() -> LaunchDescription:
-    """What ``ros2 launch`` asks for."""
+def generate_launch_description():
+    """Describe the launch."""
     entities = []
     for name, (default, about) in SHARED.items():
         entities.append(DeclareLaunchArgument(name, default_value=default, description=about))
@@ -33,7 +32,7 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(entities)
 
 
-def _machine(side: str) -> IncludeLaunchDescription:
+def _machine(side):
     file = Path(__file__).with_name('machine.launch.py')
     arguments = {name: LaunchConfiguration(name) for name in SHARED}
     arguments |= {

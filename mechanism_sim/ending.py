@@ -129,6 +129,11 @@ def working() -> Iterator[None]:
         _working = False
 
 
+def interrupted() -> int:
+    """Exit code after a signal: 0 with ``--ros-args``, as launch files end their nodes by one."""
+    return 0 if '--ros-args' in sys.argv else INTERRUPTED
+
+
 def report_signal(text: str = 'interrupted') -> int:
     """Say on standard error that a signal ended the program, once; gives the exit code."""
     global _silent  # noqa: PLW0603
@@ -136,7 +141,7 @@ def report_signal(text: str = 'interrupted') -> int:
         _silent = True
         with suppress(OSError):
             print(f'mechanism-sim: {text}', file=sys.stderr, flush=True)
-    return INTERRUPTED
+    return interrupted()
 
 
 def quit_now() -> None:
@@ -144,7 +149,7 @@ def quit_now() -> None:
     if not _silent:
         with suppress(OSError):
             os.write(2, b'mechanism-sim: interrupted\n')
-    os._exit(INTERRUPTED)
+    os._exit(interrupted())
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:

@@ -105,7 +105,7 @@ def test_whole_blocks_of_defaults_change_nothing_either(tmp_path):
     )  # fmt: skip
     assert count == 6
     (tmp_path / 'open.yaml').write_text(opened, encoding='utf-8')
-    assert len(read_yaml(tmp_path / 'open.yaml', 'scene')['outputs']) == 7
+    assert len(read_yaml(tmp_path / 'open.yaml', 'scene')['outputs']) == 8
     assert read_scene(str(tmp_path / 'open.yaml'))[1] == read_scene('four_bar_clearance')[1]
 
 

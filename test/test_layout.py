@@ -133,7 +133,7 @@ def test_a_field_that_there_is_not_is_an_error():
 
 
 def test_events_in_bulk_are_those_one_by_one():
-    rng, writer = np.random.default_rng(1), events.EventWriter()
+    rng, writer = np.random.default_rng(1), events.EventWriter('world')
     for n in (0, 1, 7):
         joints = rng.choice(['coupler_rocker', 'a', 'crank_coupler'], n)
         impacts = [
@@ -142,7 +142,7 @@ def test_events_in_bulk_are_those_one_by_one():
                 zip(np.sort(rng.random(n)), joints, rng.random((n, 11)), strict=True)
             )
         ]
-        wanted = [serialize(events.impact(x, 5 + i)) for i, x in enumerate(impacts)]
+        wanted = [serialize(events.impact(x, 5 + i, 'world')) for i, x in enumerate(impacts)]
         assert writer.impacts(impacts, 5) == wanted
         changes = [ModeChange(x.t, x.joint, Mode.FOLLOWING, Mode.UNKNOWN) for x in impacts]
         assert writer.mode_changes(changes) == [serialize(events.mode_change(x)) for x in changes]

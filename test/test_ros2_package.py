@@ -13,6 +13,7 @@ import signal
 import subprocess
 import tomllib
 import xml.etree.ElementTree as ET
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -114,19 +115,30 @@ def test_no_node_takes_an_attribute_that_rclpy_uses():
     spec = find_spec('rclpy.node')
     assert spec is not None
     taken = set(re.findall(r'self\.(_[a-z]\w*)\b', Path(str(spec.origin)).read_text()))
-    own = {}
-    for file in NODES.glob('*.py'):
-        for kind in (n for n in ast.walk(ast.parse(file.read_text())) if type(n) is ast.ClassDef):
-            bases = {getattr(base, 'id', '') for base in kind.bases}
-            if bases & {'Node', 'SimulationNode', 'Part'}:
-                own[kind.name] = {
-                    node.attr
-                    for node in ast.walk(kind)
-                    if isinstance(node, ast.Attribute)
-                    and isinstance(node.ctx, ast.Store)
-                    and getattr(node.value, 'id', '') == 'self'
-                } | {f.name for f in kind.body if isinstance(f, ast.FunctionDef)}
-    assert {'CrankDrive', 'Linkage', 'Accelerometer', 'SimulationNode'} <= own.keys()
+    kinds = {
+        kind.name: kind
+        for file in NODES.glob('*.py')
+        for kind in ast.walk(ast.parse(file.read_text()))
+        if isinstance(kind, ast.ClassDef)
+    }
+
+    def is_node(name: str) -> bool:
+        bases = kinds[name].bases if name in kinds else []
+        return name == 'Node' or any(is_node(getattr(base, 'id', '')) for base in bases)
+
+    own = {
+        name: {
+            node.attr
+            for node in ast.walk(kind)
+            if isinstance(node, ast.Attribute)
+            and isinstance(node.ctx, ast.Store)
+            and getattr(node.value, 'id', '') == 'self'
+        }
+        | {f.name for f in kind.body if isinstance(f, ast.FunctionDef)}
+        for name, kind in kinds.items()
+        if is_node(name)
+    }
+    assert {'CrankDrive', 'Linkage', 'Sensors', 'SimulationNode', 'DescribedNode'} <= own.keys()
     assert not {kind: names & taken for kind, names in own.items() if names & taken}
 
 
@@ -175,7 +187,8 @@ def test_two_machines_side_by_side_do_not_disturb_each_other(ros, tmp_path):
     ('argument', 'said'),
     [
         ('scene:=four_bar_clearence', "did you mean 'four_bar_clearance'"),
-        ('duration:=long', 'duration:=long is not a number'),
+        ('duration:=long', "--duration: 'long' is not a number"),
+        ('params_file:=none.yaml', 'params_file:=none.yaml: there is no such file'),
     ],
 )
 def test_a_bad_launch_ends_with_one_sentence(ros, argument, said):
@@ -184,6 +197,110 @@ def test_a_bad_launch_ends_with_one_sentence(ros, argument, said):
     (line,) = [line for line in text.splitlines() if 'ERROR' in line]
     assert said in line
     assert 'Traceback' not in text
+
+
+CELLS = """
+import json
+from launch import LaunchDescription
+from launch.actions import (
+    ExecuteProcess, GroupAction, IncludeLaunchDescription, OpaqueFunction, RegisterEventHandler)
+from launch.event_handler import EventHandler
+from launch.launch_description_sources import AnyLaunchDescriptionSource
+from launch_ros.actions import PushRosNamespace
+
+def cell(name, more):
+    include = IncludeLaunchDescription(
+        AnyLaunchDescriptionSource({file!r}),
+        launch_arguments={{'scene': 'four_bar_clearance', 'realtime_factor': '1',
+                           'on_failure': {reaction!r}, **more}}.items())
+    return GroupAction([PushRosNamespace(name), include])
+
+def failed(context):
+    event = context.locals.event
+    print('EVENT', json.dumps([event.namespace, event.process, event.returncode]), flush=True)
+
+def generate_launch_description():
+    return LaunchDescription([
+        RegisterEventHandler(EventHandler(
+            matcher=lambda event: event.name == 'mechanism_sim.MachineFailed',
+            entities=[OpaqueFunction(function=failed)])),
+        ExecuteProcess(cmd=['ros2', 'topic', 'echo', '/cell2/motion', '--field', 'known_until',
+                            '--qos-reliability', 'reliable', '--qos-history', 'keep_all'],
+                       output='screen'),
+        cell('cell1', {{'duration': '3600'}}),
+        cell('cell2', {{'duration': {length!r}, 'namespace': 'press'}}),
+    ])
+"""
+
+
+@needs_ros
+@pytest.mark.parametrize('reaction', ['ignore', 'shutdown'])
+def test_a_machine_that_is_included_fails_alone_or_ends_the_launch(ros, tmp_path, reaction):
+    """Two in namespaces that are pushed, beside a foreign node; a node of one is killed."""
+    length = '20' if reaction == 'ignore' else '3600'
+    file = tmp_path / 'cells.launch.py'
+    machine = str(share() / 'launch' / 'machine.launch.py')
+    file.write_text(CELLS.format(file=machine, reaction=reaction, length=length))
+    launch = subprocess.Popen(
+        ['ros2', 'launch', str(file)], env={**ros, 'PYTHONUNBUFFERED': '1'},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+    )  # fmt: skip
+    said: list[str] = []
+    assert launch.stdout is not None
+    try:
+        wanted = {'/cell1/linkage', '/cell1/sensors', '/cell2/press/crank_drive'}
+        while not wanted <= set(ros2(ros, 'node', 'list', '--no-daemon')[1].split()):
+            assert launch.poll() is None, said
+        (pid,) = (
+            int(found.split()[0])
+            for found in subprocess.check_output(['pgrep', '-af', 'lib/mechanism_sim/linkage'],
+                                                 text=True).splitlines()
+            if '__ns:=/cell1 ' in f'{found} '
+        )  # fmt: skip
+        os.kill(pid, signal.SIGKILL)
+        while not any('EVENT' in line for line in said):
+            said.append(launch.stdout.readline())
+            assert said[-1], said
+        if reaction == 'ignore':  # the other machine comes to its end, the foreign node stays
+            while not any('the machine in /cell2/press has ended' in line for line in said):
+                said.append(launch.stdout.readline())
+                assert said[-1], said
+            assert launch.poll() is None
+            os.killpg(launch.pid, signal.SIGINT)
+        said += launch.communicate(timeout=TIMEOUT)[0].splitlines()
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(launch.pid, signal.SIGKILL)
+        launch.communicate()
+    (event,) = [line for line in said if 'EVENT' in line]
+    assert json.loads(event.partition('EVENT ')[2]) == ['/cell1', 'linkage', -9]
+    text = '\n'.join(said)
+    assert "'linkage' of the machine in /cell1 was killed by signal 9" in text
+    assert 'Traceback' not in text
+    assert launch.returncode == (0 if reaction == 'ignore' else 1)
+    died = re.findall(r'\[ERROR\] \[(\w+)-\d+\]: process has died', text)
+    assert [name for name in died if name != 'ros2'] == ['linkage']
+
+
+@needs_ros
+def test_nodes_that_are_launched_end_cleanly_at_a_signal(ros):
+    launch = subprocess.Popen(
+        ['ros2', 'launch', 'mechanism_sim', 'machine.launch.py', 'duration:=3600',
+         'realtime_factor:=1'],
+        env={**ros, 'PYTHONUNBUFFERED': '1'}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        while '/sensors' not in ros2(ros, 'node', 'list', '--no-daemon')[1].split():
+            assert launch.poll() is None
+        os.killpg(launch.pid, signal.SIGINT)
+        text, _ = launch.communicate(timeout=TIMEOUT)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(launch.pid, signal.SIGKILL)
+        launch.communicate()
+    assert text.count('process has finished cleanly') == 3
+    assert 'has died' not in text
 
 
 @needs_ros

@@ -59,10 +59,11 @@ def add(command: Command) -> None:
         sub,
         '--listeners',
         'NAMES',
-        'other nodes of yours that must receive all messages, separated by commas',
+        'other nodes of yours that must receive all messages, or NODE:TOPIC; commas between',
         '',
     )
     option(sub, '--namespace', 'NS', 'namespace of all nodes and topics of the run')
+    flag(sub, '--plan', 'print its nodes, parameters and topics as JSON, and run nothing')
     sub = command('node', _node, 'run one node by itself; NAME --help lists its options')
     sub.add_argument('name', nargs='?', metavar='NAME', help='one of ' + ', '.join(NODE_CLASSES))
 
@@ -122,6 +123,9 @@ def _run(options: argparse.Namespace) -> int:
         options.realtime_factor, options.paused, options.hold, ros_args(options),
         options.display, tuple(name for name in options.listeners.split(',') if name),
     )  # fmt: skip
+    if options.plan:
+        print_json(plan.to_json())
+        return 0
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)
     if outcome.code == ending.INTERRUPTED:
@@ -130,7 +134,7 @@ def _run(options: argparse.Namespace) -> int:
         print_json(outcome.to_json())
     elif outcome.code == 0:
         echo(progress.render(outcome))
-    return outcome.code
+    return ending.interrupted() if outcome.code == ending.INTERRUPTED else outcome.code
 
 
 def _node(options: argparse.Namespace) -> int:

@@ -26,21 +26,26 @@ _NAMES = {
     'action_msgs/msg': 'GoalInfo GoalStatus GoalStatusArray',
     'builtin_interfaces/msg': 'Duration Time',
     'diagnostic_msgs/msg': 'DiagnosticArray DiagnosticStatus KeyValue',
-    'geometry_msgs/msg': 'Point Pose Quaternion Transform TransformStamped Vector3',
+    'geometry_msgs/msg': 'Accel Point Pose Quaternion Transform TransformStamped Twist Vector3'
+    ' Wrench WrenchStamped',
     'rcl_interfaces/msg': 'FloatingPointRange IntegerRange ListParametersResult Log Parameter'
     ' ParameterDescriptor ParameterEvent ParameterType ParameterValue SetParametersResult',
+    'lifecycle_msgs/msg': 'State Transition TransitionDescription TransitionEvent',
     'rosgraph_msgs/msg': 'Clock',
     'sensor_msgs/msg': 'Imu JointState',
-    'simulation_interfaces/msg': 'Result SimulationState SimulatorFeatures',
+    'simulation_interfaces/msg': 'Bounds EntityCategory EntityFilters EntityInfo EntityState'
+    ' Resource Result SimulationState SimulatorFeatures TagsFilter WorldResource',
     'std_msgs/msg': 'ColorRGBA Float64 Header String',
     'tf2_msgs/msg': 'TFMessage',
     'unique_identifier_msgs/msg': 'UUID',
     'visualization_msgs/msg': 'Marker MarkerArray',
     'action_msgs/srv': 'CancelGoal',
+    'lifecycle_msgs/srv': 'ChangeState GetAvailableStates GetAvailableTransitions GetState',
     'rcl_interfaces/srv': 'DescribeParameters GetParameterTypes GetParameters ListParameters'
     ' SetParameters SetParametersAtomically',
-    'simulation_interfaces/srv': 'GetSimulationState GetSimulatorFeatures ResetSimulation'
-    ' SetSimulationState StepSimulation',
+    'simulation_interfaces/srv': 'GetAvailableWorlds GetCurrentWorld GetEntities GetEntitiesStates'
+    ' GetEntityInfo GetEntityState GetSimulationState GetSimulatorFeatures LoadWorld'
+    ' ResetSimulation SetSimulationState StepSimulation',
     'std_srvs/srv': 'Trigger',
     'simulation_interfaces/action': 'SimulateSteps',
 }

@@ -97,8 +97,8 @@ def scene_change(path: str, value: float, time: float) -> Any:
     return message
 
 
-def impact(event: ImpactEvent, index: int) -> Any:
-    """Impact message."""
+def impact(event: ImpactEvent, index: int, frame: str = '') -> Any:
+    """Impact message; `frame` is that of the directions, of the ground link."""
     message = message_class('mechanism_sim/msg/Impact')(
         time=event.t,
         index=index,
@@ -115,7 +115,7 @@ def impact(event: ImpactEvent, index: int) -> Any:
         duration=event.duration,
         peak_force=event.peak_force,
     )
-    message.header.stamp = stamp(event.t)
+    message.header.stamp, message.header.frame_id = stamp(event.t), frame
     return message
 
 
@@ -131,7 +131,8 @@ def mode_change(event: ModeChangeEvent) -> Any:
 class EventWriter:
     """Serialises events in bulk: the same bytes as those of `impact` and `mode_change`."""
 
-    def __init__(self) -> None:
+    def __init__(self, frame: str = '') -> None:
+        self._frame = frame
         self._layouts: dict[tuple[type, str], Layout] = {}  # by class and joint
 
     def impacts(self, events: Sequence[ImpactEvent], first: int) -> list[bytes]:
@@ -139,7 +140,7 @@ class EventWriter:
         columns = dict(zip(ImpactEvent._fields, zip(*events, strict=True), strict=False))
         columns.pop('drive_work', None)
         columns['index'] = tuple(range(first, first + len(events)))
-        return self._write(events, columns, lambda event: impact(event, 0))
+        return self._write(events, columns, lambda event: impact(event, 0, self._frame))
 
     def mode_changes(self, events: Sequence[ModeChangeEvent]) -> list[bytes]:
         """ModeChange messages."""

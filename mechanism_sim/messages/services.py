@@ -40,4 +40,17 @@ SetParametersResult[] results
 ---
 SetParametersResult result
 """,
+    'lifecycle_msgs/srv/ChangeState': """Transition transition
+---
+bool success
+""",
+    'lifecycle_msgs/srv/GetAvailableStates': """---
+State[] available_states
+""",
+    'lifecycle_msgs/srv/GetAvailableTransitions': """---
+TransitionDescription[] available_transitions
+""",
+    'lifecycle_msgs/srv/GetState': """---
+State current_state
+""",
 }

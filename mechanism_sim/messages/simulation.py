@@ -1,4 +1,4 @@
-"""Definitions of ``simulation_interfaces`` 2.1.0, for a simulator of one machine."""
+"""Definitions of ``simulation_interfaces`` 1.5.1, that of Jazzy, for a simulator of machines."""
 
 MESSAGES = {
     'simulation_interfaces/msg/Result': """uint8 RESULT_FEATURE_UNSUPPORTED=0
@@ -53,6 +53,47 @@ uint16[] features
 string[] spawn_formats
 string custom_info
 """,
+    'simulation_interfaces/msg/Bounds': """uint8 TYPE_EMPTY=0
+uint8 TYPE_BOX=1
+uint8 TYPE_CONVEX_HULL=2
+uint8 TYPE_SPHERE=3
+uint8 type
+geometry_msgs/Vector3[] points
+""",
+    'simulation_interfaces/msg/EntityCategory': """uint8 CATEGORY_OBJECT=0
+uint8 CATEGORY_ROBOT=1
+uint8 CATEGORY_HUMAN=2
+uint8 CATEGORY_DYNAMIC_OBJECT=4
+uint8 CATEGORY_STATIC_OBJECT=5
+uint8 category
+""",
+    'simulation_interfaces/msg/EntityFilters': """string filter
+EntityCategory[] categories
+TagsFilter tags
+Bounds bounds
+""",
+    'simulation_interfaces/msg/EntityInfo': """EntityCategory category
+string description
+string[] tags
+""",
+    'simulation_interfaces/msg/EntityState': """std_msgs/Header header
+geometry_msgs/Pose pose
+geometry_msgs/Twist twist
+geometry_msgs/Accel acceleration
+""",
+    'simulation_interfaces/msg/Resource': """string uri
+string resource_string
+""",
+    'simulation_interfaces/msg/TagsFilter': """string[] tags
+uint8 FILTER_MODE_ANY=0
+uint8 FILTER_MODE_ALL=1
+uint8 filter_mode
+""",
+    'simulation_interfaces/msg/WorldResource': """string name
+Resource world_resource
+string description
+string[] tags
+""",
 }
 SERVICES = {
     'simulation_interfaces/srv/GetSimulatorFeatures': """---
@@ -81,6 +122,55 @@ uint8 SCOPE_ALL=255
 uint8 scope
 ---
 Result result
+""",
+    'simulation_interfaces/srv/GetAvailableWorlds': """string[] additional_sources
+TagsFilter filter
+bool offline_only
+bool continue_on_error
+---
+uint8 DEFAULT_SOURCES_FAILED=101
+Result result
+WorldResource[] worlds
+""",
+    'simulation_interfaces/srv/GetCurrentWorld': """---
+uint8 NO_WORLD_LOADED=101
+Result result
+WorldResource world
+""",
+    'simulation_interfaces/srv/GetEntities': """EntityFilters filters
+---
+Result result
+string[] entities
+""",
+    'simulation_interfaces/srv/GetEntitiesStates': """EntityFilters filters
+---
+Result result
+string[] entities
+EntityState[] states
+""",
+    'simulation_interfaces/srv/GetEntityInfo': """string entity
+---
+Result result
+EntityInfo info
+""",
+    'simulation_interfaces/srv/GetEntityState': """string entity
+---
+Result result
+EntityState state
+""",
+    'simulation_interfaces/srv/LoadWorld': """string uri
+string resource_string
+bool fail_on_unsupported_element
+bool ignore_missing_or_unsupported_assets
+---
+uint8 UNSUPPORTED_FORMAT=101
+uint8 NO_RESOURCE=102
+uint8 RESOURCE_PARSE_ERROR=103
+uint8 MISSING_ASSETS=104
+uint8 UNSUPPORTED_ASSETS=105
+uint8 UNSUPPORTED_ELEMENTS=106
+Result result
+WorldResource world
 """,
 }
 ACTIONS = {

@@ -10,13 +10,16 @@ What differs from rclpy:
 - The future of a service that goes away is never done.
 """
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 import rclpy
 import rclpy.node
+from ament_index_python.packages import get_package_share_directory
 from rclpy import (
     ok,
     shutdown,
@@ -25,6 +28,7 @@ from rclpy import (
     spin_until_future_complete,
     try_shutdown,
 )
+from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.client import ClientGoalHandle
 from rclpy.action.server import ServerGoalHandle
@@ -126,8 +130,60 @@ _USUAL: dict[signal.Signals, tuple[Any, SignalHandlerOptions]] = {
 }
 
 
+ROUND = 64
+"""Messages that a subscription hands over at most in its turn: for each turn the executor of rclpy
+makes a set of all entities anew, which costs more than most callbacks."""
+
+LEASES = {
+    'CYCLONEDDS_URI': 'file://{}/cyclonedds.xml',
+    'FASTRTPS_DEFAULT_PROFILES_FILE': '{}/fastdds.xml',
+}
+"""By variables of the environment: files that let DDS wait for subscribers that do not answer."""
+
+PATIENCE, RETRY = 60.0, 0.005
+"""[s] that a publisher with a full queue waits for slow subscribers, and between two tries."""
+
+
 class Node(rclpy.node.Node):  # type: ignore[misc]
-    """A node of rclpy whose subscriptions judge what comes."""
+    """A node of rclpy.
+
+    Its subscriptions judge what comes, and hand over all that is there. Its publishers wait where
+    a queue is full: rmw returns an error then. After `PATIENCE` they raise MiddlewareError.
+    """
+
+    def __init__(self, *given: Any, **how: Any) -> None:
+        try:
+            super().__init__(*given, **how)
+        except RCLError as error:  # such as a configuration of the middleware that it refuses
+            raise MiddlewareError(f'no node can be made here: {error}') from error
+
+    def create_publisher(self, *given: Any, **how: Any) -> Any:
+        """Publisher whose `publish` waits while the queue of the middleware is full."""
+        publisher = super().create_publisher(*given, **how)
+        publish, topic = publisher.publish, publisher.topic_name
+
+        def publish_when_possible(message: Any) -> None:
+            end = time.monotonic() + PATIENCE
+            while True:
+                try:
+                    publish(message)
+                    return
+                except RCLError as error:
+                    if not ok(context=self.context):
+                        return  # the network is left
+                    if time.monotonic() > end:
+                        raise MiddlewareError(
+                            f'{topic}: a subscriber has taken nothing for {PATIENCE:g} s, and the '
+                            f'queue is full: {error}'
+                        ) from error
+                    self.get_logger().warning(
+                        f'{topic}: the queue is full; waiting for a slow subscriber',
+                        throttle_duration_sec=10.0,
+                    )
+                    time.sleep(RETRY)
+
+        publisher.publish = publish_when_possible
+        return publisher
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callable[[Any], Any], *given: Any, **how: Any
@@ -135,7 +191,7 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
         """Subscription whose callback gets the message, or with ``raw`` its bytes."""
         refusals, raw = Refusals(), how.get('raw', False)
 
-        def take(message: Any) -> None:
+        def judge(message: Any) -> None:
             try:
                 if raw:
                     check_message(message, msg_type)
@@ -147,6 +203,17 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
             else:
                 callback(message)
 
+        def take(message: Any) -> None:
+            judge(message)
+            with suppress(InvalidHandle):  # the callback may have destroyed the subscription
+                handle = subscription.handle
+                for _ in range(ROUND):
+                    with handle:
+                        taken = handle.take_message(msg_type, raw)
+                    if taken is None:
+                        return
+                    judge(taken[0])
+
         subscription = super().create_subscription(msg_type, topic, take, *given, **how)
         return subscription
 
@@ -154,11 +221,16 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
 def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None:
     """``rclpy.init``, with handlers for those signals that the program does not handle itself.
 
+    DDS is told to wait longer for subscribers that are stopped, unless its environment says more.
+
     Raises MiddlewareError if there is no network to join, or if ``init`` was called already.
     """
     free = [
         option for number, (usual, option) in _USUAL.items() if signal.getsignal(number) is usual
     ]
+    folder = f'{get_package_share_directory("mechanism_sim")}/launch/dds'
+    for variable, file in LEASES.items():
+        os.environ.setdefault(variable, file.format(folder))
     options = free[0] if len(free) == 1 else SignalHandlerOptions.ALL if free else None
     try:
         rclpy.init(

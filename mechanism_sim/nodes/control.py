@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.messages import MessageError, action_class, message_class, service_class
 from mechanism_sim.middleware import ActionServer, CancelResponse, ReentrantCallbackGroup
+from mechanism_sim.nodes.worlds import Worlds
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.crank_drive import CrankDrive
@@ -26,11 +27,12 @@ class Control:
 
     Attributes
     ----------
-    busy : what is under way, steps or a reset; empty for neither
+    busy : what is under way, such as steps or a reset; empty for nothing
+    stopped : whether the run is at time 0, paused, by a request
     """
 
     def __init__(self, drive: CrankDrive) -> None:
-        self._drive, self.busy, self._stopped = drive, '', False
+        self._drive, self.busy, self.stopped = drive, '', False
         try:
             self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
         except MessageError as error:
@@ -50,6 +52,7 @@ class Control:
         ):
             kind = service_class(f'{PACKAGE}/srv/{short}')
             drive.create_service(kind, name, answer, callback_group=group)
+        self._worlds = Worlds(drive, self)
         self._action = ActionServer(
             drive,
             action_class(f'{PACKAGE}/action/SimulateSteps'),
@@ -66,6 +69,8 @@ class Control:
         response.features.features = [
             f.SIMULATION_RESET, f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE,
             f.SIMULATION_STATE_GETTING, f.SIMULATION_STATE_SETTING, f.SIMULATION_STATE_PAUSE,
+            f.ENTITY_CATEGORIES, f.ENTITY_STATE_GETTING, f.ENTITY_INFO_GETTING,
+            f.WORLD_LOADING, f.WORLD_INFO_GETTING, f.AVAILABLE_WORLDS,
             f.STEP_SIMULATION_SINGLE, f.STEP_SIMULATION_MULTIPLE, f.STEP_SIMULATION_ACTION,
         ]  # fmt: skip
         response.features.custom_info = (
@@ -80,38 +85,38 @@ class Control:
         if self._drive.playing:
             response.state.state = s.STATE_PLAYING
         else:
-            response.state.state = s.STATE_STOPPED if self._stopped else s.STATE_PAUSED
-        return self._answer(response, '')
+            response.state.state = s.STATE_STOPPED if self.stopped else s.STATE_PAUSED
+        return self.answer(response, '')
 
     async def _set_state(self, request: Any, response: Any) -> Any:
         """Play, pause, stop (pause and reset) or quit; answers when all partners are there."""
         s, drive, asked = self._state, self._drive, request.state.state
         if asked == s.STATE_QUITTING and drive.final:
-            return self._answer(response, '')
+            return self.answer(response, '')
         ending = asked in (s.STATE_PAUSED, s.STATE_QUITTING)
-        if reason := self._refusal(during_steps=ending):
-            return self._answer(response, reason)
+        if reason := self.refusal(during_steps=ending):
+            return self.answer(response, reason)
         if asked == s.STATE_PLAYING:
             if drive.playing:
                 return self._already(response, 'playing')
             if drive.announced >= drive.duration:
                 reason = f'the run is at its end, at {drive.duration:.9g} s: reset it first'
-                return self._answer(response, reason, STATE_TRANSITION_ERROR)
-            self._stopped = False
+                return self.answer(response, reason, STATE_TRANSITION_ERROR)
+            self.stopped = False
             drive.play()
         elif asked == s.STATE_PAUSED:
-            if not drive.playing and not self._stopped and not self.busy:
+            if not drive.playing and not self.stopped and not self.busy:
                 return self._already(response, 'paused')
-            self._stopped = False
+            self.stopped = False
             drive.pause()
             await drive.arrive(drive.announced)
         elif asked == s.STATE_STOPPED:
-            if self._stopped:
+            if self.stopped:
                 return self._already(response, 'stopped')
             drive.pause()
-            if reason := await self._alone('a reset', drive.start_over()):
-                return self._answer(response, reason)
-            self._stopped = True
+            if reason := await self.alone('a reset', drive.start_over()):
+                return self.answer(response, reason)
+            self.stopped = True
         elif asked == s.STATE_QUITTING:
             drive.pause()
             drive.quit()
@@ -120,45 +125,45 @@ class Control:
                 f'state {asked} cannot be set; known are stopped ({s.STATE_STOPPED}), playing '
                 f'({s.STATE_PLAYING}), paused ({s.STATE_PAUSED}), quitting ({s.STATE_QUITTING})'
             )
-            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
-        return self._answer(response, '')
+            return self.answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+        return self.answer(response, '')
 
     async def _step(self, request: Any, response: Any) -> Any:
         """Steps of a paused simulation; answers when they are done."""
         steps = int(request.steps)
-        if reason := self._refusal() or self._no_steps(steps):
-            return self._answer(response, reason)
-        return self._answer(response, await self._alone(STEPS, self._go(steps)))
+        if reason := self.refusal() or self._no_steps(steps):
+            return self.answer(response, reason)
+        return self.answer(response, await self.alone(STEPS, self._go(steps)))
 
     async def _reset(self, request: Any, response: Any) -> Any:
         """Back to time 0, in a run of its own; what was recorded stays in its bag."""
         scope, both = int(request.scope), 3  # SCOPE_TIME and SCOPE_STATE
         if scope and scope & both != both:
             reason = f'scope {scope}: time and state are reset together only; use 0, {both} or 255'
-            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
-        if reason := self._refusal():
-            return self._answer(response, reason)
-        return self._answer(response, await self._alone('a reset', self._drive.start_over()))
+            return self.answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+        if reason := self.refusal():
+            return self.answer(response, reason)
+        return self.answer(response, await self.alone('a reset', self._drive.start_over()))
 
     async def _simulate_steps(self, goal: Any) -> Any:
         """Steps one by one, with feedback after each."""
         kind = action_class(f'{PACKAGE}/action/SimulateSteps')
         steps, result = int(goal.request.steps), kind.Result()
-        if reason := self._refusal() or self._no_steps(steps):
+        if reason := self.refusal() or self._no_steps(steps):
             goal.abort()
-            return self._answer(result, reason)
+            return self.answer(result, reason)
         for done in range(1, steps + 1):
             if goal.is_cancel_requested:
                 goal.canceled()
-                return self._answer(result, f'cancelled after {done - 1} steps')
-            if reason := await self._alone(STEPS, self._go(1)):
+                return self.answer(result, f'cancelled after {done - 1} steps')
+            if reason := await self.alone(STEPS, self._go(1)):
                 goal.abort()
-                return self._answer(result, reason)
+                return self.answer(result, reason)
             goal.publish_feedback(
                 kind.Feedback(completed_steps=done, remaining_steps=steps - done)
             )
         goal.succeed()
-        return self._answer(result, '')
+        return self.answer(result, '')
 
     # --- what they have in common -------------------------------------------------------------
 
@@ -172,19 +177,21 @@ class Control:
         if drive.announced != self._origin + self._steps * size:
             self._origin, self._steps = drive.announced, 0
         self._steps += steps
-        self._stopped = False
+        self.stopped = False
         if await drive.arrive(self._origin + self._steps * size):
             return ''
         return f'paused meanwhile, at {drive.announced:.9g} s'
 
-    async def _alone(self, what: str, work: Any) -> Any:
+    async def alone(self, what: str, work: Any) -> Any:
+        """Await work that nothing may interrupt; `what` it is, for those who ask meanwhile."""
         self.busy = what
         try:
             return await work
         finally:
             self.busy = ''
 
-    def _refusal(self, during_steps: bool = False) -> str:
+    def refusal(self, during_steps: bool = False) -> str:
+        """Why nothing can be asked for now; empty if it can."""
         if not self._drive.ready:
             return 'the nodes of the run have not found each other yet: try again in a moment'
         if self._drive.final:
@@ -206,9 +213,10 @@ class Control:
         return ''
 
     def _already(self, response: Any, state: str) -> Any:
-        return self._answer(response, f'it is {state} already', ALREADY_IN_TARGET_STATE)
+        return self.answer(response, f'it is {state} already', ALREADY_IN_TARGET_STATE)
 
-    def _answer(self, response: Any, reason: str, code: int | None = None) -> Any:
+    def answer(self, response: Any, reason: str, code: int | None = None) -> Any:
+        """Fill the result of a response: good without a reason."""
         r = self._result
         if code is None:
             code = r.RESULT_OPERATION_FAILED if reason else r.RESULT_OK

@@ -14,7 +14,7 @@ from mechanism_sim.nodes.control import Control
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.pace import Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
-from mechanism_sim.nodes.scene_values import OverridePropagation
+from mechanism_sim.nodes.scene_values import ContentPropagation
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 BEHIND = 0.95
@@ -66,7 +66,7 @@ class CrankDrive(SimulationNode):
             self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
         self._commands = Commands(self)
         self.control = Control(self)
-        self._overrides_of_partners = OverridePropagation(self)
+        self._content_of_partners = ContentPropagation(self)
         self.join()
 
     # --- the laws -----------------------------------------------------------------------------
@@ -125,7 +125,7 @@ class CrankDrive(SimulationNode):
         """
         playing = self.playing
         self.pause()
-        if reason := await self._overrides_of_partners.propagate():
+        if reason := await self._content_of_partners.propagate():
             if playing:
                 self.play()
             return reason

@@ -25,14 +25,18 @@ from mechanism_sim.messages import (
     SceneChange,
     String,
     TFMessage,
+    WrenchStamped,
     events,
 )
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.nodes import publications
+from mechanism_sim.nodes.entities import Entities
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.restitutions import Restitutions
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.topics import WRENCH, wrench_joints
+from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene.machine import Run
 
 STEPS, STEPS_PER_BATCH = 256, 1024
@@ -68,6 +72,10 @@ class Integration:
         self._linkage = node.create_publisher(LinkageState, 'linkage_state', RESULTS)
         self._reactions = node.create_publisher(JointReactions, 'joint_reactions', RESULTS)
         self._transforms = node.create_publisher(TFMessage, '/tf', RESULTS)
+        self._wrenches = {
+            joint: node.create_publisher(WrenchStamped, f'{WRENCH}/{joint}', RESULTS)
+            for joint in wrench_joints(self._machine)
+        }
         self._scene = node.create_publisher(String, 'scene', LATCHED)
         self._changes = node.create_publisher(SceneChange, 'scene_changes', RESULTS)
         self._known = 0.0
@@ -75,6 +83,7 @@ class Integration:
         self._start_over()
         node.create_subscription(DriveLaw, 'drive', node.once_ready(self._follow), RESULTS)
         self._drive = node.resolve_topic_name('drive')
+        self._entities = Entities(node, self)
 
     def begin(self) -> None:
         """A run begins: describe the scene."""
@@ -97,6 +106,18 @@ class Integration:
             balance['missing in the energy balance [J]'] = energy.residual
         return balance
 
+    @property
+    def begun(self) -> bool:
+        """Whether any motion of the run is known."""
+        return self._latest is not None
+
+    def observe_latest(self) -> tuple[float, Observation]:
+        """The last time [s] up to which the motion is known, and the machine then."""
+        assert self._latest is not None  # noqa: S101 - who asks has looked whether it has `begun`
+        curve = self._latest.curve
+        t = min(self._known, float(curve.end))
+        return t, self._physics.observe(self._latest, *curve.find(np.array([t])))
+
     def _take_machine(self) -> None:
         self._machine = self._node.machine
         self._physics = self._machine.physics
@@ -110,18 +131,22 @@ class Integration:
             'joint_reactions': Schedule(outputs.joint_reactions),
             'transforms': Schedule(outputs.transforms),
         }
+        if self._wrenches and outputs.wrenches:
+            self._schedules['wrenches'] = Schedule(outputs.wrenches)
         physics, mechanism, frame = self._physics, self._machine.mechanism, self._node.frame
         self._write_states = publications.joint_states(physics)
-        self._write_linkage = publications.linkage_states(physics)
+        self._write_linkage = publications.linkage_states(physics, frame(WORLD))
         self._write_reactions = publications.reactions(physics, frame(WORLD))
-        self._write_transforms = publications.transforms(mechanism, frame)
+        self._write_transforms = publications.transforms(mechanism, frame, [*self._wrenches])
+        self._write_wrench = publications.wrenches(physics, mechanism, frame, [*self._wrenches])
         self._run: Run | None = None
         self._law_id = 0
         self._known = 0.0
         self._published_until = 0.0  # [s] up to which followers have been told
         self._impact_count = 0
-        self._events = events.EventWriter()
+        self._events = events.EventWriter(frame(WORLD))
         self._audit = Audit(self._physics)
+        self._latest: MotionBatch | None = None
 
     def _follow(self, message: Any) -> None:
         """Advance to where the law is known to hold."""
@@ -203,6 +228,7 @@ class Integration:
         ahead = self._run.preview(self._known)
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
         if seen:
+            self._latest = seen[-1]
             self._publish_samples(MotionBatch.joined(seen), EnergyTerms(work, impacts, *before))
         if len(motion):
             self._also(motion)
@@ -227,6 +253,10 @@ class Integration:
             if seen is None or not np.array_equal(due[topic], t):
                 t, seen = due[topic], physics.observe(motion, *curve.find(due[topic]))
             node.send_all(publisher, write(t, seen))
+        if 'wrenches' in due and due['wrenches'].size:
+            t, seen = due['wrenches'], physics.observe(motion, *curve.find(due['wrenches']))
+            for joint, publisher in self._wrenches.items():
+                node.send_all(publisher, self._write_wrench[joint](t, seen))
         t = due['transforms']
         if t.size:
             node.send_all(self._transforms, self._write_transforms(t, curve(t)))

@@ -7,16 +7,18 @@ from collections.abc import Sequence
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.integration import Integration
-from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.lifecycle import IntegratingNode
 
 
-class Linkage(SimulationNode):
+class Linkage(IntegratingNode):
     """Integrates the machine and publishes its motion, forces and events."""
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('linkage', parameters)
+
+    def make_endpoints(self) -> None:
+        """Publish all that integration gives."""
         self._integration = Integration(self)
-        self.join()
 
     def on_ready(self) -> None:
         """Describe the scene."""
@@ -25,5 +27,6 @@ class Linkage(SimulationNode):
     def diagnose(self) -> Diagnosis:
         """Statistics of the solver."""
         found = super().diagnose()
-        found.values |= self._integration.diagnose()
+        if self.ready:
+            found.values |= self._integration.diagnose()
         return found

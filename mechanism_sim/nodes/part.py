@@ -9,11 +9,11 @@ from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.following import Following
 from mechanism_sim.nodes.integration import Integration
+from mechanism_sim.nodes.lifecycle import IntegratingNode
 from mechanism_sim.nodes.parts import States
-from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
-class Part(SimulationNode):
+class Part(IntegratingNode):
     """Publishes the states of its parts, of a motion that it integrates itself or follows.
 
     It follows if ``linkage`` is among its partners. Without, it is the integrator of the run and
@@ -24,10 +24,12 @@ class Part(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(self.kind, parameters)
+
+    def make_endpoints(self) -> None:
+        """Publish the states, and all that integration gives if this node does that."""
         states = States(self, self.kind)
         role = Following if 'linkage' in self.partners else Integration
         self._role: Following | Integration = role(self, states.publish, reset=states.start_over)
-        self.join()
 
     def on_ready(self) -> None:
         """All partners are there."""
@@ -40,7 +42,7 @@ class Part(SimulationNode):
     def diagnose(self) -> Diagnosis:
         """Statistics of the solver, if this node has one."""
         found = super().diagnose()
-        if isinstance(self._role, Integration):
+        if self.ready and isinstance(self._role, Integration):
             found.values |= self._role.diagnose()
         return found
 

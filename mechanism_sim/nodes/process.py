@@ -97,7 +97,8 @@ def run_nodes(
         code = print_error(error, 2)
     except (RunError, MiddlewareError) as error:
         code = print_error(error, 1)
-        _keep(executor, nodes)
+        for executor in executors:
+            _keep(executor, nodes)
     finally:
         leaving.append(True)
         code = code or (ending.INTERRUPTED if asked_to_end else 0)

@@ -6,7 +6,7 @@ instants N serialised messages.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,12 +21,13 @@ from mechanism_sim.messages import (
     LinkageState,
     TFMessage,
     TransformStamped,
+    WrenchStamped,
     float64_array,
     uint8_array,
 )
 from mechanism_sim.messages.layout import Layout
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.mechanism import GROUND, Mechanism
 
 Array = NDArray[np.float64]
 
@@ -47,11 +48,12 @@ def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]
     return write
 
 
-def linkage_states(physics: Physics) -> Callable[[Samples], list[bytes]]:
-    """LinkageState messages."""
+def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[bytes]]:
+    """LinkageState messages, in the frame of the world."""
     names, joints = list(physics.coordinates), list(physics.clearances)
     each, gap = float64_array(np.zeros(len(names))), float64_array(np.zeros(len(joints)))
     message = LinkageState(coordinates=names, joints=joints)
+    message.header.frame_id = world
     message.position = message.velocity = message.acceleration = each
     message.gaps = message.normal_forces = message.friction_forces = gap
     message.modes = uint8_array(np.zeros(len(joints)))
@@ -98,14 +100,67 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
     return write
 
 
+def wrenches(
+    physics: Physics, mechanism: Mechanism, frame_of: Callable[[str], str], joints: Sequence[str]
+) -> dict[str, Callable[[Array, Observation], list[bytes]]]:
+    """WrenchStamped messages by joint: of the first link on the second, in `joint_frame`."""
+    index = physics.joints.index
+    return {joint: _wrench(index(joint), joint, mechanism, frame_of) for joint in joints}
+
+
+def _wrench(
+    i: int, joint: str, mechanism: Mechanism, frame_of: Callable[[str], str]
+) -> Callable[[Array, Observation], list[bytes]]:
+    message = WrenchStamped()
+    message.header.frame_id = joint_frame(joint, frame_of)
+    layout, second = Layout(message), mechanism.joint(joint).second
+
+    def write(t: Array, o: Observation) -> list[bytes]:
+        angle = mechanism.angle_all(second, o.position)
+        c, s = np.cos(angle), np.sin(angle)
+        x, y = o.reaction[i]
+        columns = {
+            'wrench.force.x': c * x + s * y,
+            'wrench.force.y': c * y - s * x,
+            'wrench.torque.z': o.reaction_moment[i],
+        }
+        return layout.write(t, columns)
+
+    return write
+
+
+def joint_frame(joint: str, frame_of: Callable[[str], str]) -> str:
+    """The frame of a joint: at its point on its second link, and turning with that."""
+    return frame_of(f'joint/{joint}')
+
+
+def _joint_transforms(
+    joints: Sequence[str], mechanism: Mechanism, frame_of: Callable[[str], str]
+) -> list[TransformStamped]:
+    """The frames of joints in those of their second links, which never change."""
+    frames = []
+    for name in joints:
+        joint = mechanism.joint(name)
+        parent = WORLD if joint.second == GROUND else joint.second
+        frame = TransformStamped(child_frame_id=joint_frame(name, frame_of))
+        frame.header.frame_id = frame_of(parent)
+        frame.transform.translation.x, frame.transform.translation.y = map(float, joint.on_second)
+        frames.append(frame)
+    return frames
+
+
 def transforms(
-    mechanism: Mechanism, frame_of: Callable[[str], str]
+    mechanism: Mechanism, frame_of: Callable[[str], str], joints: Sequence[str] = ()
 ) -> Callable[[Array, Array], list[bytes]]:
-    """TFMessages with the frame of every link in the world; angles are (N, n)."""
+    """TFMessages with the frame of every link in the world; angles are (N, n).
+
+    With `joints` also the frames of these, see `joint_frame`.
+    """
     links = [body.name for body in mechanism.bodies]
     frames = [TransformStamped(child_frame_id=frame_of(link)) for link in links]
     for frame in frames:
         frame.header.frame_id = frame_of(WORLD)
+    frames += _joint_transforms(joints, mechanism, frame_of)
     layout = Layout(TFMessage(transforms=frames))
 
     def write(t: Array, angles: Array) -> list[bytes]:

@@ -14,7 +14,7 @@ from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.described_node import Diagnosis
-from mechanism_sim.nodes.qos import LATCHED, RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import BagWriter, Qos
@@ -58,7 +58,7 @@ class Recorder(SimulationNode):
         self._loss_timer: Timer | None = None
         self._ended = False
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
-        self._ahead: list[tuple[str, bytes]] = []  # descriptions for the next run's bag
+        self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
         for topic, kind, qos in topics_of(self.machine, 'display' in self.partners):
             self._record(topic, kind, qos)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
@@ -77,8 +77,8 @@ class Recorder(SimulationNode):
         self._add_topics()
         self.on_ready()
         self._now = 0
-        for topic, data in self._ahead:
-            self.writer.write(topic, data, 0)
+        for topic, data, t in self._ahead:
+            self.writer.write(topic, data, t)
         self._ahead.clear()
         self._reports.clear()
         self._complete.clear()
@@ -121,7 +121,6 @@ class Recorder(SimulationNode):
         tells = {self.resolve_topic_name(name) for name in ('drive', 'motion')}
         # All machines share /tf: what belongs to another is in another world.
         world = f'{self.frame(WORLD)}\0'.encode() if topic == '/tf' else b''
-        latched = self._topics[topic][1] is LATCHED
 
         def write(data: bytes) -> None:
             if world and not data.startswith(world, _PARENT):
@@ -131,9 +130,9 @@ class Recorder(SimulationNode):
                 self._now = seconds * 1_000_000_000 + nanoseconds
             if topic in tells and _run_of(data) == self.run + 1:
                 self.begin_run(self.run + 1)
-            if latched and self._ended:
-                # Its run is not known here yet: topics do not wait for each other.
-                self._ahead.append((topic, data))
+            if self._ended and not self.done:
+                # Of the next run, which is not known here yet: topics do not wait for each other.
+                self._ahead.append((topic, data, self._now if kind != _NO_STAMP else 0))
                 return
             if self.writer.write(topic, data, self._now) == self._due.get(topic):
                 self._review()

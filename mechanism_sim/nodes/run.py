@@ -18,9 +18,11 @@ from mechanism_sim.nodes.oscillator import Oscillator
 from mechanism_sim.nodes.part import Cam, GearTrain, Geneva
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import report_end, run_nodes
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.sensors import Sensors
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.topics import topics_of
 from mechanism_sim.recording import read_bag, realtime_factor
 from mechanism_sim.scene import Machine
 
@@ -106,6 +108,24 @@ class Plan:
             options['file'] = self.record
             options['overwrite'] = self.overwrite
         return options
+
+    def to_json(self) -> dict[str, object]:
+        """The nodes with their parameters, and the topics with their quality of service."""
+        topics = topics_of(self.machine, self.display)
+        qualities = {topic.name: topic.qos for topic in topics} | {'progress': RESULTS}
+        return {
+            'duration': self.duration,
+            'nodes': {node: self.options(node) for node in self.nodes},
+            'topics': {
+                name: {
+                    'history': qos.history.name.lower(),
+                    'depth': qos.depth,
+                    'reliability': qos.reliability.name.lower(),
+                    'durability': qos.durability.name.lower(),
+                }
+                for name, qos in qualities.items()
+            },
+        }
 
     def parameters(self, node: str) -> list[Parameter]:
         """The same as parameters of the middleware."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import service_class
@@ -12,18 +13,44 @@ from mechanism_sim.scene.gate import admit
 
 if TYPE_CHECKING:
     from mechanism_sim.nodes.crank_drive import CrankDrive
+    from mechanism_sim.nodes.described_node import DescribedNode
 
-OVERRIDES = 'overrides'
-"""The parameter: ``PATH=VALUE``, one a line."""
+SCENE, OVERRIDES = 'scene', 'overrides'
+SCENE_PARAMETERS = (
+    (SCENE, 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
+    (OVERRIDES, '', 'PATH=VALUE each, one a line'),
+)
+"""Names of the parameters that say which machine it is, their defaults, and what they are."""
 
 
-def lines(overrides: str) -> list[str]:
-    """The ``PATH=VALUE`` of a text that has one a line."""
-    return [line for line in overrides.splitlines() if line.strip()]
+class Content(NamedTuple):
+    """Which machine a node is to run: parameters ``scene`` and ``overrides``."""
+
+    scene: str
+    overrides: str
+
+    @staticmethod
+    def of(node: DescribedNode) -> Content:
+        """What the parameters of a node say."""
+        return Content(node.value(SCENE), node.value(OVERRIDES))
+
+    def changed(self, parameters: Sequence[Parameter]) -> Content:
+        """The same with other values of those that are texts; the middleware refuses others."""
+        given = {p.name: p.value for p in parameters if isinstance(p.value, str)}
+        return Content(given.get(SCENE, self.scene), given.get(OVERRIDES, self.overrides))
+
+    @property
+    def lines(self) -> list[str]:
+        """The overrides, each ``PATH=VALUE``."""
+        return [line for line in self.overrides.splitlines() if line.strip()]
+
+    def load(self) -> Machine:
+        """The machine; raises InputError if the scene is not good."""
+        return admit(load_scene(self.scene, self.lines))
 
 
-def next_machine(present: Machine, scene: str, overrides: str) -> Machine:
-    """The machine of a scene with other overrides, for nodes that have run `present`.
+def next_machine(present: Machine, asked: Content) -> Machine:
+    """The machine of another scene, or with other overrides, for nodes that have run `present`.
 
     Raises
     ------
@@ -31,7 +58,7 @@ def next_machine(present: Machine, scene: str, overrides: str) -> Machine:
         If the scene is not good, or has other coordinates, joints, drives, sensors or nodes: those
         that run could not go on with it.
     """
-    machine = admit(load_scene(scene, lines(overrides)))
+    machine = asked.load()
     before, after = _structure(present), _structure(machine)
     for what, now in before.items():
         if after[what] != now:
@@ -67,15 +94,17 @@ def _join(names: list[str]) -> str:
     return ', '.join(names) or 'none'
 
 
-class OverridePropagation:
-    """Hands the drive's overrides to its partners, before a run that has others than the last."""
+class ContentPropagation:
+    """Hands the drive's scene to its partners, before a run that has another than the last."""
 
     def __init__(self, drive: CrankDrive) -> None:
-        self._drive, self._run_with = drive, drive.value(OVERRIDES)
-        self._kind = service_class('rcl_interfaces/srv/SetParameters')
+        self._drive, self._run_with = drive, Content.of(drive)
+        self._kind = service_class('rcl_interfaces/srv/SetParametersAtomically')
         group = ReentrantCallbackGroup()  # who asks for a reset is in a callback that waits
         self._clients: dict[str, Client] = {
-            name: drive.create_client(self._kind, f'{name}/set_parameters', callback_group=group)
+            name: drive.create_client(
+                self._kind, f'{name}/set_parameters_atomically', callback_group=group
+            )
             for name in drive.partners
         }
         drive.add_post_set_parameters_callback(self._announce)
@@ -85,7 +114,7 @@ class OverridePropagation:
 
         If one refuses, all have those of the present run again.
         """
-        asked = self._drive.value(OVERRIDES)
+        asked = Content.of(self._drive)
         if asked == self._run_with:
             return ''
         for n, (name, client) in enumerate(self._clients.items()):
@@ -96,18 +125,16 @@ class OverridePropagation:
         self._run_with = asked
         return ''
 
-    async def _set(self, client: Client, value: str) -> str:
+    async def _set(self, client: Client, content: Content) -> str:
         if not client.service_is_ready():
             return f'the service {client.service_name} is not available'
-        parameter = Parameter(OVERRIDES, value=value).to_parameter_msg()
-        answer: Any = await client.call_async(self._kind.Request(parameters=[parameter]))
-        if len(answer.results) != 1:
-            return f'{client.service_name} gave {len(answer.results)} results for one parameter'
-        (result,) = answer.results
-        return '' if result.successful else str(result.reason)
+        values = zip((SCENE, OVERRIDES), content, strict=True)
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values]
+        answer: Any = await client.call_async(self._kind.Request(parameters=parameters))
+        return '' if answer.result.successful else str(answer.result.reason)
 
     def _announce(self, parameters: list[Parameter]) -> None:
-        for parameter in parameters:
-            if parameter.name == OVERRIDES:
-                values = ', '.join(lines(parameter.value)) or 'none'
-                self._drive.get_logger().info(f'overrides ({values}) hold from the next reset on')
+        if {SCENE, OVERRIDES} & {parameter.name for parameter in parameters}:
+            asked = Content.of(self._drive)
+            values = ', '.join(asked.lines) or 'no overrides'
+            self._drive.get_logger().info(f'{asked.scene} ({values}) holds from the next reset on')

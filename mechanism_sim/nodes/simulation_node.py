@@ -19,9 +19,8 @@ from mechanism_sim.messages import (
 from mechanism_sim.middleware import Parameter, publish_all
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.scene_values import OVERRIDES, lines, next_machine
-from mechanism_sim.scene import Machine, load_scene, run_length
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.nodes.scene_values import SCENE_PARAMETERS, Content, next_machine
+from mechanism_sim.scene import Machine, run_length
 
 LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
 SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
@@ -38,11 +37,12 @@ class SimulationNode(DescribedNode):
     another text holds from the next run on), ``duration`` [s] (0: one revolution), ``partners``
     (names of the other nodes of the run, separated by commas), ``listeners`` (names of other
     nodes that must receive all of this one's results from the first on, such as that of ``ros2
-    bag record``), ``partner_timeout`` [s], ``frame_prefix``, put before the name of every frame
-    (the namespace, if it is not given).
+    bag record``; ``NODE:TOPIC`` for one topic), ``partner_timeout`` [s], ``frame_prefix``, put
+    before the name of every frame (the namespace, if it is not given).
 
-    Subclasses make their endpoints in their constructor, the results first, and end it with
-    `join`; they work in `on_ready` and after. A node is `done` when it has nothing left to do.
+    Subclasses make their endpoints, the results first, and then `join`; they work in `on_ready`
+    and after. A node is `done` when it has nothing left to do. What comes while it is not `active`
+    waits.
 
     Attributes
     ----------
@@ -59,20 +59,25 @@ class SimulationNode(DescribedNode):
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(name, parameters)
         self.ready = False
+        self.active = True
         self.run = 0
         self.progress_of: dict[str, Any] = {}
         self.counts: Counter[str] = Counter()
         space = self.get_namespace().strip('/')
         for key, default, about in (
-            ('scene', 'four_bar_clearance', 'Name of a scene of the package, or path of a file'),
             ('partners', '', 'Names of the other nodes of the run, separated by commas'),
-            ('listeners', '', 'Names of nodes that must receive all results, separated by commas'),
+            (
+                'listeners',
+                '',
+                'Nodes that must receive all results, or NODE:TOPIC; commas between',
+            ),
             ('frame_prefix', f'{space}/' if space else '', 'Before the name of every frame'),
         ):
             self.declare(key, default, about, read_only=True)
-        about = 'PATH=VALUE each, one a line; hold from the next reset on; set that of crank_drive'
-        self._overrides = self.declare(OVERRIDES, '', about)
-        self.add_on_set_parameters_callback(self._judge_overrides)
+        for key, default, about in SCENE_PARAMETERS:
+            self.declare(key, default, f'{about}; from the next reset on; set that of crank_drive')
+        self._content = Content.of(self)
+        self.add_on_set_parameters_callback(self._judge_content)
         for key, length, about in (
             ('duration', 0.0, 'Length of the run [s]; 0: that of the scene, or one revolution'),
             ('partner_timeout', 20.0, 'How long to wait for partners [s]'),
@@ -80,13 +85,12 @@ class SimulationNode(DescribedNode):
             self.declare(key, length, about, LONG, read_only=True)
         self.partners = [p for p in self.names('partners') if p != name]
         self._listeners = self.names('listeners')
-        self._deadline = time.monotonic() + self.value('partner_timeout')
         self._different = ''
         self._missing_since: dict[str, float] = {}
         self._seen: set[str] = set()
         self._soon: float | None = None
         self._early: list[tuple[Callable[[Any], None], Any]] = []
-        self._reported = 0.0
+        self._reported, self._finished = 0.0, False
         self.first_heard: float | None = None
 
     def frame(self, link: str) -> str:
@@ -96,22 +100,22 @@ class SimulationNode(DescribedNode):
     @cached_property
     def machine(self) -> Machine:
         """The machine of the scene."""
-        return admit(load_scene(self.value('scene'), lines(self._overrides)))
+        return self._content.load()
 
     @cached_property
     def duration(self) -> float:
         """Length of the run [s]."""
         return run_length(self.machine, None, self.value('duration') or None)
 
-    def _judge_overrides(self, parameters: list[Parameter]) -> Any:
-        """Refuse what no run of these nodes could begin with."""
+    def _judge_content(self, parameters: list[Parameter]) -> Any:
+        """Refuse a scene that no run of these nodes could begin with."""
         result = SetParametersResult(successful=True)
-        for parameter in parameters:
-            if parameter.name == OVERRIDES and isinstance(parameter.value, str):
-                try:
-                    next_machine(self.machine, self.value('scene'), parameter.value)
-                except InputError as error:
-                    result.successful, result.reason = False, str(error)
+        asked = Content.of(self).changed(parameters)
+        if asked != Content.of(self):
+            try:
+                next_machine(self.machine, asked)
+            except InputError as error:
+                result.successful, result.reason = False, str(error)
         return result
 
     # --- partners -----------------------------------------------------------------------------
@@ -123,6 +127,7 @@ class SimulationNode(DescribedNode):
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
         self.create_timer(REPORT_PERIOD, self._report_if_due)
         self.publish_diagnostics()
+        self._deadline = time.monotonic() + self.value('partner_timeout')
         self._settled = time.monotonic() + SETTLE
         self._watch = self.create_timer(LOOK_PERIOD, self._look)
 
@@ -135,12 +140,18 @@ class SimulationNode(DescribedNode):
         def take(message: Any) -> None:
             if self.first_heard is None:
                 self.first_heard = time.monotonic()
-            if self.ready:
+            if self.ready and self.active:
                 handle(message)
             else:
                 self._early.append((handle, message))
 
         return take
+
+    def _take_early(self) -> None:
+        """Handle what came while this node was not ready, or not active."""
+        early, self._early = self._early, []
+        for handle, message in early:
+            handle(message)
 
     def on_ready(self) -> None:
         """All partners are there."""
@@ -177,9 +188,8 @@ class SimulationNode(DescribedNode):
                 self.destroy_timer(self._watch)
                 self._watch = self.create_timer(0.5, self._look)
                 self.on_ready()
-                for handle, message in self._early:
-                    handle(message)
-                self._early.clear()
+                if self.active:
+                    self._take_early()
             elif missing and time.monotonic() > self._deadline:
                 waited = self.value('partner_timeout')
                 raise RunError(
@@ -229,8 +239,9 @@ class SimulationNode(DescribedNode):
         for topic in self.results if self._listeners else ():
             hearing = {s.node_name for s in self.get_subscriptions_info_by_topic(topic)}
             for listener in self._listeners:
-                if listener not in hearing:
-                    return listener, topic
+                name, _, only = listener.partition(':')
+                if name not in hearing and (not only or self.resolve_topic_name(only) == topic):
+                    return name, topic
         return None
 
     def _on_progress(self, message: Any) -> None:
@@ -245,14 +256,18 @@ class SimulationNode(DescribedNode):
 
     def begin_run(self, number: int) -> None:
         """Everything begins anew at time 0: records of deliveries, state of partners, machine."""
-        self.run = number
+        self.run, self._finished = number, False
         self.first_heard = time.monotonic()
-        if self.value(OVERRIDES) != self._overrides:
-            self._overrides = self.value(OVERRIDES)
-            for derived in ('machine', 'duration'):
-                vars(self).pop(derived, None)
+        if Content.of(self) != self._content:
+            self.forget_machine()
         self.counts.clear()
         self.progress_of = {n: p for n, p in self.progress_of.items() if p.run >= number}
+
+    def forget_machine(self) -> None:
+        """Let the machine be made anew, of the scene that the parameters have now."""
+        self._content = Content.of(self)
+        for derived in ('machine', 'duration'):
+            vars(self).pop(derived, None)
 
     def partners_time(self) -> float:
         """Time [s] up to which every partner has come; infinite without partners."""
@@ -298,8 +313,14 @@ class SimulationNode(DescribedNode):
             self.report(self._soon)
 
     def report(self, t: float, finished: bool = False, again: bool = False) -> None:
-        """Publish how far this node has come, and what it has published, this included."""
+        """Publish how far this node has come, and what it has published, this included.
+
+        A report of its end is the last of a run, in whatever order messages come after it.
+        """
         self._soon = None
+        if self._finished:
+            return
+        self._finished = finished
         self.counts[self._progress.topic_name] += 1
         message = Progress(
             node=self.get_name(),

@@ -20,6 +20,7 @@ from mechanism_sim.messages import (
     SensorBlock,
     String,
     TFMessage,
+    WrenchStamped,
 )
 from mechanism_sim.middleware import QoSProfile
 from mechanism_sim.nodes.oscillator import TOPIC as OSCILLATOR_STATE
@@ -34,6 +35,18 @@ class Topic(NamedTuple):
     name: str
     kind: Any
     qos: QoSProfile
+
+
+WRENCH = 'wrench'
+"""Of the topics of joints, ``wrench/JOINT``."""
+
+
+def wrench_joints(machine: Machine) -> tuple[str, ...]:
+    """The joints whose wrenches the scene wants to be published."""
+    outputs = machine.scene.outputs
+    if outputs.wrenches is None or not outputs.forces or not machine.physics.has_forces:
+        return ()
+    return tuple(machine.physics.joints)
 
 
 def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
@@ -56,6 +69,7 @@ def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
     topics += [Topic(f'{sensor.kind}/{name}', SensorBlock, RESULTS) for name, sensor in sensors]
     topics += [Topic(f'imu/{name}', Imu, RESULTS) for name, sensor in sensors if sensor.imu]
     topics += [Topic(k.topic, k.message, RESULTS) for k in kinds_of(machine).values()]
+    topics += [Topic(f'{WRENCH}/{j}', WrenchStamped, RESULTS) for j in wrench_joints(machine)]
     if scene.oscillators:
         topics.append(Topic(OSCILLATOR_STATE, OscillatorState, RESULTS))
     if display:

@@ -8,7 +8,7 @@ from typing import Any
 from mechanism_sim.messages import MessageError, message_class, service_class
 from mechanism_sim.middleware import Client, Node, Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.control import PACKAGE
-from mechanism_sim.nodes.scene_values import OVERRIDES, lines
+from mechanism_sim.nodes.scene_values import OVERRIDES, Content
 from mechanism_sim.pages.controls import DRIVE, Control
 
 PLAYING, PAUSED = 1, 2
@@ -69,7 +69,9 @@ class Operator:
         present = await self.values(DRIVE, [OVERRIDES])
         if not present:
             return f"'{DRIVE}' does not say with which values of the scene it runs"
-        others = [x for x in lines(present[0]) if x.partition('=')[0].strip() != control.path]
+        others = [
+            x for x in Content('', present[0]).lines if x.partition('=')[0].strip() != control.path
+        ]
         return await self._set(DRIVE, OVERRIDES, '\n'.join([*others, control.override(value)]))
 
     async def _set(self, owner: str, name: str, value: float | str) -> str:

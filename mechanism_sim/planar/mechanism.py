@@ -359,6 +359,28 @@ class Mechanism:
             velocity[1] += rate * py + s * w * px
         return velocity
 
+    def acceleration_all(
+        self, link: str, q: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Acceleration (2, N) [m/s^2] of the origin of a link's frame, likewise.
+
+        Of every arm s e(angle): (s'' - s w^2) e + (2 s' w + s w') e turned by +90 degrees.
+        """
+        acceleration, index = np.zeros((2, q.shape[1])), self.coordinates.index
+        none = np.zeros((3, q.shape[1]))
+        for (frame, slide), (x, y) in self.point(link, (0.0, 0.0)).items():
+            angle, w, dw = none if frame == GROUND else (u[index(frame)] for u in (q, v, a))
+            s, ds, dds = (
+                np.array([[1.0], [0.0], [0.0]])
+                if slide is None
+                else (u[index(slide)] for u in (q, v, a))
+            )
+            c, sn = np.cos(angle), np.sin(angle)
+            px, py = c * x - sn * y, sn * x + c * y
+            along, across = dds - s * w**2, 2.0 * ds * w + s * dw
+            acceleration += np.array([along * px - across * py, along * py + across * px])
+        return acceleration
+
     def angle(self, link: str, q: Mapping[str, float]) -> float:
         """Angle [rad] of a link's frame in the world."""
         frame, offset = self.frame(link)

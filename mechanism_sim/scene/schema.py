@@ -131,6 +131,8 @@ class Outputs(Part):
     """Messages in a simulated second."""
     joint_reactions: Rate = 100.0
     """Messages in a simulated second."""
+    wrenches: Rate | None = None
+    """Messages of each joint's ``wrench/JOINT``, in a frame ``joint/JOINT``; without: none."""
     transforms: Rate = 50.0
     """Messages of /tf in a simulated second."""
     markers: Rate = 50.0

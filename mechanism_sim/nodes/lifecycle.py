@@ -1,0 +1,185 @@
+"""Nodes that integrate, and their states if they are managed: as ``lifecycle_msgs`` has them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.messages import message_class, service_class
+from mechanism_sim.middleware import Parameter
+from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.simulation_node import SimulationNode
+
+PACKAGE = 'lifecycle_msgs'
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 1, 2, 3, 4
+STATES = {
+    0: 'unknown', UNCONFIGURED: 'unconfigured', INACTIVE: 'inactive', ACTIVE: 'active',
+    FINALIZED: 'finalized',
+}  # fmt: skip
+"""Labels of the primary states by their numbers in lifecycle_msgs/State."""
+
+
+class Transition(NamedTuple):
+    """A transition that can be asked for, by its number in lifecycle_msgs/Transition."""
+
+    number: int
+    label: str
+    start: int
+    goal: int
+
+
+TRANSITIONS = (
+    Transition(1, 'configure', UNCONFIGURED, INACTIVE),
+    Transition(2, 'cleanup', INACTIVE, UNCONFIGURED),
+    Transition(3, 'activate', INACTIVE, ACTIVE),
+    Transition(4, 'deactivate', ACTIVE, INACTIVE),
+    Transition(5, 'shutdown', UNCONFIGURED, FINALIZED),
+    Transition(6, 'shutdown', INACTIVE, FINALIZED),
+    Transition(7, 'shutdown', ACTIVE, FINALIZED),
+)
+
+
+class IntegratingNode(SimulationNode):
+    """A node that joins its run at once, or, with the parameter ``lifecycle``, when activated.
+
+    Managed, it waits unconfigured. `configure` makes the machine of the scene; the first
+    `activate` joins the run; `deactivate` lets what comes wait, and with it the time of the whole
+    run; `cleanup`, before the run is joined, forgets the machine; `shutdown` ends the node.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
+        super().__init__(name, parameters)
+        about = 'Managed by lifecycle_msgs: wait to be configured and activated'
+        self._joined = False
+        if self.declare('lifecycle', False, about, read_only=True):
+            self.active = False
+            self._managed = Lifecycle(self)
+        else:
+            self._join_run()
+
+    def make_endpoints(self) -> None:
+        """Make publishers and subscriptions, the results first."""
+        raise NotImplementedError
+
+    def _join_run(self) -> None:
+        self._joined = True
+        self.make_endpoints()
+        self.join()
+
+    def configure(self) -> str:
+        """Make the machine of the scene; why it cannot be made, if so."""
+        try:
+            self.forget_machine()
+            self.machine.prepare()
+        except InputError as error:
+            return str(error)
+        return ''
+
+    def activate(self) -> str:
+        """Join the run, or go on with it."""
+        self.active = True
+        if not self._joined:
+            self._join_run()
+        elif self.ready:
+            self._take_early()
+        return ''
+
+    def deactivate(self) -> str:
+        """Let what comes wait."""
+        self.active = False
+        return ''
+
+    def cleanup(self) -> str:
+        """Forget the machine; why not, if the run is joined."""
+        return 'it has joined its run: activate it again, or shut it down' if self._joined else ''
+
+    def finish(self) -> str:
+        """End."""
+        self.done = True
+        return ''
+
+
+class Lifecycle:
+    """The services and the topic of a managed node."""
+
+    def __init__(self, node: IntegratingNode) -> None:
+        self._node, self._now = node, UNCONFIGURED
+        self._do: dict[str, Callable[[], str]] = {
+            'configure': node.configure,
+            'cleanup': node.cleanup,
+            'activate': node.activate,
+            'deactivate': node.deactivate,
+            'shutdown': node.finish,
+        }
+        self._state, self._transition, self._description, self._event = (
+            message_class(f'{PACKAGE}/msg/{name}')
+            for name in ('State', 'Transition', 'TransitionDescription', 'TransitionEvent')
+        )
+        self._events = node.create_publisher(self._event, '~/transition_event', RESULTS)
+        for short, name, answer in (
+            ('ChangeState', 'change_state', self._change),
+            ('GetState', 'get_state', self._report),
+            ('GetAvailableStates', 'get_available_states', self._list_states),
+            ('GetAvailableTransitions', 'get_available_transitions', self._list_possible),
+            ('GetAvailableTransitions', 'get_transition_graph', self._list_all),
+        ):
+            node.create_service(service_class(f'{PACKAGE}/srv/{short}'), f'~/{name}', answer)
+
+    def _change(self, request: Any, response: Any) -> Any:
+        asked = request.transition
+        found = [
+            t
+            for t in TRANSITIONS
+            if t.start == self._now and (t.label == asked.label or t.number == asked.id)
+        ]
+        if not found:
+            possible = ', '.join(t.label for t in TRANSITIONS if t.start == self._now) or 'nothing'
+            reason = f'{STATES[self._now]}: possible are {possible}'
+        else:
+            reason = self._do[found[0].label]()
+        response.success = not reason
+        if reason:
+            label = asked.label or asked.id
+            self._node.get_logger().error(f'transition {label!r} is refused: {reason}')
+            return response
+        (transition,) = found
+        self._events.publish(
+            self._event(
+                timestamp=time.time_ns(),
+                transition=self._transition(id=transition.number, label=transition.label),
+                start_state=self._of(transition.start),
+                goal_state=self._of(transition.goal),
+            )
+        )
+        self._now = transition.goal
+        return response
+
+    def _of(self, number: int) -> Any:
+        return self._state(id=number, label=STATES[number])
+
+    def _report(self, _request: Any, response: Any) -> Any:
+        response.current_state = self._of(self._now)
+        return response
+
+    def _list_states(self, _request: Any, response: Any) -> Any:
+        response.available_states = [self._of(number) for number in STATES]
+        return response
+
+    def _list_possible(self, _request: Any, response: Any) -> Any:
+        return self._list(response, [t for t in TRANSITIONS if t.start == self._now])
+
+    def _list_all(self, _request: Any, response: Any) -> Any:
+        return self._list(response, TRANSITIONS)
+
+    def _list(self, response: Any, transitions: Sequence[Transition]) -> Any:
+        response.available_transitions = [
+            self._description(
+                transition=self._transition(id=t.number, label=t.label),
+                start_state=self._of(t.start),
+                goal_state=self._of(t.goal),
+            )
+            for t in transitions
+        ]
+        return response
