@@ -40,7 +40,7 @@ def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]
 
     def write(t: Array, o: Observation) -> list[bytes]:
         effort = np.zeros_like(o.position)
-        effort[driven] = o.drive_torque
+        effort[driven] = _torques(o)
         return layout.write(
             t, {'position': o.position.T, 'velocity': o.velocity.T, 'effort': effort.T}
         )
@@ -69,7 +69,7 @@ def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[byt
             'gaps': o.gap.T,
             'normal_forces': o.normal_force.T,
             'friction_forces': o.friction_force.T,
-            'drive_torque': o.drive_torque[0],
+            'drive_torque': _torques(o)[0],
             'kinetic_energy': o.kinetic_energy,
             'potential_energy': o.potential_energy,
             'drive_work': s.drive_work,
@@ -98,6 +98,11 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
         return layout.write(t, columns)
 
     return write
+
+
+def _torques(o: Observation) -> Array:
+    """Torques (p, N) [N m, N] of the drives; 0 where forces are not computed."""
+    return o.drive_torque if o.drive_torque.size else np.zeros((1, o.position.shape[1]))
 
 
 def wrenches(
