@@ -76,6 +76,8 @@ GOOD = {
         'largest(position.piston) = 0.5 m',
     ),
     'lift-off': ('eccentric_cam',),
+    'modes': ('vibration_absorber',),
+    'response': ('half_car', '--torque', 'body', '--frequencies', '1 Hz:9 Hz:3'),
     'identify': ('{}/run.mcap', '--fit', 'restitution', '--rounds', '16', '--workers', '1'),
     'export': ('four_bar_nominal', '--format', 'urdf', '-o', '{}/machine.urdf'),
     'bench': (),

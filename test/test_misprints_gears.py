@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pint
 import pytest
+from book_trains import gear_box
+from willis import Mesh, Train
 
-from mechanism_sim.gears.book_trains import gear_box
 from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Gear, inv
 from mechanism_sim.gears.pair import Pair
-from mechanism_sim.gears.trains import Mesh, Train
 
 M = 2e-3
 

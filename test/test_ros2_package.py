@@ -340,7 +340,8 @@ def test_a_machine_that_is_included_fails_alone_or_ends_the_launch(ros, tmp_path
     text = '\n'.join(said)
     assert "'linkage' of the machine in /cell1 was killed by signal 9" in text
     assert 'Traceback' not in text
-    assert launch.returncode == (0 if reaction == 'ignore' else 1)
+    # What `ros2 launch` ends with at a signal depends on when it comes.
+    assert launch.returncode in ((0, -2) if reaction == 'ignore' else (1,))
     died = re.findall(r'\[ERROR\] \[(\w+)-\d+\]: process has died', text)
     assert [name for name in died if name != 'ros2'] == ['linkage']
 

@@ -18,6 +18,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.export.outlines import gear_and_rack_outline, pair_outline
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.pair import Pair
+from mechanism_sim.gears.teeth import FEWEST, just_outside
 from mechanism_sim.report.profile import profile
 
 
@@ -42,8 +43,11 @@ def test_teeth_are_ranked_by_their_error():
     assert ranks == sorted(ranks)
     assert found['choices'][0]['exact_ratio'] == '355/113'
     shown = run('teeth', '3.14159265', '--stages', '2', '--tolerance', '1e-6').stdout.splitlines()
-    assert shown[-1] == '36 trains found, the first 20 are shown'
-    assert len(shown) == 22
+    assert shown[-2:] == [
+        '36 trains found, the first 20 are shown',
+        'searched: 18 to 120 teeth a gear, 2 stages, errors of 1e-06 of the ratio',
+    ]
+    assert len(shown) == 23
 
 
 def test_teeth_fill_a_centre_distance():
@@ -53,6 +57,27 @@ def test_teeth_fill_a_centre_distance():
     assert choice['stages'] == [{'driver': 20, 'driven': 70, 'module': 2e-3}]
     assert choice['error'] == 0.0
     assert '20:70 (2 mm)' in run('teeth', '7/2', *options).stdout
+    assert found['just_outside'] == {'driver': 16, 'driven': 56, 'module': 2.5e-3}
+
+
+@pytest.mark.parametrize('distance', [None, 0.136])
+def test_the_pair_just_outside_is_the_least_step_away(distance):
+    """Against all pairs of a wide range; [V] 5, problem 6 has 17 teeth, one less than 18."""
+    modules = (4e-3, 2e-3) if distance else ()
+    for ratio, teeth in ((Fraction(3), (18, 120)), (Fraction(7, 2), (20, 69)), (1, (9, 12))):
+        found = just_outside(ratio, 0.0, teeth, distance, modules)
+        steps = {}
+        for a in range(FEWEST, 2 * teeth[1] + 1):
+            b = ratio * a
+            fits = not distance or any(round(2 * distance / m, 6) == a + b for m in modules)
+            if b.denominator == 1 and FEWEST <= b <= 2 * teeth[1] and fits:
+                steps[a, int(b)] = max(teeth[0] - min(a, b), max(a, b) - teeth[1])
+        outside = {pair: step for pair, step in steps.items() if step > 0}
+        assert (found is None) == (not outside)
+        if found:
+            assert outside[found[:2]] == min(outside.values())
+    if distance:
+        assert just_outside(3, 0.0, (18, 120), distance, modules)[:2] == (17, 51)
 
 
 @pytest.mark.parametrize(
@@ -66,6 +91,7 @@ def test_teeth_fill_a_centre_distance():
         (('3', '--centre-distance', '60'), 'not a quantity with a unit'),
         (('3', '--centre-distance', '60 mm'), 'belong together'),
         (('3.14159265',), 'the nearest is 3.14286'),
+        (('3', '--centre-distance', '136 mm', '--modules', '4 mm'), 'just outside: 17:51 (4 mm)'),
     ],
 )
 def test_teeth_that_cannot_be_are_refused(args, says, capsys):
@@ -108,6 +134,7 @@ def test_a_cam_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
         'smallest_radius_of_curvature': pytest.approx(radii.min(), rel=1e-6),
         'cam_speed': pytest.approx(speed),
         'largest_sliding_velocity': pytest.approx(speed * 26e-3),
+        'largest_contact_velocity': pytest.approx(speed * radii.max(), rel=1e-6),
     }
     at = whole['figures']['smallest_radius_of_curvature']['at']
     assert min(at, math.pi - at) == pytest.approx(half * x[radii.argmin()], abs=1e-3)

@@ -53,7 +53,10 @@ def sampled(record: Record, quantity: str, t: Array) -> Array:
     values = np.empty(len(t))
     for first in range(0, len(t), _BLOCK):
         columns = columns_of(
-            record.piece, t[first : first + _BLOCK], quantity.startswith('energy.')
+            record.piece,
+            t[first : first + _BLOCK],
+            quantity.startswith('energy.'),
+            record.machine,
         )
         if quantity not in columns:
             known = [*record.sensors, *columns]

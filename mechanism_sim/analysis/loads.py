@@ -9,11 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.shafts import shaft_columns
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.peaks import LoadPeaks
+from mechanism_sim.hybrid.sampling import Samples
+from mechanism_sim.numerics.extremes import ExtremeSearch
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.scene import Machine
 
 
 @dataclass(frozen=True)
@@ -90,12 +99,13 @@ class LoadCollector:
 
 
 def of_motion(
-    peaks: LoadPeaks, crank_angle: Callable[[float], float | None]
+    peaks: LoadPeaks, bearings: BearingCollector, crank_angle: Callable[[float], float | None]
 ) -> LoadSummary | None:
     """The peaks of a motion; None if it has no forces.
 
     Args:
         peaks: Of all of its segments.
+        bearings: Of shafts, likewise.
         crank_angle: Angle [rad] of the crank at a time [s].
 
     """
@@ -107,7 +117,45 @@ def of_motion(
 
     joints = tuple(peak(joint, *found) for joint, found in peaks.forces.items())
     torque = next(iter(peaks.torques.values()), (0.0, joints[0].time))
-    return LoadSummary(None, joints, peak('drive', *torque))
+    return LoadSummary(None, (*joints, *bearings.peaks(crank_angle)), peak('drive', *torque))
+
+
+class BearingCollector:
+    """Collects the largest forces in bearings of shafts, of a motion that comes in batches."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        joints = machine.scene.joints if machine.physics.has_forces else {}
+        self._columns: list[str] = []
+        for name, keys in joints.items():
+            ends = [f'bearing_force.{name}.{b}.size' for b in getattr(keys, 'bearings', {})]
+            if ends:
+                self._columns += [*ends, f'bearing_force.{name}.{keys.locating}.axial']
+        self._search = ExtremeSearch(['force'] * len(self._columns))
+
+    def add(self, motion: Motion) -> None:
+        """Enter the segments that follow."""
+        if self._columns and len(motion):
+            self._search.add_motion(partial(self._values, motion), motion.curve)
+
+    def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """The columns, instants as in `Physics.observe`."""
+        seen, modes = self._machine.physics.observe(motion, k, dt), motion.modes_at(k, dt)
+        none = np.zeros(seen.position.shape[1])
+        found = shaft_columns(self._machine, Samples(none, modes, seen, none, none))
+        return np.array([found[name] for name in self._columns])
+
+    def peaks(self, crank_angle: Callable[[float], float | None]) -> tuple[Peak, ...]:
+        """By ``SHAFT.BEARING``, and ``SHAFT.BEARING.axial`` with its sign."""
+        s = self._search
+        ends = zip(s.least, s.least_time, s.greatest, s.greatest_time, strict=True)
+        found = []
+        for name, (low, at_low, high, at_high) in zip(self._columns, ends, strict=True):
+            value, time = (low, at_low) if -low > high else (high, at_high)
+            if not math.isnan(time):
+                of = name.removeprefix('bearing_force.').removesuffix('.size')
+                found.append(Peak(of, float(value), float(time), crank_angle(float(time))))
+        return tuple(found)
 
 
 class EnergyCollector:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -90,7 +90,7 @@ class Asked:
         """All that can be asked for: of the motion, then sensors, then fields of messages."""
         if self._bag is None or scene_text(self._bag, self._namespace):
             record, start = self.record, self.record.start
-            for column in columns_of(record.piece, np.array([start]), with_work=True):
+            for column in self._at(np.array([start]), with_work=True):
                 if column != 't':
                     yield Name(column, unit_of(record.piece, column))
             for sensor in record.sampled_sensors:
@@ -104,7 +104,10 @@ class Asked:
         record = self.record
         turns = 0.0 if record.slides else record.rate * (end - start)
         t = instants(record.piece, start, end, turns)
-        return with_extremes(record.piece, partial(columns_of, record.piece), names, t)
+        return with_extremes(record.piece, self._at, names, t)
+
+    def _at(self, t: Array, with_work: bool) -> dict[str, Array]:
+        return columns_of(self.record.piece, t, with_work, self.record.machine)
 
     def _chosen(self, columns: Mapping[str, Array], name: str) -> list[Series]:
         """Those of a name.

@@ -11,6 +11,7 @@ from mechanism_sim.analysis.crank import Crank, MotionSummary
 from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.loads import (
+    BearingCollector,
     EnergyCollector,
     EnergySummary,
     LoadCollector,
@@ -120,7 +121,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         motion=moved,
         impacts=impacts,
         modes=run.modes.summary(start, end) if present['mode_changes'] else None,
-        loads=(run.peaks and of_motion(run.peaks, crank.angle)) or run.loads.summary(crank.angle),
+        loads=run.motion_loads(crank) or run.loads.summary(crank.angle),
         energy=run.energy.summary(),
         parts={
             k: c.summary(run.ranges.by_joint(k) if run.ranges else {})
@@ -140,6 +141,7 @@ class _Run:
     def __init__(self, driven: str | None, machine: Machine | None) -> None:
         self.peaks = LoadPeaks(machine.physics) if machine else None
         self.ranges = PartRanges(machine) if machine else None
+        self.bearings = BearingCollector(machine) if machine else None
         self._driven = driven
         self.coordinates: tuple[str, ...] = ()
         self.track: MotionCollector | None = None
@@ -157,12 +159,18 @@ class _Run:
             names = [n for n in (self._driven, 'crank', *s.coordinates) if n in s.coordinates]
             self.track = MotionCollector(names[:1])
         self.track.add(s)
-        for collector in (self.peaks, self.ranges):
+        for collector in (self.peaks, self.ranges, self.bearings):
             if collector:
                 collector.add(motion_of(message))
         self.digest.add_segments(
             s.start, s.start_low, s.duration, s.turns, s.coefficients, s.modes
         )
+
+    def motion_loads(self, crank: Crank) -> LoadSummary | None:
+        """The loads of the recorded motion, if there is one with a scene."""
+        if self.peaks is None or self.bearings is None:
+            return None
+        return of_motion(self.peaks, self.bearings, crank.angle)
 
     def add_impact(self, message: Any) -> None:
         self.impacts.add(message)

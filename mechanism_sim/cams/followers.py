@@ -58,6 +58,7 @@ class _Rolling(ABC):
             curvature,
             radius,
             speed - self.roller * (w + turning),
+            speed * (1.0 - self.roller * curvature),
         )
 
 
@@ -203,6 +204,7 @@ class _Flat(ABC):
             curvature,
             radius,
             ((velocity + seen.velocities(point)) * tangent).sum(axis=0),
+            radius * b1,
         )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mechanism_sim.cams.distance import Distance, constant
 from mechanism_sim.cams.followers import FlatFaced, Oscillating, OscillatingFlat
 from mechanism_sim.cams.profiles import Cam
-from mechanism_sim.cams.reading import CamReading, read_cam
+from mechanism_sim.cams.reading import CamReading, read_cam, read_contact
 from mechanism_sim.cams.shapes import cam_outlines, follower_outline
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
@@ -75,6 +75,10 @@ class CamPair(HigherPair):
         """Cam, follower, gap and contact force."""
         return read_cam(self, view)
 
+    def columns(self, view: View) -> dict[str, Array]:
+        """Pressure angle, point of contact, and its speeds along the cam and the follower."""
+        return read_contact(self, view)
+
     def charts(self, *, slides: bool) -> Sequence[Charted]:
         """Lift, contact force and torque."""
         lift = {'lift': 'law of the cam', 'follower_position': 'follower'}
@@ -108,6 +112,13 @@ class CamPair(HigherPair):
     def distance(self) -> Distance:
         """Of the follower from the cam."""
         return Distance(self.name, self.cam, self.beside, self.exact)
+
+    @property
+    def without_forces(self) -> str:
+        """Where the velocity of the follower jumps."""
+        jumps = self.cam.corners
+        more = f', and {len(jumps) - 1} more' if jumps[1:] else ''
+        return f'law: {jumps[0]}{more}: no finite force moves the follower so' if jumps else ''
 
     @property
     def mirror(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.cams.followers import Follower, Oscillating, Translating
-from mechanism_sim.cams.laws import Law, spelled
+from mechanism_sim.cams.laws import Jump, Law, check_smoothness, spelled
 from mechanism_sim.cams.touch import Touch
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.extremes import ExtremeSearch
@@ -52,6 +53,11 @@ class Cam:
     def at(self, angle: ArrayLike) -> Touch:
         """Contact at cam angles (N,) [rad] or displacements [m]."""
         return self.follower.touch(self.law, self.base_radius, angle)
+
+    @cached_property
+    def corners(self) -> list[Jump]:
+        """Where the velocity of the follower jumps, so that no finite force moves it."""
+        return [jump for jump in check_smoothness(self.law, 1) if jump.order == 1]
 
     @property
     def largest_pressure_angle(self) -> float:

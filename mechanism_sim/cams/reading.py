@@ -65,18 +65,46 @@ def read_cam(joint: CamPair, view: View) -> CamReading:
     )  # fmt: skip
 
 
-def _cam(joint: CamPair, view: View) -> tuple[Course, Array]:
-    """Where the cam is, and the torque or force on it, as its law counts."""
+def read_contact(joint: CamPair, view: View) -> dict[str, Array]:
+    """Where a follower touches at the cam angles, or would: arrays (N,) by column.
+
+    ``pressure_angle`` [rad]; ``contact.x``, ``.y`` [m] in the world; ``contact_speed`` [m/s] of
+    that point along the profile, and ``sliding_speed`` [m/s] of the follower over the cam, of a
+    roller what its rolling takes up. Speeds count counterclockwise about a cam that turns
+    clockwise, as in `Touch`.
+    """
+    cam = _course(joint, view)
+    touch, turn = joint.cam.at(cam.position), view.turning(joint.first).position
+    (x, y), (c, s) = joint.profile(touch.profile), (np.cos(turn), np.sin(turn))
+    x0, y0 = view.place(joint.first, (0.0, 0.0))
+    return {
+        f'pressure_angle.{joint.name}': touch.pressure_angle,
+        f'contact.{joint.name}.x': x0 + c * x - s * y,
+        f'contact.{joint.name}.y': y0 + s * x + c * y,
+        f'contact_speed.{joint.name}': touch.rate * cam.velocity,
+        f'sliding_speed.{joint.name}': touch.sliding * cam.velocity,
+    }
+
+
+def _course(joint: CamPair, view: View) -> Course:
+    """Where the cam is, as its law counts."""
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
         p, v, a = (x * px + y * py for px, py in view.path(joint.first, joint.on_first))
-        start = x * joint.centre[0] + y * joint.centre[1]
-        return Course(p - start, v, a), -(x * view.force[0] + y * view.force[1])
+        return Course(p - (x * joint.centre[0] + y * joint.centre[1]), v, a)
     turn, sense = view.turning(joint.first), joint.sense
-    course = Course(
+    return Course(
         sense * turn.position + joint.phase, sense * turn.velocity, sense * turn.acceleration
     )
-    return course, sense * view.moment_on_first(np.array(joint.centre)[:, None])
+
+
+def _cam(joint: CamPair, view: View) -> tuple[Course, Array]:
+    """Where the cam is, and the torque or force on it, as its law counts."""
+    course = _course(joint, view)
+    if joint.distance.slides:
+        x, y = joint.world((0.0, -1.0))
+        return course, -(x * view.force[0] + y * view.force[1])
+    return course, joint.sense * view.moment_on_first(np.array(joint.centre)[:, None])
 
 
 def _follower(joint: CamPair, view: View, lift: Array) -> Course:

@@ -36,6 +36,7 @@ class Touch(NamedTuple):
     curvature_radius : of the profile, negative where it is hollow, (N,) [m]
     sliding : along the face or at the knife; what the rolling of a roller has to take up; per
         radian [m] or metre of the cam, counterclockwise in the cam's frame, (N,)
+    rate : how fast the point of contact moves along the profile, counted likewise, (N,)
     """
 
     pitch: Array
@@ -45,6 +46,7 @@ class Touch(NamedTuple):
     curvature: Array
     curvature_radius: Array
     sliding: Array
+    rate: Array
 
 
 class Passage(NamedTuple):

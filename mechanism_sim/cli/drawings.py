@@ -78,6 +78,7 @@ def add(command: Command) -> None:
     scene_options(sub)
     sub.add_argument('joint', metavar='JOINT', help='a joint with a cam or teeth')
     option(sub, '-o --output', 'FILE', 'draw the outlines to a .svg or .dxf file')
+    option(sub, '--table', 'FILE', 'write a cam over its turn to a .npz, .csv or .parquet file')
     option(sub, '--gear', 'NAME', 'only the outline of this gear')
     option(sub, '--friction', 'MU', 'coefficient of friction between teeth', 0.05)
     sub = command('export', _export, 'a machine for viewers and for other simulators')
@@ -171,10 +172,14 @@ def _layout(options: argparse.Namespace) -> int:
 
 
 def _profile(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import profile  # noqa: PLC0415
+    from mechanism_sim.report import profile, tables  # noqa: PLC0415
 
     file = options.output and output.check_path('--output', options.output, *profile.WRITERS)
+    if options.table:
+        tables.check_output(options.table, '--table')
     machine = read_machine(options)
+    if options.table:
+        tables.write(options.table, profile.table(machine, options.joint))
     sheet, outline = profile.profile(machine, options.joint, options.gear, options.friction)
     if file:
         profile.write(outline, file)
@@ -211,19 +216,28 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _teeth(options: argparse.Namespace) -> int:
-    from mechanism_sim.gears.teeth import choose, ratio_of  # noqa: PLC0415
+    from mechanism_sim.gears.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
     from mechanism_sim.report import teeth  # noqa: PLC0415
 
     fewest, colon, most = options.teeth.partition(':')
     if not (colon and fewest.isdecimal() and most.isdecimal()):
         raise InputError(f"--teeth '{options.teeth}': write for example 18:120")
-    distance, modules = options.centre_distance, options.modules
-    found = choose(
-        ratio_of(options.ratio),
-        stages=options.stages,
-        tolerance=options.tolerance,
-        teeth=(int(fewest), int(most)),
-        centre_distance=quantity('--centre-distance', distance, 'm')[0] if distance else None,
-        modules=[quantity('--modules', m, 'm')[0] for m in modules.split(',')] if modules else (),
+    count = int(fewest), int(most)
+    distance = (
+        quantity('--centre-distance', options.centre_distance, 'm')[0]
+        if (options.centre_distance)
+        else None
     )
-    return print_result(options, found, teeth.to_json, teeth.render)
+    listed = options.modules.split(',') if options.modules else ()
+    modules = [quantity('--modules', m, 'm')[0] for m in listed]
+    ratio, stages, tolerance = ratio_of(options.ratio), options.stages, options.tolerance
+    found = choose(
+        ratio, stages=stages, tolerance=tolerance, teeth=count, centre_distance=distance,
+        modules=modules,
+    )  # fmt: skip
+    search = teeth.Search(
+        found,
+        limits(count, stages, tolerance, distance, modules),
+        just_outside(ratio, tolerance, count, distance, modules) if stages == 1 else None,
+    )
+    return print_result(options, search, teeth.to_json, teeth.render)

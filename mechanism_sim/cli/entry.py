@@ -19,6 +19,7 @@ from mechanism_sim.cli import (
     pictures,
     runs,
     studies,
+    vibrations,
 )
 from mechanism_sim.cli.options import PRINTED, print_json
 from mechanism_sim.cli.overview import Overview, render_start
@@ -97,7 +98,7 @@ def make_parser() -> Overview:
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
         return sub
 
-    for module in (first, machines, runs, bags, pages, pictures, drawings, studies):
+    for module in (first, machines, runs, bags, pages, pictures, drawings, studies, vibrations):
         module.add(command)
     return parser
 

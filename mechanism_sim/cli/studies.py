@@ -146,6 +146,7 @@ def _find(options: argparse.Namespace) -> int:
     from mechanism_sim.study.parameters import ranges  # noqa: PLC0415
 
     goal = read_goal(options.so_that, options.minimise)
+    file = figures.check_picture('--output', options.output) if options.output else None
     if options.samples < 2:
         raise InputError('--samples must be at least 2')
     ((path, limits),) = ranges([options.vary or ''], '--vary').items()
@@ -155,8 +156,8 @@ def _find(options: argparse.Namespace) -> int:
             machine, (path, *limits), goal, options.samples, lambda n: say(f'{n} cycles'),
             duration=options.duration,
         )  # fmt: skip
-    if options.output:
-        figures.save(report.picture(finding, machine.scene.title), Path(options.output))
+    if file:
+        figures.save(report.picture(finding, machine.scene.title), file)
     return print_result(options, finding, report.to_json, report.text)
 
 

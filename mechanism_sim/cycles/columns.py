@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from mechanism_sim.cycles.shafts import shaft_columns
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.hybrid.system import Array
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.joint_view import JointView
 
 _UNITS = {
     'position': ('rad', 'm'),
@@ -19,6 +22,10 @@ _UNITS = {
     'drive_torque': ('N m', 'N'),
     'shaking_moment': ('N m', 'N m'),
     't': ('s', 's'),
+    'pressure_angle': ('rad', 'rad'),
+    'contact': ('m', 'm'),
+    'contact_speed': ('m/s', 'm/s'),
+    'sliding_speed': ('m/s', 'm/s'),
     'closed': ('', ''),
     'mode': ('', ''),
 }
@@ -60,6 +67,27 @@ def observed(piece: Piece, t: Array) -> Samples:
     return Samples(t, piece.motion.modes[k].T, seen, unknown, unknown)
 
 
-def columns_of(piece: Piece, t: Array, with_work: bool) -> dict[str, Array]:
-    """The columns of `Piece.sample`; without the work so far they are not a number."""
-    return table(piece.physics, piece.samples(t) if with_work else observed(piece, t))
+def columns_of(
+    piece: Piece, t: Array, with_work: bool, machine: Machine | None = None
+) -> dict[str, Array]:
+    """The columns of `Piece.sample`; without the work so far they are not a number.
+
+    Parameters
+    ----------
+    machine : that moves: for the columns of its cams, gears and shafts too
+    """
+    samples = piece.samples(t) if with_work else observed(piece, t)
+    parts = columns_of_parts(machine, samples) if machine else {}
+    return table(piece.physics, samples) | parts
+
+
+def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
+    """Columns of cams, gears and shafts: contact, forces of teeth, forces of bearings."""
+    found: dict[str, Array] = {}
+    for joint in machine.mechanism.joints:
+        if isinstance(joint, HigherPair):
+            view = JointView(
+                machine.mechanism, joint, machine.physics, samples.observed, samples.modes
+            )
+            found |= joint.columns(view)
+    return found | shaft_columns(machine, samples)

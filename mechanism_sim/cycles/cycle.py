@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cycles.columns import WORK, has_extremes, observed, unit_of
+from mechanism_sim.cycles.columns import WORK, columns_of_parts, has_extremes, observed, unit_of
 from mechanism_sim.cycles.extremes import Extremes, Swing, find_extremes, find_swings
 from mechanism_sim.cycles.forces import Forces
 from mechanism_sim.cycles.points import Paths, Place, choose
@@ -141,7 +141,7 @@ class Cycle:
             seen = self.machine.statics.observe(motion, *motion.curve.find(samples.t))
             samples = samples._replace(observed=seen)
         o = samples.observed
-        columns = table(self.machine.physics, samples)
+        columns = table(self.machine.physics, samples) | columns_of_parts(self.machine, samples)
         if self.static:  # of the motion as it is
             columns = {n: x for n, x in columns.items() if n not in _OF_MOTION}
         if self.points:

@@ -1,4 +1,4 @@
-"""Forces between the teeth of spur, helical, bevel and worm pairs ([V] 5.5, 5.8).
+"""Bevel cones and worm pairs, with the forces between their teeth ([V] 5.8).
 
 All act at the pitch point. A component's value is its size; its direction: tangential against
 the motion of the driver and with that of the driven gear, radial towards the gear's own axis,
@@ -50,61 +50,13 @@ def ratio(driver_teeth: int, driven_teeth: int) -> float:
     return driven_teeth / driver_teeth
 
 
-def _check(torque: float, size: float, pressure_angle: float, efficiency: float = 1.0) -> None:
+def _check(torque: float, size: float, pressure_angle: float) -> None:
     if not (0.0 <= torque < math.inf):
         raise InputError('the torque of the driver counts in its direction of motion')
     if not size > 0.0:
         raise InputError('a gear has a positive radius')
     if not 0.0 < pressure_angle < math.pi / 2:
         raise InputError('a pressure angle lies between 0 and 90 deg')
-    if not 0.0 < efficiency <= 1.0:
-        raise InputError('an efficiency lies between 0 and 1')
-
-
-def helical(
-    torque: float,
-    radius: float,
-    pressure_angle: float,
-    helix_angle: float,
-    ratio: float,
-    efficiency: float = 1.0,
-) -> Transmission:
-    """Helical gears on parallel shafts, [V] eqs. 5.32 to 5.36; with helix angle 0 spur gears.
-
-    Parameters
-    ----------
-    torque : of the driver [N m]
-    radius : pitch radius of the driver [m]
-    pressure_angle : in the plane normal to the teeth, phi_n [rad]
-    helix_angle : psi [rad]
-    ratio : N3/N2
-    efficiency : lowers the torque of the driven gear; friction at the pitch point vanishes, so
-        the forces there do not show it
-
-    Raises
-    ------
-    InputError
-        If an angle, a size or the efficiency is out of its bounds.
-    """
-    _check(torque, radius, pressure_angle, efficiency)
-    if not abs(helix_angle) < math.pi / 2:
-        raise InputError('a helix angle lies below 90 deg')
-    if not ratio > 0.0:
-        raise InputError('a ratio of teeth is positive')
-    tangential = torque / radius
-    force = ToothForce(
-        tangential,
-        tangential * math.tan(pressure_angle) / math.cos(helix_angle),
-        tangential * math.tan(abs(helix_angle)),
-    )
-    return Transmission(force, force, ratio, efficiency, efficiency * torque * ratio)
-
-
-def spur(
-    torque: float, radius: float, pressure_angle: float, ratio: float, efficiency: float = 1.0
-) -> Transmission:
-    """Spur gears, [V] eqs. 5.8, 5.9, 5.11; parameters as in `helical`."""
-    return helical(torque, radius, pressure_angle, 0.0, ratio, efficiency)
 
 
 def pitch_angles(ratio: float, shaft_angle: float = math.pi / 2) -> tuple[float, float]:
@@ -122,29 +74,6 @@ def pitch_angles(ratio: float, shaft_angle: float = math.pi / 2) -> tuple[float,
         raise InputError('bevel shafts meet at an angle between 0 and 180 deg')
     first = math.atan2(math.sin(shaft_angle), ratio + math.cos(shaft_angle))
     return first, shaft_angle - first
-
-
-def bevel(
-    torque: float,
-    radius: float,
-    pressure_angle: float,
-    ratio: float,
-    shaft_angle: float = math.pi / 2,
-    efficiency: float = 1.0,
-) -> Transmission:
-    """Straight-tooth bevel gears, [V] eqs. 5.38 to 5.42.
-
-    `radius` is the driver's pitch radius [m] at the middle of the teeth; the rest as in
-    `helical`. Axial forces point away from the apex.
-    """
-    _check(torque, radius, pressure_angle, efficiency)
-    tangential = torque / radius
-    across = tangential * math.tan(pressure_angle)
-    driver, driven = (
-        ToothForce(tangential, across * math.cos(angle), across * math.sin(angle))
-        for angle in pitch_angles(ratio, shaft_angle)
-    )
-    return Transmission(driver, driven, ratio, efficiency, efficiency * torque * ratio)
 
 
 @dataclass(frozen=True)
@@ -186,9 +115,14 @@ class WormPair:
         """Between the shafts [m]."""
         return (self.diameter + self.wheel_diameter) / 2.0
 
+    @property
+    def locking_friction(self) -> float:
+        """Coefficient of friction from which on the wheel cannot drive: cos phi_n tan lambda."""
+        return math.cos(self.pressure_angle) * math.tan(self.lead_angle)
+
     def self_locking(self, friction: float) -> bool:
-        """Whether the wheel cannot drive the worm: mu >= cos phi_n tan lambda."""
-        return friction >= math.cos(self.pressure_angle) * math.tan(self.lead_angle)
+        """Whether the wheel cannot drive the worm."""
+        return friction >= self.locking_friction
 
     def forces(
         self, torque: float, friction: float = 0.0, *, wheel_drives: bool = False

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
@@ -98,6 +99,11 @@ def inverse_inv(value: float) -> float:
     return angle
 
 
+def rounded_up(shift: float) -> float:
+    """A profile shift to four digits that is not less."""
+    return math.ceil(shift * 1e4 - 1e-6) / 1e4
+
+
 def least_teeth(system: ToothSystem = FULL_DEPTH) -> int:
     """Fewest teeth that a rack cuts without undercut: 2 k/sin^2 phi, [V] eq. 5.30."""
     return math.ceil(2.0 * system.addendum / math.sin(system.pressure_angle) ** 2)
@@ -126,7 +132,8 @@ class Gear:
     Raises
     ------
     InputError
-        If the teeth are undercut, pointed, or have no involute at their tips.
+        If the teeth are pointed, or have no involute at their tips; undercut ones may be left
+        with none.
     """
 
     teeth: int
@@ -144,10 +151,10 @@ class Gear:
         if self.internal:
             if self.tip_radius < self.base_radius:
                 raise InputError(f'the {name} has tips inside its base circle')
-        elif self.shift < self.least_shift - 1e-12:
+        elif self.undercut and not self.form_radius < self.tip_radius:
             raise InputError(
-                f'the {name} is undercut: it needs a profile shift of {self.least_shift:.4g} '
-                f'modules or {least_teeth(self.system)} teeth'
+                f'the {name} is undercut to its tips: it needs a larger profile shift, or more '
+                f'teeth; {least_teeth(self.system)} are free of undercut'
             )
         if not (self.root_radius > 0.0 and self.tip_thickness > 0.0):
             raise InputError(f'the {name} has pointed teeth')
@@ -189,6 +196,19 @@ class Gear:
         """Profile shift below which the rack undercuts: k - N sin^2 phi/2, from [V] eq. 5.29."""
         return self.system.addendum - self.teeth * math.sin(self.system.pressure_angle) ** 2 / 2
 
+    @property
+    def undercut(self) -> bool:
+        """Whether the rack cuts a part of the involutes away."""
+        return not self.internal and self.shift < self.least_shift - 1e-12
+
+    @property
+    def form_radius(self) -> float:
+        """Radius [m] at which the involute begins: the base circle, or above it by undercut.
+
+        There the fillet of the rack's rounded corner crosses it, see `undercut.Fillet`.
+        """
+        return Fillet.of(self).end if self.undercut else self.base_radius
+
     def profile_angle(self, radius: float) -> float:
         """Angle psi [rad] between involute and radius: cos psi = r_b/r, [V] eq. 5.16.
 
@@ -226,9 +246,15 @@ class Gear:
         """Upper flank of the tooth about the x axis, root to tip: x, y [m], (points, 2).
 
         Involute, and inside the base circle a radius ([V] 5.7); the fillet at the root, which the
-        cutter's corner makes, is not drawn. [V] eqs. 5.17 to 5.19.
+        cutter's corner makes, is drawn of undercut teeth only. [V] eqs. 5.17 to 5.19.
         """
-        b, root, tip = self.base_radius, self.root_radius, self.tip_radius
+        b, root, tip = self.form_radius, self.root_radius, self.tip_radius
+        if self.undercut:
+            fillet = Fillet.of(self).points(points // 2)
+            radii = np.linspace(b, tip, points - points // 2 + 1)[1:]
+            angles = np.array([self.half_angle(r) for r in radii])
+            involute = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
+            return np.concatenate([fillet, involute])
         inner, outer = sorted((max(b, root), tip))
         radial = root < b
         # equal steps along the base circle's tangent
@@ -256,6 +282,80 @@ class Gear:
         turns = np.exp(1j * (angle + 2.0 * math.pi * np.arange(self.teeth) / self.teeth))
         ring = np.outer(turns, tooth).ravel()
         return np.stack([ring.real, ring.imag], axis=1)
+
+
+@dataclass(frozen=True)
+class Fillet:
+    """The root of a tooth as the rounded corner of the rack cuts it.
+
+    The straight flank of the rack ends an addendum off its middle line; an arc of radius
+    ``rho = (dedendum - addendum) m/(1 - sin phi)`` touches it there, and the bottom of the rack.
+    Where the arc touches the gear its normal goes through the pitch point: with the arc's centre
+    c below the pitch line and x beside the pitch point, at distance l, the point is
+    ``(x, -c)(1 + rho/l)``, seen from the gear turned by the way of the rack over r_p.
+
+    Parameters
+    ----------
+    gear : external
+    radius : rho [m]
+    depth : c [m]
+    beside : of the arc's centre from the middle of the rack's tooth [m]
+    """
+
+    gear: Gear
+    radius: float
+    depth: float
+    beside: float
+
+    @classmethod
+    def of(cls, gear: Gear) -> Fillet:
+        """Of a gear."""
+        system, m, phi = gear.system, gear.module, gear.system.pressure_angle
+        radius = (system.dedendum - system.addendum) * m / (1.0 - math.sin(phi))
+        half = math.pi * m / 4.0 - system.addendum * m * math.tan(phi)
+        depth = (system.dedendum - gear.shift) * m - radius
+        return cls(gear, radius, depth, half - radius * math.cos(phi))
+
+    def at(self, x: float) -> tuple[float, float]:
+        """Radius [m], and angle [rad] from the middle of the space, at an arc's centre x [m]."""
+        r = self.gear.pitch_radius
+        grown = 1.0 + self.radius / math.hypot(x, self.depth)
+        px, py = x * grown, r - self.depth * grown
+        return math.hypot(px, py), math.atan2(px, py) - (x - self.beside) / r
+
+    @property
+    def last(self) -> float:
+        """Place x [m] at which the arc of the rack ends and its flank begins."""
+        return self.depth / math.tan(self.gear.system.pressure_angle)
+
+    @property
+    def crossing(self) -> float:
+        """Place x [m] at which the fillet of an undercut tooth crosses the involute."""
+        base, space = self.gear.base_radius, math.pi / self.gear.teeth
+
+        def inside(x: float) -> float:
+            radius, angle = self.at(x)
+            return angle - space + self.gear.half_angle(max(radius, base))
+
+        if self.at(self.last)[0] <= base:  # no more than rounding is cut
+            return self.last
+        # it comes up inside the involute and has left it where the arc ends
+        first = scipy.optimize.brentq(lambda x: self.at(x)[0] - base, 0.0, self.last)
+        if inside(first) <= 0.0:
+            return float(first)
+        return float(scipy.optimize.brentq(inside, first, self.last, xtol=1e-15))
+
+    @property
+    def end(self) -> float:
+        """Radius [m] of that point."""
+        return self.at(self.crossing)[0]
+
+    def points(self, count: int) -> Array:
+        """Upper side of a tooth about the x axis, root to crossing, (count, 2) [m]."""
+        space = math.pi / self.gear.teeth
+        places = [self.at(x) for x in np.linspace(0.0, self.crossing, count).tolist()]
+        turned = [(r, space - angle) for r, angle in places]
+        return np.array([(r * math.cos(a), r * math.sin(a)) for r, a in turned])
 
 
 def rack_teeth(teeth: int, module: float, system: ToothSystem = FULL_DEPTH) -> Array:

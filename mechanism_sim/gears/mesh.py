@@ -41,7 +41,7 @@ from mechanism_sim.planar.mechanism import (
     rotate,
 )
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.planar.view import Array, Charted, Draft, View
+from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View
 
 
 class Teeth(NamedTuple):
@@ -92,6 +92,8 @@ class GearMesh(HigherPair):
     wheels: tuple[Teeth, ...] = ()
     contact_ratio: float = math.nan
     helix_angle: float = 0.0  #: [rad] on the working pitch circles
+    hand: int = 1  #: of the first: 1 right, -1 left
+    along: tuple[float, float] = (0.0, 0.0)  #: [m] where both lie on their shafts
     phase: float = 0.0  #: u0 [rad]
     errors: tuple[Harmonic, ...] = ()
     play: float = 0.0  #: [m] along the line of action, to either side
@@ -115,6 +117,30 @@ class GearMesh(HigherPair):
     def reading(self, view: View) -> GearReading:
         """Motion, transmission error and forces."""
         return read_mesh(self, view)
+
+    def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
+        """At the pitch point; axial against the tangential force of right-handed teeth.
+
+        Along right-handed teeth one advances as one turns counterclockwise, so that a tangential
+        force F on the first comes with ``-F tan(psi)`` along its shaft.
+        """
+        towards = view.turning(self.carrier).position + self.towards
+        x, y = np.cos(towards), np.sin(towards)
+        fx, fy = view.force
+        axial = math.tan(self.helix_angle) * self.hand * (x * fy - y * fx)
+        centre = view.place(self.first, self.on_first)
+        point = centre + self.reach * np.array([x, y])
+        force = np.array([fx, fy, -axial])
+        found = []
+        for sign, (link, at), along in zip(
+            (-1.0, 1.0), ((self.first, self.on_first), (self.second, self.on_second)), self.along,
+            strict=True,
+        ):  # fmt: skip
+            if not self._rack(link):
+                arm = point - view.place(link, at)
+                arm = np.array([*arm, np.full(view.count, along)])
+                found.append(ToothLoad(link, sign * force, arm, True))
+        return found
 
     def charts(self, *, slides: bool) -> Sequence[Charted]:
         """Transmission error and tooth force."""

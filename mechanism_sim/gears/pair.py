@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.involute import Gear, inv, inverse_inv
+from mechanism_sim.gears.involute import Gear, inv, inverse_inv, rounded_up
 
 
 class Path(NamedTuple):
@@ -66,13 +66,19 @@ class Pair:
             raise InputError('the tips of one gear touch the roots of the other')
         start, end = self.path
         if self.contact_ratio < 1.0:
+            cut = [
+                f'the gear of {g.teeth} teeth is undercut up to a profile shift of '
+                f'{rounded_up(g.least_shift)} modules in the plane of rotation'
+                for g in (one, two)
+                if g.undercut
+            ]
             raise InputError(
                 f'a pair of teeth lets go before the next one touches: the contact ratio is '
-                f'{self.contact_ratio:.4g}'
+                f'{"; ".join([f"{self.contact_ratio:.4g}", *cut])}'
             )
-        if start < -self._reach(one) * (1.0 + 1e-12):
+        if start < -self._reach(one) * (1.0 + 1e-12) and not one.undercut:
             raise InputError('the tips of the wheel reach inside the base circle of the pinion')
-        if not two.internal and end > self._reach(two) * (1.0 + 1e-12):
+        if not two.internal and end > self._reach(two) * (1.0 + 1e-12) and not two.undercut:
             raise InputError('the tips of the pinion reach inside the base circle of the wheel')
 
         if two.internal and self._tips_meet:
@@ -153,10 +159,15 @@ class Pair:
 
     @property
     def path(self) -> Path:
-        """Path of contact."""
+        """Path of contact; of undercut teeth it begins where their involute does."""
         one, two = self.pinion, self.wheel
         start = self._side * (self._reach(two) - two.tangent(two.tip_radius))
-        return Path(start, one.tangent(one.tip_radius) - self._reach(one))
+        end = one.tangent(one.tip_radius) - self._reach(one)
+        if one.undercut:
+            start = max(start, one.tangent(one.form_radius) - self._reach(one))
+        if two.undercut:
+            end = min(end, self._reach(two) - two.tangent(two.form_radius))
+        return Path(start, end)
 
     @property
     def contact_ratio(self) -> float:
@@ -192,15 +203,18 @@ class Pair:
         return 1.0 - 2.0 * math.pi * friction * sliding * integral / pitch**2
 
 
-def path_with_rack(pinion: Gear) -> Path:
+def path_with_rack(pinion: Gear, out: float = 0.0) -> Path:
     """Path of contact [m] of a gear and the rack of its tooth system, [V] Figure 5.11.
 
-    The rack stands off by the profile shift, so that there is no backlash.
+    The rack stands off by the profile shift, so that there is no backlash, and `out` [m] more.
     """
     pressure = pinion.system.pressure_angle
     height = (pinion.system.addendum - pinion.shift) * pinion.module
     reach = pinion.base_radius * math.tan(pressure)
-    return Path(-height / math.sin(pressure), pinion.tangent(pinion.tip_radius) - reach)
+    start = (out - height) / math.sin(pressure)
+    if pinion.undercut:
+        start = max(start, pinion.tangent(pinion.form_radius) - reach)
+    return Path(start, pinion.tangent(pinion.tip_radius) - reach)
 
 
 def contact_ratio_with_rack(pinion: Gear) -> float:

@@ -19,6 +19,9 @@ MOST_COUNTS = 1_000
 
 MOST_STAGES = 10
 
+#: with fewer teeth hardly any pair has a contact ratio of one
+FEWEST = 8
+
 #: more trains than this are no choice
 MOST_FOUND = 100_000
 
@@ -32,6 +35,10 @@ class Stage(NamedTuple):
     driver: int  #: teeth
     driven: int
     module: float | None  #: [m]; None where any will do
+
+    def __str__(self) -> str:
+        module = '' if self.module is None else f' ({1e3 * self.module:g} mm)'
+        return f'{self.driver}:{self.driven}{module}'
 
 
 class Choice(NamedTuple):
@@ -143,8 +150,58 @@ def choose(
             near = [float(done) * r for r in around]
             nearest = min([*near, nearest], key=lambda r: abs(r - float(wanted)))
     if not found:
-        raise InputError(f'no teeth give the ratio {float(wanted):g}; the nearest is {nearest:g}')
+        beside = stages == 1 and just_outside(wanted, tolerance, teeth, centre_distance, modules)
+        raise InputError(
+            f'no teeth give the ratio {float(wanted):g} within '
+            f'{limits(teeth, stages, tolerance, centre_distance, modules)}; the nearest is '
+            f'{nearest:g}' + (f'; just outside: {beside}' if beside else '')
+        )
     return sorted(found, key=lambda c: (abs(c.error), c.teeth, c.stages))
+
+
+def limits(
+    teeth: tuple[int, int],
+    stages: int,
+    tolerance: float,
+    centre_distance: float | None,
+    modules: Sequence[float],
+) -> str:
+    """What a search was bound to, in words."""
+    said = [f'{teeth[0]} to {teeth[1]} teeth a gear', f'{stages} stage{"s" * (stages > 1)}']
+    exact = tolerance <= _ROUNDING
+    said.append('no error of the ratio' if exact else f'errors of {tolerance:g} of the ratio')
+    if centre_distance is not None:
+        sizes = ', '.join(f'{1e3 * m:g}' for m in modules)
+        said.append(f'modules of {sizes} mm at a centre distance of {1e3 * centre_distance:g} mm')
+    return ', '.join(said)
+
+
+def just_outside(
+    ratio: float | Fraction,
+    tolerance: float = 0.0,
+    teeth: tuple[int, int] = (18, 120),
+    centre_distance: float | None = None,
+    modules: Sequence[float] = (),
+) -> Stage | None:
+    """The pair with the ratio that needs the smallest step beyond the range of teeth.
+
+    Its numbers are from `FEWEST` to twice the most; parameters as of `choose`. None if there is
+    none.
+    """
+    wanted, most = Fraction(ratio), 2 * teeth[1]
+    if centre_distance is not None:
+        pairs = _pairs(FEWEST, most, centre_distance, modules)
+    else:
+        counts = ((a, round(a * wanted)) for a in range(FEWEST, most + 1))
+        pairs = (Stage(a, b, None) for a, b in counts if FEWEST <= b <= most)
+
+    def beyond(pair: Stage) -> tuple[int, float, int]:
+        few, many = sorted(pair[:2])
+        step = max(teeth[0] - few, many - teeth[1])
+        return step, abs(float(_of(pair) / wanted) - 1.0), few
+
+    near = (p for p in pairs if abs(_of(p) / wanted - 1) <= max(tolerance, _ROUNDING))
+    return min((p for p in near if beyond(p)[0] > 0), key=beyond, default=None)
 
 
 def _of(stage: Stage) -> Fraction:

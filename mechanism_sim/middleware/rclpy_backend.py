@@ -10,6 +10,7 @@ What differs from rclpy:
 - The future of a service that goes away is never done.
 """
 
+import inspect
 import os
 import signal
 import time
@@ -191,7 +192,7 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
         """Subscription whose callback gets the message, or with ``raw`` its bytes."""
         refusals, raw = Refusals(), how.get('raw', False)
 
-        def judge(message: Any) -> None:
+        def good(message: Any) -> bool:
             try:
                 if raw:
                     check_message(message, msg_type)
@@ -200,11 +201,16 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
             except MessageError as error:
                 warn = self.get_logger().warning
                 refusals.count(subscription.topic_name, 'message', str(error), warn)
-            else:
-                callback(message)
+                return False
+            return True
 
-        def take(message: Any) -> None:
-            judge(message)
+        async def take_one(message: Any) -> None:
+            if good(message):
+                await callback(message)
+
+        def take_all(message: Any) -> None:
+            if good(message):
+                callback(message)
             with suppress(InvalidHandle):  # the callback may have destroyed the subscription
                 handle = subscription.handle
                 for _ in range(ROUND):
@@ -212,8 +218,10 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                         taken = handle.take_message(msg_type, raw)
                     if taken is None:
                         return
-                    judge(taken[0])
+                    if good(taken[0]):
+                        callback(taken[0])
 
+        take = take_one if inspect.iscoroutinefunction(callback) else take_all
         subscription = super().create_subscription(msg_type, topic, take, *given, **how)
         return subscription
 

@@ -41,6 +41,9 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'recorder': Recorder,
 }
 
+MONITOR = 'monitor'
+"""The node of a run that shows how far it is."""
+
 START_PATIENCE = 120.0
 """[s] nodes wait for each other if this process has started them: it notices failures."""
 
@@ -159,7 +162,7 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
     monitors: list[Monitor] = []
 
     def watch() -> Monitor:
-        monitors.append(Monitor(plan.parameters('monitor'), show))
+        monitors.append(Monitor(plan.parameters(MONITOR), show))
         return monitors[0]
 
     if processes:
@@ -227,7 +230,9 @@ class _Children:
 
 def _spawn(plan: Plan, node: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, '-m', 'mechanism_sim', 'node', node]
-    for key, value in plan.options(node).items():
+    # The monitor is no partner, but has to hear how each node ends.
+    listeners = ','.join([*plan.listeners, f'{MONITOR}:progress'])
+    for key, value in (plan.options(node) | {'listeners': listeners}).items():
         option = f'--{key.replace("_", "-")}'
         if key == 'overrides':
             command += [part for text in plan.overrides for part in ('--set', text)]

@@ -88,6 +88,7 @@ class SimulationNode(DescribedNode):
         self._different = ''
         self._missing_since: dict[str, float] = {}
         self._seen: set[str] = set()
+        self._reporters: set[str] = set()
         self._soon: float | None = None
         self._early: list[tuple[Callable[[Any], None], Any]] = []
         self._reported, self._finished = 0.0, False
@@ -122,7 +123,13 @@ class SimulationNode(DescribedNode):
 
     def join(self) -> None:
         """Announce this node: its other endpoints are there, its partners may start."""
-        self.create_subscription(Progress, 'progress', self.once_ready(self._on_progress), RESULTS)
+        handle = self.once_ready(self._on_progress)
+
+        def take(message: Any) -> None:
+            self._reporters.add(message.node)
+            handle(message)
+
+        self.create_subscription(Progress, 'progress', take, RESULTS)
         # The last endpoint to be declared: who sees it in the graph can rely on all others.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
         self.create_timer(REPORT_PERIOD, self._report_if_due)
@@ -172,8 +179,9 @@ class SimulationNode(DescribedNode):
                 f"another '{self.get_name()}' is running in this domain: end it, or give this run "
                 'a domain of its own (ROS_DOMAIN_ID=1)'
             )
-        # One that was there may have done its part and left before this node is ready.
-        self._seen.update(present)
+        # One that was there may have done its part and left before this node is ready, or before
+        # the graph had it.
+        self._seen.update(present, self._reporters)
         missing = [p for p in self.partners if p not in (present if self.ready else self._seen)]
         if not self.ready:
             unheard = self._unheard()

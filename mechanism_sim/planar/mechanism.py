@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
-    from mechanism_sim.planar.view import Charted, Draft, View
+    from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
 
@@ -95,6 +95,11 @@ class HigherPair(ABC):
         return ()
 
     @property
+    def without_forces(self) -> str:
+        """Why its motion takes forces without limit, as a sentence; empty if it does not."""
+        return ''
+
+    @property
     def elastic(self) -> bool:
         """Whether it has forces of its own, `elements`, instead of a closure and walls."""
         return False
@@ -128,6 +133,14 @@ class HigherPair(ABC):
             If no node is named.
         """
         raise NotImplementedError(f'{self.name} has no readings')
+
+    def columns(self, view: View) -> dict[str, NDArray[np.float64]]:
+        """What else is worth a column over a cycle: arrays (N,) by name, in SI units."""
+        return {}
+
+    def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
+        """Forces of its teeth on shafts, where forces are known."""
+        return ()
 
     def charts(self, *, slides: bool) -> Sequence[Charted]:
         """Which readings are worth a chart; `slides` tells whether `second` does."""

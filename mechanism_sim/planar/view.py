@@ -28,6 +28,22 @@ class Course(NamedTuple):
     acceleration: Array  #: (N,) [rad/s^2] or [m/s^2]
 
 
+class ToothLoad(NamedTuple):
+    """A force on a shaft where teeth touch, in space; N instants."""
+
+    link: str  #: which turns with the shaft
+    force: Array  #: (3, N) [N] along x and y of the world, and along the shaft towards the reader
+    arm: Array  #: (3, N) [m] from the middle of the shaft, in the plane of the machine
+    in_plane: bool  #: whether the reactions of the plane hold its x and y already
+
+    @property
+    def components(self) -> dict[str, Array]:
+        """Tangential, counterclockwise about the shaft; radial, towards it; axial [N]."""
+        x, y = self.arm[:2] / np.hypot(*self.arm[:2])
+        fx, fy, axial = self.force
+        return {'tangential': x * fy - y * fx, 'radial': -(x * fx + y * fy), 'axial': axial}
+
+
 class Charted(NamedTuple):
     """Readings of a joint that belong into one chart."""
 

@@ -10,13 +10,23 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim import text_table
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.followers import Oscillating, OscillatingFlat, Translating
 from mechanism_sim.cams.interference import find_cut_away
-from mechanism_sim.cams.laws import check_smoothness, spelled
-from mechanism_sim.cams.profiles import Cam, find_flaws, greatest, smallest_base_radius
+from mechanism_sim.cams.laws import DERIVATIVES, check_smoothness, spelled
+from mechanism_sim.cams.profiles import (
+    Cam,
+    drawing_angles,
+    extent,
+    find_flaws,
+    greatest,
+    smallest_base_radius,
+)
 from mechanism_sim.errors import InputError
+from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.involute import Gear, least_teeth
 from mechanism_sim.gears.pair import Pair
+from mechanism_sim.gears.spatial import BevelPair
 from mechanism_sim.report.cycle import for_people
 
 #: for which a base radius is proposed [rad]
@@ -134,8 +144,30 @@ def _cam_figures(cam: Cam, speed: float | None) -> Iterator[Figure]:
     if speed:
         yield Figure('cam_speed', speed, f'{by}/s')
         yield Figure(f'largest_{motion}_velocity', value * abs(speed), 'm/s', at)
+        at, value = greatest(law, lambda x: np.abs(cam.at(x).rate))
+        yield Figure('largest_contact_velocity', value * abs(speed), 'm/s', at)
     else:
         yield Figure(f'largest_{motion}', value, f'm/{by}', at)
+
+
+def cam_table(cam: Cam) -> dict[str, Array]:
+    """A cam over its turn or stroke, (N,) by name, in SI units; both sides of every break.
+
+    Derivatives, and speeds of the point of contact and of sliding, are by radians of the cam, or
+    by metres if it slides; the profile is in the frame of `mechanism_sim.cams.touch`.
+    """
+    law = cam.law
+    x = drawing_angles(law, extent(law) / 360)
+    touch = cam.at(x)
+    return {
+        'cam': x,
+        **{name: law(x, order) for order, name in enumerate(DERIVATIVES)},
+        'pressure_angle': touch.pressure_angle,
+        'contact.x': touch.profile[0],
+        'contact.y': touch.profile[1],
+        'contact_speed': touch.rate,
+        'sliding_speed': touch.sliding,
+    }
 
 
 def _radii(cam: Cam) -> Iterator[Figure]:
@@ -164,6 +196,7 @@ def gear_figures(name: str, gear: Gear) -> Iterator[Figure]:
     if not gear.internal:
         yield Figure(f'{name}.least_profile_shift', gear.least_shift, 'modules')
         yield Figure(f'{name}.least_teeth', least_teeth(gear.system))
+        yield Figure(f'{name}.form_radius', gear.form_radius, 'm')
 
 
 def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
@@ -177,3 +210,44 @@ def pair_figures(pair: Pair, friction: float) -> Iterator[Figure]:
     yield Figure('backlash', play if play > 1e-12 * pair.pinion.module else 0.0, 'm')
     yield Figure('tip_clearance', min(pair.clearances), 'm')
     yield Figure('efficiency', pair.efficiency(friction))
+
+
+def bevel_sheet(title: str, pair: BevelPair) -> Sheet:
+    """Sizes of bevel gears; what is of each has the name of its link."""
+    figures = [
+        Figure('ratio', 1.0 / float(pair.ratio)),
+        Figure('shaft_angle', sum(pair.cones), 'rad'),
+        Figure('pressure_angle', pair.pressure_angle, 'rad'),
+    ]
+    for link, radius, cone in zip(
+        (pair.first, pair.second), pair.mean_radii, pair.cones, strict=True
+    ):
+        figures.append(Figure(f'{link}.pitch_angle', cone, 'rad'))
+        figures.append(Figure(f'{link}.mean_radius', radius, 'm'))
+    return Sheet(title, tuple(figures))
+
+
+def worm_sheet(title: str, pair: WormPair, friction: float) -> Sheet:
+    """Sizes of a worm and its wheel, and their efficiency for a coefficient of friction.
+
+    Raises
+    ------
+    InputError
+        If friction is negative, or lets nothing through.
+    """
+    figures = [
+        Figure('ratio', pair.teeth / pair.threads),
+        Figure('lead', pair.lead, 'm'),
+        Figure('lead_angle', pair.lead_angle, 'rad'),
+        Figure('wheel_helix_angle', pair.lead_angle, 'rad'),
+        Figure('worm_diameter', pair.diameter, 'm'),
+        Figure('wheel_diameter', pair.wheel_diameter, 'm'),
+        Figure('centre_distance', pair.centre_distance, 'm'),
+        Figure('efficiency', pair.forces(1.0, friction).efficiency),
+        Figure('self_locking_friction', pair.locking_friction),
+    ]
+    if pair.self_locking(friction):
+        remark = f'at a friction of {friction:g} it is self-locking: its wheel cannot drive it'
+        return Sheet(title, tuple(figures), (remark,))
+    driven = pair.forces(1.0, friction, wheel_drives=True).efficiency
+    return Sheet(title, (*figures, Figure('efficiency_wheel_drives', driven)))

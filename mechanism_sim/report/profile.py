@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mechanism_sim import output
+from mechanism_sim.arrays import Array
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.dxf import to_dxf
@@ -22,7 +23,17 @@ from mechanism_sim.export.svg import to_svg
 from mechanism_sim.gears.involute import Gear
 from mechanism_sim.gears.mesh import GearMesh
 from mechanism_sim.gears.pair import Pair
-from mechanism_sim.report.parts import Figure, Sheet, cam_sheet, gear_figures, pair_figures
+from mechanism_sim.gears.spatial import BevelPair, SpatialPair, WormDrive
+from mechanism_sim.report.parts import (
+    Figure,
+    Sheet,
+    bevel_sheet,
+    cam_sheet,
+    cam_table,
+    gear_figures,
+    pair_figures,
+    worm_sheet,
+)
 from mechanism_sim.scene.gears import Wheel, read_wheel
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.places import Places
@@ -36,8 +47,8 @@ WRITERS = {'.svg': to_svg, '.dxf': to_dxf}
 
 def profile(
     machine: Machine, name: str, gear: str | None = None, friction: float = 0.05
-) -> tuple[Sheet, Outline]:
-    """Figures and outline of the cam, or of the gears, of a joint.
+) -> tuple[Sheet, Outline | None]:
+    """Figures and outline of the cam, or of the gears, of a joint; bevel and worm pairs have none.
 
     Speeds are those at the start of the scene.
 
@@ -52,7 +63,7 @@ def profile(
         If there is no such joint or gear, the joint has neither, or friction is negative.
     """
     joints = {j.name: j for j in machine.plan.ideal.joints}
-    fitting = [n for n, j in joints.items() if isinstance(j, CamPair | GearMesh)]
+    fitting = [n for n, j in joints.items() if isinstance(j, CamPair | GearMesh | SpatialPair)]
     joint = joints.get(name)
     if isinstance(joint, GearMesh):
         return _Mesh(machine, joint).profile(gear, friction)
@@ -60,6 +71,13 @@ def profile(
         if gear:
             raise InputError(f'{machine.name}: the joint {name} has a cam, no gears')
         return _cam(machine, joint)
+    if isinstance(joint, BevelPair):
+        return bevel_sheet(
+            f'{machine.name}: bevel gears of {joint.first} and {joint.second}', joint
+        ), None
+    if isinstance(joint, WormDrive):
+        title = f'{machine.name}: worm of {joint.first} and wheel of {joint.second}'
+        return worm_sheet(title, joint.worm, friction), None
     wrong = 'has neither cam nor teeth' if joint else 'does not exist'
     raise InputError(
         f"{machine.name}: the joint '{name}' {wrong}{nearest(name, fitting)}; joints with a cam "
@@ -67,14 +85,34 @@ def profile(
     )
 
 
-def write(outline: Outline, path: Path) -> None:
+def table(machine: Machine, name: str) -> dict[str, Array]:
+    """A cam over its turn, see `cam_table`.
+
+    Raises
+    ------
+    InputError
+        If the joint has no cam.
+    """
+    joint = next((j for j in machine.plan.joints if j.name == name), None)
+    if not isinstance(joint, CamPair):
+        cams = [j.name for j in machine.plan.joints if isinstance(j, CamPair)]
+        raise InputError(
+            f'{machine.name}: --table is for cams, and {name} has none; joints with a cam: '
+            f'{", ".join(cams) or "none"}'
+        )
+    return cam_table(joint.cam)
+
+
+def write(outline: Outline | None, path: Path) -> None:
     """Write an outline as its ending says.
 
     Raises
     ------
     InputError
-        If it cannot be written there, or the package for DXF is missing.
+        If there is none, it cannot be written there, or the package for DXF is missing.
     """
+    if outline is None:
+        raise InputError(f'--output {path}: bevel and worm pairs have no outline in the plane')
     output.write_text(path, WRITERS[path.suffix](outline))
 
 

@@ -72,7 +72,12 @@ def no_limits_to_json(found: list[NoLimit]) -> list[dict[str, object]]:
 
 
 def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
-    """A sentence for each instant at which forces have no limit, of many for the first ones."""
+    """A sentence for each instant at which forces have no limit, of many for the first ones.
+
+    Before them one for each joint whose motion leaves the run without forces.
+    """
+    for joint, why in machine.without_forces.items():
+        yield f'{joint}: {why}; this run is kinematics, forces are left out'
     for x in found[:_SENTENCES]:
         slides = machine.main in machine.mechanism.displacements
         angle = round(math.degrees(x.drive), 6) % 360.0

@@ -19,14 +19,14 @@ from mechanism_sim.hybrid.solution import Piece
 SUFFIXES = ('.npz', '.csv', '.parquet')
 
 
-def check_output(file: str) -> None:
+def check_output(file: str, option: str = '--output') -> None:
     """Refuse what cannot be written before anything is computed.
 
     Raises
     ------
     InputError
     """
-    output.check_path('--output', file, *SUFFIXES, new=True)
+    output.check_path(option, file, *SUFFIXES, new=True)
 
 
 def check_rate(rate: float | None) -> float:

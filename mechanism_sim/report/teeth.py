@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from mechanism_sim import text_table
 from mechanism_sim.gears.teeth import Choice, Stage
@@ -11,23 +12,37 @@ from mechanism_sim.gears.teeth import Choice, Stage
 SHOWN = 20
 
 
-def render(found: Sequence[Choice]) -> str:
-    """The best ones as a table, and how many there are."""
+class Search(NamedTuple):
+    """What was found, within which limits, and the pair just outside of them, if one stage has."""
+
+    found: Sequence[Choice]
+    limits: str
+    outside: Stage | None
+
+
+def render(search: Search) -> str:
+    """The best ones as a table, how many there are, and what was searched."""
+    found = search.found
     rows = [('teeth', 'ratio', '', 'error', 'in all')]
     for choice in found[:SHOWN]:
-        stages = '  '.join(map(_stage, choice.stages))
+        stages = '  '.join(map(str, choice.stages))
         error = f'{choice.error:+.3e}' if choice.error else 'exact'
         exact = str(choice.ratio) if choice.ratio.denominator > 1 else ''
         rows.append((stages, f'{float(choice.ratio):.9g}', exact, error, str(choice.teeth)))
     trains = f'{len(found)} train{"s" if len(found) > 1 else ""} found'
     if found[SHOWN:]:
         trains += f', the first {SHOWN} are shown'
-    return '\n'.join([*text_table.lines(rows, 3, ''), trains])
+    beside = [f'just outside: {search.outside}'] if search.outside else []
+    searched = f'searched: {search.limits}'
+    return '\n'.join([*text_table.lines(rows, 3, ''), trains, searched, *beside])
 
 
-def to_json(found: Sequence[Choice]) -> dict[str, object]:
+def to_json(search: Search) -> dict[str, object]:
     """All of them; modules in metres."""
+    found, outside = search.found, search.outside
     return {
+        'limits': search.limits,
+        'just_outside': outside and outside._asdict(),
         'count': len(found),
         'choices': [
             {
@@ -40,8 +55,3 @@ def to_json(found: Sequence[Choice]) -> dict[str, object]:
             for choice in found
         ],
     }
-
-
-def _stage(stage: Stage) -> str:
-    module = '' if stage.module is None else f' ({1e3 * stage.module:g} mm)'
-    return f'{stage.driver}:{stage.driven}{module}'

@@ -73,6 +73,12 @@ def _check_freedom(machine: Machine) -> None:
         )
     if machine.dynamic:
         _check_inertia(machine)
+        for joint, why in machine.without_forces.items():
+            raise InputError(
+                f'{machine.name}: joints.{joint}.{why}; a scene of {machine.level.value} needs '
+                'forces: take curves and ends that meet, or run it as kinematics, with a '
+                "prescribed 'drive' and without 'lift_off' and clearance"
+            )
     check_scenes_way(machine)
 
 

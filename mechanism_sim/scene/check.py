@@ -18,7 +18,7 @@ from mechanism_sim.scene.oscillators import oscillator_notes
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
-    'for or masses not given: loop closure',
+    'for, have no limit, or masses are not given: loop closure',
     Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are '
     'asked for: loop closure and a linear solve for the forces',
     Level.SMOOTH: 'every joint is ideal and the drives leave a motion free: equations of motion '
@@ -115,7 +115,11 @@ def check(machine: Machine) -> Report:
     if level is not Level.KINEMATIC and not any(scene.gravity):
         left_out.append('gravity: it is zero')
     if level is Level.KINEMATIC:
-        left_out.append('masses, gravity and forces: nobody asks for them')
+        left_out.append(
+            'masses, gravity and forces: '
+            + (', '.join(machine.without_forces) + ' takes forces without limit'
+               if machine.without_forces else 'nobody asks for them')
+        )  # fmt: skip
     if gaps:
         if not any(c.friction for c in machine.clearances.values()):
             left_out.append('friction and pin radius: none given')

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from mechanism_sim.scene.quantities import Angle, Length, Part, si
+from mechanism_sim.scene.quantities import Angle, Length, Part, Position, si
 
 MOST_TEETH = 100_000
 
@@ -33,7 +33,9 @@ class GearPart(Part):
     shift: _Shift = 0.0
     """Profile shift, in modules."""
     helix_angle: Angle = 0.0
-    """Of helical gears, equal for both."""
+    """Of helical gears, equal for both; negative: left-handed, as the first of a pair decides."""
+    along: Position = 0.0
+    """Where it lies along its shaft, from the plane of the machine towards the reader."""
     internal: bool = False
     """Whether the teeth point inwards."""
     rack: bool = False

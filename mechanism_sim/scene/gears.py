@@ -171,10 +171,7 @@ def _with_rack(places: Names, one: Wheel, two: Wheel) -> Placed:
     side = math.copysign(1.0, away)
     out = abs(away) - tight
     out = out if out > _FITS * gear.module else 0.0
-    reference = path_with_rack(gear)
-    # the rack's tips reach less deep if it stands off
-    start = reference.start + out / math.sin(gear.system.pressure_angle)
-    path = Path(start, reference.end)
+    path = path_with_rack(gear, out)
     if path.end - path.start < gear.base_pitch:
         raise InputError(
             'a pair of teeth lets go before the next one touches: without backlash the pitch '

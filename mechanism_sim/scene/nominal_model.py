@@ -17,6 +17,7 @@ from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.model import MachineModel
@@ -93,8 +94,14 @@ class NominalModel(MachineModel):
             return Level.COMPLIANT if asked else Level.NONSMOOTH
         if self.torque_driven:
             return Level.SMOOTH
-        wanted = self.scene.outputs.forces and self.plan.weighed
+        wanted = self.scene.outputs.forces and self.plan.weighed and not self.without_forces
         return Level.INVERSE_DYNAMICS if wanted else Level.KINEMATIC
+
+    @cached_property
+    def without_forces(self) -> dict[str, str]:
+        """Joints whose motion takes forces without limit, and why."""
+        pairs = (j for j in self.plan.joints if isinstance(j, HigherPair))
+        return {pair.name: why for pair in pairs if (why := pair.without_forces)}
 
     @cached_property
     def ideal(self) -> IdealMotion:

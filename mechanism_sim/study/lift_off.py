@@ -76,6 +76,8 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
         )
     if not machine.plan.weighed:
         raise InputError(f'{machine.name}: forces need the mass of every link')
+    for joint, why in machine.without_forces.items():
+        raise InputError(f'{machine.name}: joints.{joint}.{why}')
     cycle = _Cycle(machine)
     found = []
     for pair in pairs:

@@ -176,8 +176,8 @@ def _read(places: Names, name: str, joint: CamKeys) -> CamPair:
     Raises
     ------
     InputError
-        If keys are missing or do not fit, the law jumps or does not come back, or the profile
-        would be undercut.
+        If keys are missing or do not fit, the displacement jumps or does not come back, or the
+        profile of a law without corners would be undercut.
     """
     cam, follower = places.ends(name, joint)
     reader = _Reader(places, name, joint)
@@ -390,10 +390,12 @@ class _Reader:
 
     def _check_cam(self, cam: Cam) -> None:
         """Refuse what no follower can follow."""
-        for jump in check_smoothness(cam.law, 1):
+        for jump in check_smoothness(cam.law, 0):
             raise InputError(
                 f'law: {jump}: no follower can follow that; take curves and ends that meet'
             )
+        if cam.corners:  # a roller cannot round them: what they cut away of the profile is a note
+            return
         clearance = self.joint.groove.clearance if self.joint.groove else None
         swings = isinstance(cam.follower, Oscillating | OscillatingFlat)
         lift = float(np.ptp(cam.law(drawing_angles(cam.law, 0.02))))
@@ -419,7 +421,13 @@ def _notes(machine: Any, pair: CamPair) -> list[str]:
     notes.append(note + (f', more than the usual {limit:g} deg' if pressure > limit else ''))
     unit = 'm' if pair.distance.slides else 'rad'
     jumps = check_smoothness(cam.law, 2)
-    notes += [f'{name}: {jump} [per {unit}^2]: the force jumps' for jump in jumps]
+    notes += [
+        f'{name}: {jump} [per {unit}{"^2" * (jump.order > 1)}]: '
+        f'the force {"jumps" if jump.order > 1 else "has no limit"}'
+        for jump in jumps
+    ]
+    if cam.corners:
+        notes += [f'{name}: {flaw}' for flaw in (*find_flaws(cam), *find_cut_away(cam))]
     return notes
 
 

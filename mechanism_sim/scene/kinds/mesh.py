@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -11,9 +11,12 @@ from pydantic import BeforeValidator, Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.compliance import Elasticity, middle, touching
+from mechanism_sim.gears.involute import rounded_up
 from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
+from mechanism_sim.gears.pair import Pair
 from mechanism_sim.planar.mechanism import Joint, Mechanism
 from mechanism_sim.scene.contact_keys import Contact, Play
+from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Coefficient, Displacement, Length, Part, si
@@ -121,6 +124,7 @@ def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
         contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
         helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
                               / one.gear.pitch_radius),
+        hand=-1 if one.part.helix_angle < 0.0 else 1, along=(one.part.along, two.part.along),
     )  # fmt: skip
 
 
@@ -290,9 +294,51 @@ def _notes(machine: Any, mesh: GearMesh) -> list[str]:
     play = f', play {mesh.play:.4g} m to either side' if mesh.play else ''
     soft = f', elastic{play}' if mesh.elastic else ''
     return [
+        *_undercut(machine.scene.gears, mesh),
         f'{mesh.name}: pressure angle {math.degrees(mesh.pressure_angle):.6g} deg, contact ratio '
-        f'{mesh.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the start{soft}'
+        f'{mesh.contact_ratio:.4g}, tooth frequency {frequency:.6g} Hz at the start{soft}',
     ]
+
+
+def _undercut(gears: Mapping[str, GearPart], mesh: GearMesh) -> Iterator[str]:
+    """What is left of undercut teeth, and the profile shifts that end it.
+
+    A shift of one gear alone widens its teeth, so that they jam at the same centre distance: the
+    mate gives as much, as far as it is not undercut itself; what is left needs a larger distance.
+    """
+    for own, mate in (mesh.wheels, mesh.wheels[::-1]):
+        if own.rack or not own.gear.undercut:
+            continue
+        part, other = gears[own.name], gears[mate.name]
+        c = math.cos(part.helix_angle)
+        shift = rounded_up(own.gear.least_shift / c)
+        yield (
+            f'{mesh.name}: {own.name} is undercut: its involute begins at a radius of '
+            f'{own.gear.form_radius:.6g} m instead of {own.gear.base_radius:.6g} m; '
+        ) + _cure(own, mate, (part.shift, other.shift), shift, c)
+
+
+def _cure(own: Teeth, mate: Teeth, now: tuple[float, float], shift: float, cosine: float) -> str:
+    """Profile shifts that end the undercut of a gear, in modules of the rack, and the distance."""
+    cured = replace(own.gear, shift=shift * cosine)
+    if mate.rack:
+        away = cured.pitch_radius + cured.shift * cured.module
+        return f'a shift of {shift:g} ends it, its rack {away:.9g} m from its centre'
+    change = shift - now[0]
+    other = round(now[1] + (change if mate.gear.internal else -change), 9)
+    if not mate.gear.internal:
+        other = max(other, rounded_up(mate.gear.least_shift / cosine))
+    try:
+        gears = cured, replace(mate.gear, shift=other * cosine)
+        before, after = (
+            Pair(*(x[::-1] if x[0].internal else x)).centre_distance
+            for x in ((own.gear, mate.gear), gears)
+        )
+    except InputError:
+        return 'take more teeth'
+    same = abs(after - before) <= 1e-9 * before
+    where = 'the same centre distance' if same else f'a centre distance of {after:.9g} m'
+    return f'shifts of {shift:g} for it and {other:g} for {mate.name} end it at {where}'
 
 
 register(

@@ -1,19 +1,47 @@
-"""Revolute joints: a pin in a bushing."""
+"""Revolute joints: a pin in a bushing, or a shaft in its bearings."""
 
 from __future__ import annotations
 
+from pydantic import Field
+
+from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.quantities import Position
 
 
 class RevoluteKeys(JointKeys):
-    """A pin."""
+    """A pin, or a shaft."""
 
     revolute: Reference | None = None
     """A pin: two points that coincide."""
+    bearings: dict[str, Position] = Field({})
+    """The two bearings of a shaft, by name: where they lie along it, as `along` of its gears."""
+    locating: str | None = None
+    """The bearing that takes forces along the shaft; required with bearings."""
 
 
 def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
+    """A pin or a shaft.
+
+    Raises
+    ------
+    InputError
+        If a shaft has not two bearings apart, one of which is the locating one.
+    """
+    where, given = f'{places.name}: joints.{name}', joint.bearings
+    if given and len({*given.values()}) != 2:
+        raise InputError(
+            f'{where}.bearings: a shaft has two bearings, at different places: write for example '
+            "'{left: -30 mm, right: 40 mm}'"
+        )
+    if bool(given) != bool(joint.locating) or (joint.locating and joint.locating not in given):
+        raise InputError(
+            f"{where}: 'bearings' and 'locating' belong together; locating names one of them: "
+            f'{", ".join(given) or "none"}'
+        )
+    if given and joint.clearance:
+        raise InputError(f'{where}: bearings of a shaft are ideal: leave out its clearance')
     (a, on_a), (b, on_b) = places.ends(name, joint)
     return Revolute(name, a, b, on_a, on_b)
 

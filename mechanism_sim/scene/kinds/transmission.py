@@ -36,15 +36,20 @@ class PhaseKeys(JointKeys):
     """Angle of the cam, or of the second link of a transmission, when the first is at 0."""
 
 
-class TransmissionKeys(PhaseKeys):
+class CarrierKeys(PhaseKeys):
+    """What two links turn on."""
+
+    carrier: str | None = None
+    """Of a transmission, bevel or worm pair: the link from which angles count; else the ground."""
+
+
+class TransmissionKeys(CarrierKeys):
     """A ratio of angles."""
 
     transmission: Reference | None = None
-    """Two links whose angles keep a ratio: chain, bevel gears, a box."""
+    """Two links whose angles keep a ratio, by whatever means: a box."""
     ratio: Ratio | None = None
     """Of a transmission, required: speed of the second over the first, as -3/7."""
-    carrier: str | None = None
-    """Of a transmission: the link from which angles count; else the ground."""
 
 
 def _read(places: Names, name: str, joint: TransmissionKeys) -> Transmission:
@@ -58,14 +63,28 @@ def _read(places: Names, name: str, joint: TransmissionKeys) -> Transmission:
     where = f'{places.name}: joints.{name}'
     if joint.ratio is None:
         raise InputError(f"{where}.ratio is missing: how fast the second turns, such as '1/2'")
-    own = f'joints.{name}'
     (a, on_a), (b, on_b) = places.ends(name, joint)
-    carrier, _ = places.find(f'{own}.carrier', joint.carrier or GROUND)
-    if carrier in (a, b):
-        raise InputError(f'{where}: {carrier} carries the transmission: name two other links')
+    carrier = carrier_of(places, name, joint)
     return Transmission(
         name, a, b, on_a, on_b, Fraction(joint.ratio), joint.phase, carrier
     )  # fmt: skip
+
+
+def carrier_of(places: Names, name: str, joint: CarrierKeys) -> str:
+    """The link from which angles count.
+
+    Raises
+    ------
+    InputError
+        If it is one of the two that turn.
+    """
+    carrier, _ = places.find(f'joints.{name}.carrier', joint.carrier or GROUND)
+    if carrier in [link for link, _ in places.ends(name, joint)]:
+        raise InputError(
+            f'{places.name}: joints.{name}: {carrier} carries the {joint.kind}: name two other '
+            'links'
+        )
+    return carrier
 
 
 register(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from willis import Mesh, Train
+
 from mechanism_sim.errors import InputError
-from mechanism_sim.gears.trains import Mesh, Train
 
 
 def gear_box(teeth: Mapping[str, int], gear: int) -> Train:

@@ -1,0 +1,133 @@
+"""Modes and steady responses of a scene."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mechanism_sim.cli.options import (
+    Command,
+    Result,
+    option,
+    print_result,
+    quantity,
+    read_machine,
+    scene_options,
+)
+from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mechanism_sim.arrays import Array
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    sub = command('modes', _modes, 'natural frequencies, damping ratios and mode shapes')
+    scene_options(sub)
+    option(sub, '--along', 'N', 'with the drive held at N angles around its turn', int)
+    option(sub, '--speeds', 'A:B:N', "over N speeds of the drive, as '0 rpm:3000 rpm:31'")
+    option(sub, '-o --output', 'FILE', 'draw the shapes, or the frequencies over angle or speed')
+    sub = command('response', _response, 'steady response to a harmonic force or base motion')
+    scene_options(sub)
+    sub.add_argument(
+        'quantities', nargs='*', metavar='QUANTITY',
+        help='as position.mass or reaction.ground_mass.x; positions if none is given',
+    )  # fmt: skip
+    option(sub, '--force', 'LINK.POINT', 'a force of amplitude 1 N at this point')
+    option(sub, '--direction', 'ANGLE', "of the force in the world, as '90 deg'")
+    option(sub, '--torque', 'LINK', 'a moment of amplitude 1 N m on this link')
+    option(sub, '--base', 'COORDINATE', 'this driven coordinate moves by 1 m, or 1 rad')
+    option(sub, '--frequencies', 'A:B:N', "as '1 Hz:20 Hz:39'")
+    option(sub, '--harmonics', 'N', 'instead: of the vibration under drives and loads', int)
+    option(sub, '--period', 'T', "with --harmonics: as '0.1 s'; a turn of the drive if not given")
+    option(sub, '-o --output', 'FILE', 'draw it')
+
+
+def _picture(options: argparse.Namespace) -> Path | None:
+    """Where a picture goes, checked before anything is computed."""
+    from mechanism_sim.report.figures import check_picture  # noqa: PLC0415
+
+    return check_picture('--output', options.output) if options.output else None
+
+
+def _draw(
+    file: Path | None, picture: Callable[[Result, str], Any], found: Result, title: str
+) -> None:
+    """Draw a result, if that was asked for."""
+    from mechanism_sim.report import figures  # noqa: PLC0415
+
+    if file:
+        with figures.style():
+            figures.save(picture(found, title), file)
+
+
+def _span(name: str, text: str, unit: str) -> Array:
+    """Equidistant values from ``A:B:N``."""
+    import numpy as np  # noqa: PLC0415
+
+    example = {'Hz': '1 Hz:20 Hz:39', 'rad/s': '0 rpm:3000 rpm:31'}[unit]
+    parts = text.split(':')
+    if len(parts) != 3 or not parts[2].strip().isdecimal() or int(parts[2]) < 2:
+        raise InputError(
+            f"{name} '{text}': expected first, last and number of values, 2 or more, as "
+            f"'{example}'"
+        )
+    low, high = (quantity(name, x, unit)[0] for x in parts[:2])
+    if not low < high:
+        raise InputError(f"{name} '{text}': the first value must be below the last")
+    return np.linspace(low, high, int(parts[2]))
+
+
+def _modes(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import vibrations as report  # noqa: PLC0415
+    from mechanism_sim.study import modes as study  # noqa: PLC0415
+
+    if options.along is not None and options.speeds:
+        raise InputError('give either --along or --speeds, not both')
+    file = _picture(options)
+    speeds = _span('--speeds', options.speeds, 'rad/s') if options.speeds else None
+    machine = read_machine(options)
+    if speeds is not None:
+        stations = study.campbell(machine, speeds)
+        critical = study.critical_speeds(machine, stations)
+        table = report.ModeTable(machine.name, stations, 'speed', machine.main, critical)
+    elif options.along is not None:
+        stations = study.along(machine, options.along)
+        table = report.ModeTable(machine.name, stations, 'angle', machine.main)
+    else:
+        found = study.modes(machine)
+        table = report.ModeTable(machine.name, [study.Station({}, 0.0, found)])
+    _draw(file, report.modes_picture, table, machine.scene.title)
+    return print_result(options, table, report.modes_json, report.modes_text)
+
+
+def _response(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import vibrations as report  # noqa: PLC0415
+    from mechanism_sim.study.response import harmonics, read_source, response  # noqa: PLC0415
+
+    file = _picture(options)
+    forced = [options.force, options.direction, options.torque, options.base, options.frequencies]
+    if options.harmonics is not None:
+        if any(x is not None for x in forced):
+            raise InputError('--harmonics goes without a source and without --frequencies')
+        period = quantity('--period', options.period, 's')[0] if options.period else None
+        machine = read_machine(options)
+        series = harmonics(machine, options.quantities, options.harmonics, period)
+        _draw(file, report.harmonics_picture, series, machine.scene.title)
+        return print_result(options, series, report.harmonics_json, report.harmonics_text)
+    if options.period is not None:
+        raise InputError('--period belongs to --harmonics')
+    if not options.frequencies:
+        raise InputError("give --frequencies, as '1 Hz:20 Hz:39', or --harmonics")
+    frequency = _span('--frequencies', options.frequencies, 'Hz')
+    direction = None
+    if options.direction is not None:
+        direction = quantity('--direction', options.direction, 'rad')[0]
+    machine = read_machine(options)
+    source = read_source(machine, options.force, direction, options.torque, options.base)
+    found = response(machine, source, options.quantities, frequency)
+    _draw(file, report.response_picture, found, machine.scene.title)
+    return print_result(options, found, report.response_json, report.response_text)

@@ -1,0 +1,142 @@
+"""Bevel and worm pairs: a ratio of angles, and the forces of their teeth in space ([V] 5.8).
+
+Each shaft is seen along its own axis, towards the reader, and turns in the plane of the machine;
+the axes themselves are at an angle in space, which the plane does not know. Those of bevel gears
+point away from the apex of their cones, so that the two turn opposite ways. Those of a worm and
+its wheel make, with the direction e from worm to wheel, ``z_wheel = e x z_worm``: then a
+right-handed worm and its wheel turn the same way. Friction is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechanism_sim.gears.forces import WormPair
+from mechanism_sim.gears.reading import GearReading
+from mechanism_sim.gears.transmission import Transmission
+from mechanism_sim.planar.view import Array, Draft, ToothLoad, View
+
+UNIT = WormPair(1, 1, 1.0, math.pi / 4)
+"""What fields of dataclasses after others with defaults need."""
+
+
+@dataclass(frozen=True)
+class SpatialPair(Transmission):
+    """Gears on shafts at an angle.
+
+    Attributes
+    ----------
+    facing : direction from each shaft towards the mate, in its own plane [rad]
+    along : where both lie on their shafts [m]
+    """
+
+    facing: tuple[float, float] = (0.0, math.pi)
+    along: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    @abstractmethod
+    def radii(self) -> tuple[float, float]:
+        """At which the force acts [m]."""
+
+    @abstractmethod
+    def _beside(self, tangential: Array) -> tuple[Array, Array, Array, Array]:
+        """Radial and axial forces on both [N], of the tangential one on the second (N,)."""
+
+    def tooth_loads(self, view: View) -> Sequence[ToothLoad]:
+        """At the pitch points: tangential forces of the torques, with those beside them."""
+        moments = -float(self.ratio) * view.moment, view.moment
+        radial_1, axial_1, radial_2, axial_2 = self._beside(view.moment / self.radii[1])
+        found = []
+        for link, moment, radius, facing, along, radial, axial in zip(
+            (self.first, self.second), moments, self.radii, self.facing, self.along,
+            (radial_1, radial_2), (axial_1, axial_2), strict=True,
+        ):  # fmt: skip
+            c, s = math.cos(facing), math.sin(facing)
+            push = moment / radius
+            force = np.array([-s * push - c * radial, c * push - s * radial, axial])
+            arm = np.array([radius * c, radius * s, along])[:, None] + np.zeros(view.count)
+            found.append(ToothLoad(link, force, arm, False))
+        return found
+
+    def draw(self, draft: Draft) -> None:
+        """Pitch circles, with a notch that shows how far they have turned."""
+        for link, at, radius in zip(
+            (self.first, self.second), (self.on_first, self.on_second), self.radii, strict=True
+        ):
+            turn = np.linspace(0.0, 2.0 * math.pi, 73)
+            size = radius * np.where(np.arange(73) % 72, 1.0, 0.85)
+            points = np.stack([size * np.cos(turn), size * np.sin(turn)], axis=1) + at
+            draft.add('wheel', [(link, (float(x), float(y))) for x, y in points], size=radius)
+
+    def reading(self, view: View) -> GearReading:
+        """Motion and torques, and the force on the second."""
+        parts = self.tooth_loads(view)[1].components
+        total = np.sqrt(sum(x**2 for x in parts.values()))
+        return (
+            super()
+            .reading(view)
+            ._replace(
+                tooth_force=total,
+                tangential_force=parts['tangential'],
+                radial_force=parts['radial'],
+                axial_force=parts['axial'],
+            )
+        )
+
+
+@dataclass(frozen=True)
+class BevelPair(SpatialPair):
+    """Straight bevel gears, [V] eqs. 5.38 to 5.42.
+
+    Attributes
+    ----------
+    mean_radii : at the middle of the teeth [m]
+    cones : half their openings [rad]
+    pressure_angle : [rad]
+    """
+
+    mean_radii: tuple[float, float] = (math.nan, math.nan)
+    cones: tuple[float, float] = (math.nan, math.nan)
+    pressure_angle: float = math.nan
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """At the middle of the teeth [m]."""
+        return self.mean_radii
+
+    def _beside(self, tangential: Array) -> tuple[Array, Array, Array, Array]:
+        """Across the cones' common line, away from the mate: towards the shaft and the back."""
+        apart = np.abs(tangential) * math.tan(self.pressure_angle)
+        (c1, s1), (c2, s2) = ((math.cos(g), math.sin(g)) for g in self.cones)
+        return apart * c1, apart * s1, apart * c2, apart * s2
+
+
+@dataclass(frozen=True)
+class WormDrive(SpatialPair):
+    """A worm, the first, and its wheel on shafts at 90 degrees, [V] 5.8.4.
+
+    Attributes
+    ----------
+    worm : its sizes
+    hand : 1 right, -1 left
+    """
+
+    worm: WormPair = UNIT
+    hand: int = 1
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Pitch radii [m]."""
+        return 0.5 * self.worm.diameter, 0.5 * self.worm.wheel_diameter
+
+    def _beside(self, tangential: Array) -> tuple[Array, Array, Array, Array]:
+        """The axial force on the worm is the tangential one of its wheel, and so the other way."""
+        lead, press = self.worm.lead_angle, self.worm.pressure_angle
+        apart = np.abs(tangential) * math.tan(press) / math.cos(lead)
+        around = -self.hand * math.tan(lead) * tangential
+        return apart, tangential, apart, around

@@ -1,0 +1,305 @@
+"""The equations of motion of a mechanism with ideal joints, linearised by exact derivatives.
+
+Near a state (q, v, a) the residual ``F = M a + bias - Q(q, v) - J(q)^T lambda`` changes by
+``M da + C dv + K dq - J^T dlambda``, with ``C = dF/dv``, and ``K = dF/dq`` in which the forces
+lambda of the closures are constant. All derivatives are symbolic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from mechanism_sim.numerics.symbolic import Term, add, dense, dot, mul, neg
+from mechanism_sim.planar.drive import TorqueLaw
+from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.loads import Load, generalised
+from mechanism_sim.planar.mechanism import LinkPoint, Mechanism
+from mechanism_sim.planar.motor import Motor
+from mechanism_sim.planar.protocols import ForceElement, Relation
+from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
+from mechanism_sim.planar.switched_functions import SwitchedFunction
+
+Array = NDArray[np.float64]
+
+_STEPS = 100
+_FREE = 1e-11  # stiffness, against the largest, below which a coordinate is not held
+_SMALL = 1e-9  # force along such a coordinate, against the largest, that is rounding
+
+
+class Excitation(NamedTuple):
+    """A force or a moment of unit size that a response is asked for."""
+
+    point: LinkPoint
+    direction: tuple[float, float] | None  #: unit vector in the world; None for a moment
+
+    def load(self, size: hy.expression) -> Load:
+        """It, times a size [N, N m]."""
+        if self.direction is None:
+            return Load('excitation', *self.point, moment=size)
+        x, y = self.direction
+        return Load('excitation', *self.point, (x * size, y * size))
+
+
+class Point(NamedTuple):
+    """A state about which equations are linearised: n coordinates, c closure equations."""
+
+    q: Array  #: (n,) coordinates [rad, m]
+    v: Array  #: (n,) their rates
+    forces: Array  #: (c,) of the closures [N]
+    outside: Array  #: (k,) what loads ask for beside the motion
+
+
+class Linear(NamedTuple):
+    """Equations of n coordinates near a point; rows and columns are in their order."""
+
+    F: Array  #: (n,) residual with the forces of the closures [N m, N]
+    closure: Array  #: (c,) [m]
+    J: Array  #: (c, n)
+    M: Array  #: (n, n) mass
+    C: Array  #: (n, n) damping and gyroscopic terms
+    K: Array  #: (n, n) stiffness
+    input: Array  #: (n,) generalised forces per unit of the excitation
+
+
+class Linearisation:
+    """The derivatives of a mechanism's equations of motion.
+
+    Parameters
+    ----------
+    mechanism : the tree of links, n coordinates
+    relations : its closures
+    driven : coordinates whose motion is given
+    torques : laws of the coordinates that a torque or a force moves
+    elements : springs, dampers and loads
+    motors : of coordinates among those in `torques`
+    excitation : an external force, for `Linear.input`
+
+    Attributes
+    ----------
+    free : indices of the coordinates that are not driven
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        relations: Sequence[Relation],
+        driven: Sequence[str],
+        torques: Sequence[TorqueLaw] = (),
+        elements: Sequence[ForceElement] = (),
+        motors: Sequence[Motor] = (),
+        excitation: Excitation | None = None,
+    ) -> None:
+        self.coordinates = mechanism.coordinates
+        self.free = [i for i, c in enumerate(self.coordinates) if c not in driven]
+        self.scale = np.array(
+            [mechanism.size if c in mechanism.displacements else 1.0 for c in self.coordinates]
+        )
+        self._relations, self._elements = tuple(relations), tuple(elements)
+        self._torques, self._motors = tuple(torques), tuple(motors)
+        self._size = hy.make_vars('excitation')
+        self._excitation = excitation
+        self.equations = Equations(mechanism, relations=relations)
+        counts = [len(r.values(self.equations.frames)) for r in relations]
+        self._forces = [
+            [hy.make_vars(f'force{k}_{i}') for i in range(n)] for k, n in enumerate(counts)
+        ]
+        frames = self.equations.frames
+        self._loads = [x for e in self._elements for x in e.loads(frames)]
+        if excitation:
+            self._loads.append(excitation.load(self._size))
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """What must be known beside the motion: ``time``, ``COORDINATE.turns``."""
+        return tuple(self.equations.frames.outside)
+
+    def _variables(self) -> list[hy.expression]:
+        frames = self.equations.frames
+        forces = [x for group in self._forces for x in group]
+        return [
+            *frames.q.values(), *frames.v.values(), *frames.a.values(), *forces, self._size,
+            *frames.outside.values(),
+        ]  # fmt: skip
+
+    @cached_property
+    def _residual(self) -> list[Term]:
+        """``M a + bias - Q - J^T lambda``, without what holds the driven coordinates."""
+        eq = self.equations
+        frames, applied = eq.frames, generalised(self._loads, eq.frames, eq.mechanism)
+        for law in self._torques:
+            constant, per_angle, per_speed = (
+                frames.parameters(f'drives:{law.coordinate}.torque.{k}', x)
+                for k, x in enumerate(law.coefficients)
+            )
+            c = law.coordinate
+            torque = add(constant, mul(per_angle, frames.q[c]), mul(per_speed, frames.v[c]))
+            applied[c] = add(applied.get(c), torque)
+        for motor in self._motors:
+            c = motor.coordinate
+            applied[c] = add(applied.get(c), motor.torque(frames))
+        forces = [x for group in self._forces for x in group]
+        rows = [jet.row(eq.coordinates) for jet in eq.relation_jets]
+        closing = [dot([row[i] for row in rows], forces) for i in range(len(eq.coordinates))]
+        needed = generalized_forces(eq, dict(frames.a))
+        return [
+            add(x, neg(applied.get(c)), neg(y))
+            for c, x, y in zip(eq.coordinates, needed, closing, strict=True)
+        ]
+
+    @cached_property
+    def _function(self) -> SwitchedFunction:
+        eq, F = self.equations, self._residual
+        frames = eq.frames
+        groups = [
+            F,
+            [jet.value for jet in eq.relation_jets],
+            [x for jet in eq.relation_jets for x in jet.row(eq.coordinates)],
+            *(_slopes(F, [*x.values()]) for x in (frames.a, frames.v, frames.q)),
+            _slopes(F, [self._size]),
+        ]
+        return SwitchedFunction(frames, groups, self._variables())
+
+    def _inputs(self, at: Point, a: Array) -> Array:
+        return np.concatenate([at.q, at.v, a, at.forces, [0.0], at.outside])[:, None]
+
+    def __call__(self, at: Point, a: Array | None = None) -> Linear:
+        """Matrices at a point, where the accelerations are `a` (n,), or zero."""
+        n = len(self.coordinates)
+        none = np.zeros(n)
+        found = self._function(self._inputs(at, none if a is None else a))
+        F, closure, J, M, C, K, b = (x[:, 0] for x in found)
+        return Linear(
+            F, closure, J.reshape(-1, n), M.reshape(n, n), C.reshape(n, n), K.reshape(n, n), -b
+        )
+
+    def point(self, q: Array, v: Array) -> Point:
+        """A point at time zero, without forces of the closures."""
+        count = sum(map(len, self._forces))
+        self._function  # noqa: B018 - asks for all that is outside
+        return Point(q, v, np.zeros(count), np.zeros(len(self.outside)))
+
+    def basis(self, J: Array) -> tuple[Array, list[int]]:
+        """How all coordinates move with the independent ones, driven coordinates at rest.
+
+        Returns
+        -------
+        B (n, f), and the f independent coordinates, chosen so that the others follow well
+        """
+        n, free = len(self.coordinates), self.free
+        scaled = J[:, free] * self.scale[free]
+        if not (len(scaled) and free):
+            return np.eye(n)[:, free], list(free)
+        _, R, order = scipy.linalg.qr(scaled, mode='economic', pivoting=True)
+        size = np.abs(np.diag(R))
+        rank = int((size > 1e-10 * size[0]).sum())
+        dependent = [free[i] for i in order[:rank]]
+        independent = sorted(free[i] for i in order[rank:])
+        B = np.eye(n)[:, independent]
+        B[dependent] = -np.linalg.lstsq(J[:, dependent], J[:, independent])[0]
+        return B, independent
+
+    def equilibrium(self, at: Point) -> Point | None:
+        """The point near another at which no coordinate accelerates; driven ones stay.
+
+        By Newton's method, downhill where the potential is not convex, so that what is found is
+        stable if the forces have a potential. Rates stay too. None if there is no such point.
+
+        Raises
+        ------
+        FloatingPointError
+            If forces or their slopes are not finite on the way.
+        """
+        for _ in range(_STEPS):
+            at = self._closed(at)
+            linear = self(at)
+            if not all(np.isfinite(x).all() for x in linear):
+                raise FloatingPointError
+            B, _ = self.basis(linear.J)
+            g, K = B.T @ linear.F, B.T @ linear.K @ B
+            scale = 1.0 / np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
+            g, K = scale * g, scale[:, None] * K * scale
+            values, vectors = np.linalg.eigh((K + K.T) / 2.0)
+            held = np.abs(values) > _FREE * np.abs(values).max(initial=0.0)
+            along = vectors.T @ g
+            if (held & (values > 0.0)).all():
+                step = -np.linalg.solve(K, g)
+            else:
+                along[~held] = 0.0
+                step = -vectors @ (along / np.where(held, np.abs(values), 1.0))
+            size = np.abs(step).max(initial=0.0)
+            q = at.q + B @ (scale * step) * min(1.0, 0.5 / max(size, 1e-300))
+            at = at._replace(q=q)
+            if size <= 1e-14:
+                break
+        else:
+            if size > _SMALL:
+                return None
+        at = self._closed(at)
+        linear = self(at)
+        left, parts = self.basis(linear.J)[0].T @ linear.F, self._largest_force(at, linear)
+        return at if np.abs(left / parts).max(initial=0.0) <= _SMALL else None
+
+    def _largest_force(self, at: Point, linear: Linear) -> float:
+        """Scale of generalised forces: what the stiffness and the closures take."""
+        inertia = float(np.abs(linear.M).max(initial=0.0))
+        stiff = float(np.abs(linear.K * self.scale).max(initial=0.0))
+        held = float(np.abs(linear.J.T @ at.forces).max(initial=0.0))
+        return max(stiff, held, inertia * 1e-3, 1e-300)
+
+    def _closed(self, at: Point) -> Point:
+        """The nearest point with closed loops, and the forces of the closures there."""
+        if not self._relations:
+            return at
+        q = at.q.copy()
+        for _ in range(_STEPS):
+            linear = self(at._replace(q=q))
+            step = np.linalg.lstsq(linear.J[:, self.free] * self.scale[self.free],
+                                   -linear.closure)[0]  # fmt: skip
+            q[self.free] += self.scale[self.free] * step
+            if np.abs(step).max(initial=0.0) <= 1e-15:
+                break
+        bare = self(at._replace(q=q, forces=np.zeros_like(at.forces)))
+        forces = np.linalg.lstsq(bare.J[:, self.free].T, bare.F[self.free])[0]
+        return at._replace(q=q, forces=np.asarray(forces, np.float64))
+
+    def reaction(self, joint: str, at: Point) -> tuple[Array, Array, Array, Array, Array]:
+        """Derivatives of a joint's force (x, y) [N] by q, v, a (2, n), closures and excitation.
+
+        The force is that of the first-named on the second-named link.
+        """
+        eq = self.equations
+        frames = eq.frames
+        cut = {
+            r.name: r.wrench(frames, own)
+            for r, own in zip(self._relations, self._forces, strict=True)
+        }
+        wrench = tree_reactions(eq, dict(frames.a), cut, self._loads)[joint]
+        forces = [x for group in self._forces for x in group]
+        groups = [
+            _slopes([wrench.x, wrench.y], by)
+            for by in (
+                [*frames.q.values()], [*frames.v.values()], [*frames.a.values()], forces,
+                [self._size],
+            )
+        ]  # fmt: skip
+        found = SwitchedFunction(frames, groups, self._variables())(
+            self._inputs(at, np.zeros(len(self.coordinates)))
+        )
+        q, v, a, f, size = (x[:, 0].reshape(2, -1) for x in found)
+        return q, v, a, f, size
+
+
+def _slopes(terms: Sequence[Term], by: Sequence[hy.expression]) -> list[Term]:
+    """Derivatives of each term by each symbol, structural zeros as such."""
+    found: list[Term] = []
+    for term in terms:
+        known = set() if term is None else set(hy.get_variables(dense(term)))
+        found += [hy.diff(term, x) if str(x) in known else None for x in by]
+    return found

@@ -1,0 +1,111 @@
+"""Bevel gears."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Annotated
+
+from pydantic import Field
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.gears.forces import pitch_angles
+from mechanism_sim.gears.spatial import BevelPair
+from mechanism_sim.scene.gear_keys import MOST_TEETH
+from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.kinds.transmission import CarrierKeys, carrier_of
+from mechanism_sim.scene.quantities import Angle, Displacement, Length, Position
+
+_Count = Annotated[int, Field(ge=1, le=MOST_TEETH)]
+
+
+class SpatialKeys(CarrierKeys):
+    """Gears on shafts at an angle."""
+
+    teeth: tuple[_Count, _Count] | None = None
+    """Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel. Required."""
+    pressure_angle: Angle | None = None
+    """Of a bevel pair; of a worm pair in the plane normal to the thread; 20 deg without it."""
+    facing: tuple[Angle, Angle] | None = None
+    """Where each of such a pair has its mate, seen from its shaft; without it 0 and 180 deg."""
+    along: tuple[Position, Position] | None = None
+    """Where both of such a pair lie along their shafts; in the plane of the machine without it."""
+
+
+class BevelKeys(SpatialKeys):
+    """Straight bevel gears."""
+
+    bevel: Reference | None = None
+    """Two links with bevel gears, whose axes point away from the apex: they turn opposite ways."""
+    module: Length | None = None
+    """Of a bevel pair, at the back of its teeth; required."""
+    face_width: Displacement | None = None
+    """Of a bevel pair: length of its teeth, in whose middle the force acts; required."""
+    shaft_angle: Angle | None = None
+    """Of a bevel pair: between the axes; 90 deg without it."""
+
+
+def needed(places: Names, name: str, joint: SpatialKeys, *keys: str) -> None:
+    """Refuse a pair without one of these keys, or with a wrong pressure angle.
+
+    Raises
+    ------
+    InputError
+    """
+    where = f'{places.name}: joints.{name}'
+    for key in keys:
+        if getattr(joint, key) is None:
+            raise InputError(f'{where}.{key} is missing: a {joint.kind} pair needs it')
+    if joint.pressure_angle is not None and not 0.0 < joint.pressure_angle < math.pi / 4:
+        raise InputError(f'{where}.pressure_angle must lie between 0 and 45 deg')
+
+
+def pressure_angle_of(joint: SpatialKeys) -> float:
+    """That of the pair [rad]."""
+    return math.radians(20.0) if joint.pressure_angle is None else joint.pressure_angle
+
+
+def placed(joint: SpatialKeys) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Where both have their mates [rad], and lie along their shafts [m]."""
+    return joint.facing or (0.0, math.pi), joint.along or (0.0, 0.0)
+
+
+def _read(places: Names, name: str, joint: BevelKeys) -> BevelPair:
+    """A bevel pair.
+
+    Raises
+    ------
+    InputError
+        If keys are missing, shafts do not meet, or teeth reach beyond the apex.
+    """
+    needed(places, name, joint, 'teeth', 'module', 'face_width')
+    where = f'{places.name}: joints.{name}'
+    (a, on_a), (b, on_b) = places.ends(name, joint)
+    module, width = joint.module or 0.0, joint.face_width or 0.0
+    one, two = joint.teeth or (1, 1)
+    angle = 0.5 * math.pi if joint.shaft_angle is None else joint.shaft_angle
+    if not 0.0 < angle < math.pi:
+        raise InputError(f'{where}.shaft_angle must lie between 0 and 180 deg')
+    cones = pitch_angles(two / one, angle)
+    if max(cones) >= 0.5 * math.pi:
+        raise InputError(
+            f'{where}: at a shaft angle of {math.degrees(angle):g} deg one of the '
+            'gears has no cone, but an opening of 180 deg or more: take a smaller shaft_angle'
+        )
+    length = 0.5 * module * one / math.sin(cones[0])
+    if width >= length:
+        raise InputError(
+            f'{where}.face_width = {width:g} m must be less than {length:.6g} m, from back to apex'
+        )
+    first, second = (
+        0.5 * module * n - 0.5 * width * math.sin(cone)
+        for n, cone in zip((one, two), cones, strict=True)
+    )
+    return BevelPair(
+        name, a, b, on_a, on_b, Fraction(-one, two), joint.phase,
+        carrier_of(places, name, joint), *placed(joint), (first, second), cones,
+        pressure_angle_of(joint),
+    )  # fmt: skip
+
+
+register(JointKind('bevel', BevelKeys, _read, firm='bevel gears have no play here'))

@@ -1,0 +1,66 @@
+"""Worms and their wheels."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any, Literal
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.gears.forces import WormPair
+from mechanism_sim.gears.spatial import WormDrive
+from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
+from mechanism_sim.scene.kinds.bevel import SpatialKeys, needed, placed, pressure_angle_of
+from mechanism_sim.scene.kinds.transmission import carrier_of
+from mechanism_sim.scene.quantities import Angle, Length
+
+
+class WormKeys(SpatialKeys):
+    """A worm and its wheel on shafts at 90 degrees."""
+
+    worm: Reference | None = None
+    """Links of a worm and of its wheel."""
+    diameter: Length | None = None
+    """Pitch diameter of a worm; required."""
+    lead_angle: Angle | None = None
+    """Of a worm's thread, which is the helix angle of its wheel; required."""
+    hand: Literal['right', 'left'] | None = None
+    """Of a worm, right without it: then its wheel turns the same way, each seen on its axis."""
+
+
+def _read(places: Names, name: str, joint: WormKeys) -> WormDrive:
+    """A worm and its wheel.
+
+    Raises
+    ------
+    InputError
+        If keys are missing, or angles are out of bounds.
+    """
+    needed(places, name, joint, 'teeth', 'diameter', 'lead_angle')
+    (a, on_a), (b, on_b) = places.ends(name, joint)
+    threads, teeth = joint.teeth or (1, 1)
+    try:
+        sizes = WormPair(
+            threads,
+            teeth,
+            joint.diameter or 0.0,
+            joint.lead_angle or 0.0,
+            pressure_angle_of(joint),
+        )
+    except InputError as error:
+        raise InputError(f'{places.name}: joints.{name}: {error}') from error
+    hand = -1 if joint.hand == 'left' else 1
+    return WormDrive(
+        name, a, b, on_a, on_b, Fraction(hand * threads, teeth), joint.phase,
+        carrier_of(places, name, joint), *placed(joint), sizes, hand,
+    )  # fmt: skip
+
+
+def _notes(_: Any, pair: WormDrive) -> list[str]:
+    """The friction that it could bear."""
+    return [
+        f'{pair.name}: friction is left out; from a coefficient of '
+        f'{pair.worm.locking_friction:.4g} on the wheel could not drive the worm'
+    ]
+
+
+register(JointKind('worm', WormKeys, _read, firm='a worm has no play here', notes=_notes))

@@ -1,0 +1,363 @@
+"""Natural frequencies, damping ratios and mode shapes of a scene: at rest, over angle or speed.
+
+The equations are linearised by exact derivatives (`mechanism_sim.planar.linearisation`) about the
+static equilibrium near the start. Joints with clearance count as ideal, prescribed drives as held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.drive import TorqueLaw
+from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.oscillators import read_frame
+from mechanism_sim.vibration import state_space
+from mechanism_sim.vibration.systems import ROUNDING, System
+
+ComplexArray = NDArray[np.complex128]
+
+#: of damped roots, against the largest, below which one is that of a rigid-body mode: a double
+#: root that is zero splits by the square root of rounding
+_RIGID = 1e-7
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A way to vibrate freely.
+
+    Attributes
+    ----------
+    frequency : natural frequency |root|/2 pi [Hz]; 0 for a rigid-body mode
+    damping_ratio : -Re(root)/|root|; above 1 if overdamped, negative if it grows
+    shape : complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1;
+        angles are compared with displacements over the size of the mechanism
+    """
+
+    frequency: float
+    damping_ratio: float
+    shape: dict[str, complex]
+
+    @property
+    def damped_frequency(self) -> float:
+        """Frequency of the free vibration [Hz]; 0 where it does not oscillate."""
+        square = (1.0 - self.damping_ratio) * (1.0 + self.damping_ratio)
+        return self.frequency * float(np.sqrt(max(square, 0.0)))
+
+
+class Station(NamedTuple):
+    """The modes at one place of the drive and one speed."""
+
+    position: dict[str, float]  #: of all coordinates, where they are linearised [rad, m]
+    speed: float  #: of the drive [rad/s, m/s]
+    modes: list[Mode]
+
+
+@dataclass(frozen=True)
+class LinearMachine:
+    """A scene linearised about one point: ``M z'' + C z' + K z = B^T f``.
+
+    Attributes
+    ----------
+    derivatives : of its equations of motion
+    at : the point
+    linear : the equations of all coordinates there
+    B : (n, f) how all coordinates move with the f independent ones
+    independent : their indices
+    """
+
+    machine: Machine
+    derivatives: Linearisation
+    at: Point
+    linear: Linear
+    B: Array
+    independent: list[int]
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, damping and stiffness (f, f) of the independent coordinates."""
+        M, C, K = (self.B.T @ x @ self.B for x in (self.linear.M, self.linear.C, self.linear.K))
+        return M, C, K
+
+    def modes(self) -> list[Mode]:
+        """The slowest first.
+
+        Raises
+        ------
+        InputError
+            If a coordinate has no mass.
+        """
+        M, C, K = self.matrices
+        names = self.derivatives.coordinates
+        size = np.sqrt(np.abs(np.diag(M)))
+        light = size == 0.0
+        if light.any() or np.linalg.eigvalsh(M / np.outer(size, size)).min() < 1e-13:
+            weak = names[self.independent[int(size.argmin())]]
+            raise InputError(
+                f'{self.machine.name}: there is no mass that moves with {weak}: give its link '
+                "'mass' and 'inertia'"
+            )
+        free = self.derivatives.free
+        B, scale = self.B[free], self.derivatives.scale[free]
+        return [
+            Mode(frequency, ratio, _shape([names[i] for i in free], B @ z, scale))
+            for frequency, ratio, z in natural_modes(M, C, K)
+        ]
+
+
+def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, ComplexArray]]:
+    """Frequencies [Hz], damping ratios and shapes (f,) of ``M z'' + C z' + K z = 0``.
+
+    Proportional damping gives one mode for each coordinate, overdamped ones too; any other gives
+    one for each pair of conjugate roots and one for each real root.
+    """
+    scale = 1.0 / np.sqrt(np.diag(M))
+    M, C, K = (scale[:, None] * x * scale for x in (M, C, K))
+    symmetric = np.abs(K - K.T).max() <= 1e-10 * np.abs(K).max()
+    tidy = (K + K.T) / 2.0 if symmetric else K
+    least = np.linalg.eigvalsh((K + K.T) / 2.0)[0]
+    if symmetric and np.abs(C - C.T).max() <= 1e-10 * np.abs(C).max() and (
+        least >= -ROUNDING * len(K) * np.abs(K).max()
+    ):  # fmt: skip
+        lifted = tidy + max(0.0, -float(least)) * np.eye(len(K))
+        try:
+            found = System((M + M.T) / 2.0, (C + C.T) / 2.0, lifted).modes
+        except InputError:  # a negative eigenvalue by rounding
+            found = None
+        if found is not None and found.decay_rates is not None:
+            w, a = found.frequencies, found.decay_rates
+            w = np.where(w <= np.sqrt(ROUNDING) * w.max(initial=0.0), 0.0, w)
+            ratios = [float(x / y) if y else float(x > 0.0) for x, y in zip(a, w, strict=True)]
+            shapes = (scale[:, None] * found.shapes).astype(complex)
+            return list(zip((w / (2.0 * np.pi)).tolist(), ratios, shapes.T, strict=True))
+    roots, vectors = scipy.linalg.eig(state_space.state_matrix(M, C, tidy))
+    roots[np.abs(roots) <= _RIGID * np.abs(roots).max()] = 0.0
+    shapes = scale[:, None] * vectors[: len(M)]
+    kept = roots.imag >= 0.0
+    zeros = np.flatnonzero(roots == 0.0)
+    kept[zeros[len(zeros) // 2 + len(zeros) % 2 :]] = False  # two for each rigid-body mode
+    order = sorted(np.flatnonzero(kept), key=lambda i: (abs(roots[i]), roots[i].real))
+    return [
+        (
+            float(abs(roots[i]) / (2.0 * np.pi)),
+            float(-roots[i].real / abs(roots[i])) if roots[i] else 0.0,
+            shapes[:, i],
+        )
+        for i in order
+    ]
+
+
+def _shape(names: Sequence[str], amplitudes: ComplexArray, scale: Array) -> dict[str, complex]:
+    """Amplitudes over the largest of them."""
+    largest = amplitudes[np.abs(amplitudes / scale).argmax()]
+    return dict(zip(names, (amplitudes / largest).tolist(), strict=True))
+
+
+def derivatives(machine: Machine, excitation: Excitation | None = None) -> Linearisation:
+    """The derivatives of a machine's equations of motion, its joints ideal.
+
+    Raises
+    ------
+    InputError
+        If nothing can vibrate, or links have no mass.
+    """
+    plan, ideal = machine.plan, machine.plan.ideal
+    if not plan.weighed:
+        raise InputError(
+            f"{machine.name}: links without mass do not vibrate: give every link 'mass' and "
+            "'inertia'"
+        )
+    laws = [plan.laws[c][0] for c in plan.powered]
+    found = Linearisation(
+        ideal, closures(ideal, ideal.cut), plan.prescribed,
+        [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal), plan.motors,
+        excitation,
+    )  # fmt: skip
+    if machine.assembly.freedom + len(plan.powered) == 0:
+        raise InputError(
+            f'{machine.name}: nothing can vibrate: its drives prescribe the whole motion; give '
+            "'drive.torque' instead of a speed, or a link that moves on springs"
+        )
+    return found
+
+
+def linearised(
+    machine: Machine,
+    excitation: Excitation | None = None,
+    start: Array | None = None,
+    speed: float = 0.0,
+    known: Linearisation | None = None,
+) -> LinearMachine:
+    """A machine near its equilibrium, driven coordinates held or turning steadily.
+
+    Parameters
+    ----------
+    start : (n,) near which the equilibrium is sought, driven coordinates where they stay; the
+        start of the scene if not given
+    speed : of the main drive [rad/s, m/s]; links that it carries turn with it
+    known : derivatives of the same machine
+
+    Raises
+    ------
+    InputError
+        If nothing can vibrate, there is no equilibrium, or the speed moves links against each
+        other.
+    """
+    found = known or derivatives(machine, excitation)
+    q = machine.assembly.q if start is None else start
+    try:
+        at = found.equilibrium(found.point(np.array(q, float), _rates(machine, speed)))
+    except FloatingPointError:
+        raise InputError(
+            f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
+            "spring whose ends meet has no direction (set them apart, with a 'free_length'), and "
+            'a formula may be out of its range'
+        ) from None
+    if at is None:
+        raise InputError(
+            f'{machine.name}: no equilibrium was found near the start'
+            f'{f" at a speed of {speed:g}" if speed else ""}: something must hold every '
+            "coordinate that a weight, a load or a drive's torque moves; start nearer to it by "
+            "'initial.position'"
+        )
+    linear = found(at)
+    if np.abs(linear.J @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
+        raise InputError(
+            f'{machine.name}: at a steady speed of {machine.main} its links move against each '
+            'other, so the modes change over the turn: take --along'
+        )
+    return LinearMachine(machine, found, at, linear, *found.basis(linear.J))
+
+
+def _rates(machine: Machine, speed: float) -> Array:
+    """Rates (n,) of a steady motion: the main drive, and the angles of the links it carries."""
+    mechanism = machine.plan.ideal
+    rates = np.zeros(len(mechanism.coordinates))
+    if not speed:
+        return rates
+    turned = {machine.main}
+    for link in mechanism.tree_joints:
+        parent = mechanism.parent(link)
+        if parent != GROUND and mechanism.frame(parent)[0] in turned:
+            turned.add(mechanism.frame(link)[0])
+    straight = machine.main in mechanism.displacements
+    turned = {machine.main} if straight else turned
+    for c in turned:
+        if c in mechanism.coordinates:
+            rates[mechanism.coordinates.index(c)] = speed
+    return rates
+
+
+def modes(machine: Machine) -> list[Mode]:
+    """The modes of a machine about its static equilibrium, and of its frames on springs.
+
+    Raises
+    ------
+    InputError
+        If nothing can vibrate, or there is no equilibrium.
+    """
+    found = [mode for name in machine.scene.oscillators for mode in _frame_modes(machine, name)]
+    if found and not machine.torque_driven:
+        return found
+    return sorted([*found, *linearised(machine).modes()], key=lambda m: m.frequency)
+
+
+def _frame_modes(machine: Machine, name: str) -> list[Mode]:
+    """The modes of a frame, which the machine does not feel."""
+    frame = read_frame(machine, name)
+    scale = np.array([machine.plan.ideal.size, machine.plan.ideal.size, 1.0])[: frame.freedom]
+    names = [f'{name}.{part}' for part in ('x', 'y', 'angle')[: frame.freedom]]
+    return [
+        Mode(f, ratio, _shape(names, z, scale))
+        for f, ratio, z in natural_modes(frame.M, frame.C, frame.K)
+    ]
+
+
+def along(machine: Machine, count: int) -> list[Station]:
+    """The modes with the drive held at `count` places around its turn.
+
+    At each the equilibrium is sought from that at the place before.
+
+    Raises
+    ------
+    InputError
+        As `linearised`; or if no drive prescribes an angle.
+    """
+    if count < 1:
+        raise InputError(f'--along {count}: expected 1 angle or more')
+    main = _turning(machine, '--along')
+    found = derivatives(machine)
+    k, q = found.coordinates.index(main), machine.assembly.q.copy()
+    first, stations = q[k], []
+    for i in range(count):
+        # small steps, so that loops stay on their branch
+        turn = first + 2.0 * np.pi * i / count
+        while True:
+            q[k] += np.clip(turn - q[k], -0.1, 0.1)
+            one = linearised(machine, start=q, known=found)
+            q = one.at.q.copy()
+            if q[k] == turn:
+                break
+        stations.append(_station(one, 0.0))
+    return stations
+
+
+def campbell(machine: Machine, speeds: Array) -> list[Station]:
+    """The modes at steady speeds (s,) [rad/s] of the drive, about the relative equilibrium.
+
+    Raises
+    ------
+    InputError
+        As `linearised`; or if no drive prescribes an angle.
+    """
+    _turning(machine, '--speeds')
+    found = derivatives(machine)
+    return [
+        _station(linearised(machine, speed=float(speed), known=found), float(speed))
+        for speed in speeds
+    ]
+
+
+def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[float]:
+    """Speeds [rad/s] at which a natural frequency is that of the rotation, between stations."""
+    known, found = derivatives(machine), []
+
+    def above(speed: float, k: int) -> float:
+        modes = linearised(machine, speed=speed, known=known).modes()
+        return modes[min(k, len(modes) - 1)].frequency - abs(speed) / (2.0 * np.pi)
+
+    for a, b in pairwise(stations):
+        for k in range(min(len(a.modes), len(b.modes))):
+            ends = [x.modes[k].frequency - abs(x.speed) / (2.0 * np.pi) for x in (a, b)]
+            if ends[0] == 0.0 and a.speed:
+                found.append(a.speed)
+            elif ends[0] * ends[1] < 0.0:
+                found.append(scipy.optimize.brentq(above, a.speed, b.speed, (k,), rtol=1e-14))
+    return sorted(found)
+
+
+def _turning(machine: Machine, option: str) -> str:
+    """The main drive's coordinate."""
+    plan = machine.plan
+    if machine.main not in plan.prescribed or machine.main in plan.ideal.displacements:
+        raise InputError(
+            f'{machine.name}: {option} needs a drive that prescribes an angle: give '
+            "'drive.coordinate' and 'drive.speed'"
+        )
+    return machine.main
+
+
+def _station(one: LinearMachine, speed: float) -> Station:
+    position = dict(zip(one.derivatives.coordinates, one.at.q.tolist(), strict=True))
+    return Station(position, speed, one.modes())

@@ -1,0 +1,519 @@
+"""Modes and steady responses of scenes, against closed forms and against simulation."""
+
+import json
+
+import numpy as np
+import pytest
+from running import run
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.start_configuration import joint_forces
+from mechanism_sim.study.modes import (
+    along,
+    campbell,
+    critical_speeds,
+    linearised,
+    modes,
+    natural_modes,
+)
+from mechanism_sim.study.response import harmonics, read_source, response
+from mechanism_sim.vibration.damping import damping_ratio, logarithmic_decrement
+from mechanism_sim.vibration.excitation import relative_transmissibility
+from mechanism_sim.vibration.rotors import Rotor
+from mechanism_sim.vibration.single import Oscillator
+from mechanism_sim.vibration.systems import chain
+from mechanism_sim.vibration.two_masses import TwoMasses
+
+TURN = 2.0 * np.pi
+EXACT = {'rel': 1e-10, 'abs': 1e-13}
+
+
+def scene(**parts):
+    whole = {'title': 's', 'mechanism': 'linkage', 'gravity': [0.0, 0.0], **parts}
+    return build('s', Scene.model_validate(whole))
+
+
+def row(masses, stiffnesses, dampings, **more):
+    """Masses in a row along x, the first one on a spring to the ground."""
+    names = [f'm{k}' for k in range(len(masses))]
+    ends = ['ground', *names]
+    return scene(
+        links={n: {'mass': m} for n, m in zip(names, masses, strict=True)},
+        joints={f'g_{n}': {'prismatic': ['ground', n]} for n in names},
+        springs={
+            f's{k}': {
+                'between': [ends[k], ends[k + 1]],
+                'stiffness': f'{x} N/m',
+                'damping': f'{c} N s/m',
+                'free_length': 1.0,
+            }
+            for k, (x, c) in enumerate(zip(stiffnesses, dampings, strict=True))
+        },
+        initial={'position': {n: f'{k + 1.05} m' for k, n in enumerate(names)}},
+        **more,
+    )
+
+
+def amplitudes(machine, quantity, frequency, **source):
+    found = response(machine, read_source(machine, **source), [quantity], np.array(frequency))
+    return found.amplitudes[quantity]
+
+
+@pytest.mark.parametrize('ratio', [0.0, 0.1, 1.0, 2.5])
+def test_a_mass_on_a_spring_is_an_oscillator(ratio):
+    o = Oscillator.of_ratio(12.0, ratio, 3.0)
+    machine = row([3.0], [o.stiffness], [o.damping])
+    (mode,) = modes(machine)
+    assert TURN * mode.frequency == pytest.approx(12.0, **EXACT)
+    assert mode.damping_ratio == pytest.approx(ratio, rel=1e-10, abs=1e-13)
+    f = np.array([0.0, 1.0, 1.8, 7.0])
+    found = amplitudes(machine, 'position.m0', f, force='m0', direction=0.0)
+    assert found == pytest.approx(o.receptance(TURN * f), **EXACT)
+    # the guide takes nothing of a force along it, and all of one across
+    across = amplitudes(machine, 'reaction.g_m0.y', f, force='m0', direction=np.pi / 2)
+    assert across == pytest.approx(-np.ones(4), **EXACT)
+
+
+def test_random_rows_have_the_modes_of_their_matrices():
+    rng = np.random.default_rng(24)
+    for _ in range(12):
+        n = int(rng.integers(1, 5))
+        m, k = rng.uniform(0.1, 5.0, n), rng.uniform(10.0, 3e3, n)
+        c = rng.uniform(0.0, 5.0, n) * rng.integers(0, 2)
+        machine, known = row(m, k, c), chain(m, k, c)
+        one = linearised(machine)
+        for mine, other in zip(
+            one.matrices, (known.mass, known.damping, known.stiffness), strict=True
+        ):
+            assert mine == pytest.approx(other, rel=1e-10, abs=1e-10 * np.abs(other).max())
+        roots = known.damped_modes.roots
+        expected = np.sort(np.abs(roots[roots.imag > 0.0]))
+        assert [TURN * x.frequency for x in one.modes() if abs(x.damping_ratio) < 1] == (
+            pytest.approx(expected, rel=1e-10)
+        )
+
+
+def test_two_masses_have_their_closed_form():
+    two = TwoMasses(18.0, 4.0, 2e4, 4e3, 30.0, 8.0)
+    machine = row([two.m1, two.m2], [two.k1, two.k2], [two.c1, two.c2])
+    f = np.array([0.5, 4.0, 6.5])
+    expected = two.steady(TURN * f)
+    for k in (0, 1):
+        found = amplitudes(machine, f'position.m{k}', f, force='m1', direction=0.0)
+        assert found == pytest.approx(expected[k], **EXACT)
+    still = row([two.m1, two.m2], [two.k1, two.k2], [0.0, 0.0])
+    found = modes(still)
+    assert [TURN * m.frequency for m in found] == pytest.approx(two.natural_frequencies, **EXACT)
+    ratios = [(m.shape['m1'] / m.shape['m0']).real for m in found]
+    assert ratios == pytest.approx(two.mode_ratios, **EXACT)
+
+
+def test_a_base_moves_the_mass_and_its_reaction():
+    machine = ms.load_scene('mass_on_spring')
+    o = Oscillator.of_coefficients(2.0, 4.0, 500.0)
+    f = np.array([0.0, 1.0, 2.5, 8.0])
+    moved = amplitudes(machine, 'position.mass', f, base='base')
+    assert moved == pytest.approx(o.transmissibility(TURN * f), **EXACT)
+    assert moved - 1.0 == pytest.approx(relative_transmissibility(o, TURN * f), **EXACT)
+
+
+def test_an_unbalance_shakes_by_its_first_harmonic():
+    machine = ms.load_scene('unbalanced_machine')
+    w = 20.0 * np.pi
+    o = Oscillator.of_coefficients(22.0, 100.0, 2e4)
+    series = harmonics(machine, ['position.machine', 'acceleration.machine'], 3).series
+    # the unbalance pushes upwards as m e w^2 sin(w t)
+    expected = -1j * 2.0 * 5e-3 * w**2 * o.receptance(w)
+    found = series['position.machine'].amplitudes
+    assert found == pytest.approx([expected, 0.0, 0.0], rel=1e-10, abs=1e-15)
+    assert series['acceleration.machine'].amplitudes[0] == pytest.approx(-(w**2) * expected)
+    # as the simulation has it once the start has died away, at 2.27/s
+    end = ms.simulate(machine, duration=10.0)
+    t = np.linspace(9.8, 9.9, 21)
+    seen = end.sample(t)['position.machine'] - (0.2 - 22.0 * 9.81 / 2e4)
+    assert seen == pytest.approx(series['position.machine'](t), rel=1e-7, abs=1e-12)
+
+
+def test_a_slider_crank_shakes_its_frame_as_simulated():
+    """All harmonics of its inertia forces; the moving masses do not depend on the crank angle."""
+    machine = scene(
+        links={
+            'frame': {'mass': 10.0},
+            'crank': {'length': 0.05, 'mass': 0.5, 'inertia': 1e-3, 'cog': 0.01},
+            'rod': {'length': 0.2, 'mass': 0.6, 'inertia': 3e-3, 'cog': 0.07},
+            'piston': {'mass': 0.8, 'inertia': 1e-3},
+        },
+        joints={
+            'ground_frame': {'prismatic': ['ground', 'frame']},
+            'frame_crank': {'revolute': ['frame', 'crank']},
+            'crank_rod': {'revolute': ['crank.end', 'rod']},
+            'rod_piston': {'revolute': ['rod.end', 'piston']},
+            'frame_piston': {'prismatic': ['frame', 'piston']},
+        },
+        springs={
+            'mount': {'between': ['ground', 'frame'], 'stiffness': '8 N/mm',
+                      'damping': '200 N s/m', 'free_length': 1.0},
+        },
+        drive={'coordinate': 'crank', 'speed': '20 rad/s', 'start_angle': '0 deg'},
+        initial={'position': {'frame': '1 m'}},
+        guess={'rod': '0 deg', 'piston': '0 deg'},
+    )  # fmt: skip
+    (mode,) = modes(machine)
+    assert TURN * mode.frequency == pytest.approx(np.sqrt(8e3 / 11.9), **EXACT)
+    series = harmonics(machine, ['position.frame'], 24).series['position.frame']
+    t = np.linspace(3.0, 3.3, 31)  # the start has died away, at 8.4/s
+    seen = ms.simulate(machine, duration=3.4).sample(t)['position.frame'] - 1.0
+    assert series(t) == pytest.approx(seen, abs=1e-9 * np.abs(seen).max() + 1e-13)
+
+
+def test_an_absorber_rests_the_machine():
+    series = harmonics(ms.load_scene('vibration_absorber'), [], 1).series
+    two = TwoMasses(20.0, 4.0, 2e4, 4.0 * (10.0 * np.pi) ** 2, 20.0, 1.0)
+    w = 10.0 * np.pi
+    expected = two.steady(w, 2.0 * 4e-3 * w**2, 0.0)
+    found = [series[f'position.{n}'].amplitudes[0] for n in ('machine', 'absorber')]
+    assert found == pytest.approx(expected, **EXACT)
+
+
+def test_a_load_over_time_has_harmonics():
+    loads = {'push': {'at': 'm0', 'force': ['3 + sin(4*t)**3', 0]}}
+    machine = row([2.0], [50.0], [4.0], loads=loads)
+    series = harmonics(machine, [], 3, TURN / 4.0).series['position.m0']
+    o = Oscillator.of_coefficients(2.0, 4.0, 50.0)
+    w = np.array([4.0, 8.0, 12.0])
+    force = np.array([-0.75j, 0.0, 0.25j])  # sin^3 = (3 sin - sin 3)/4
+    assert series.amplitudes == pytest.approx(force * o.receptance(w), **EXACT)
+
+
+def test_half_a_car_bounces_and_pitches():
+    """The stiffness of level springs under the ends of a body, with their small shear at work."""
+    machine = ms.load_scene('half_car')
+    one = linearised(machine)
+    M, C, K = one.matrices
+    assert pytest.approx(np.diag([700.0, 1200.0]), **EXACT) == M
+    y, pitch = one.at.q
+    assert one.derivatives.coordinates == ('guide', 'body')
+    assert abs(pitch) < 0.1
+    # by the energy of the springs alone, differentiated by complex steps of first derivatives
+    a, b, k = (1.3, -1.6), (1.3, -1.6), (22e3, 20e3)
+
+    def moments(y, p):
+        total = np.zeros(2, complex)
+        for ground, x, stiff in zip(a, b, k, strict=True):
+            dx, dy = x * np.cos(p) - ground, y + x * np.sin(p)
+            length = np.sqrt(dx**2 + dy**2)
+            pull = stiff * (length - 0.6) / length
+            total += pull * np.array([dy, dx * -x * np.sin(p) + dy * x * np.cos(p)])
+        return total
+
+    h = 1e-30
+    columns = [moments(y + 1j * h, pitch).imag / h, moments(y, pitch + 1j * h).imag / h]
+    assert pytest.approx(np.transpose(columns), rel=1e-10) == K
+    assert moments(y, pitch).real == pytest.approx([-700.0 * 9.81, 0.0], abs=1e-8)
+    assert [m.frequency for m in one.modes()] == pytest.approx(
+        [f for f, *_ in natural_modes(M, C, K)]
+    )
+
+
+def test_free_shafts_have_a_rigid_body_mode():
+    links = {n: {'mass': 1.0, 'inertia': x} for n, x in zip('abc', (1.0, 2.0, 3.0), strict=True)}
+    machine = scene(
+        links=links,
+        joints={f'j{n}': {'revolute': ['ground', n]} for n in 'abc'},
+        springs={
+            'ab': {'between': ['a', 'b'], 'stiffness': '50 N m/rad', 'damping': '0.3 N m s/rad'},
+            'bc': {'between': ['b', 'c'], 'stiffness': '70 N m/rad'},
+        },
+    )
+    found = modes(machine)
+    known = chain([1.0, 2.0, 3.0], [0.0, 50.0, 70.0], [0.0, 0.3, 0.0])
+    assert found[0].frequency == 0.0
+    assert [z.real for z in found[0].shape.values()] == pytest.approx([1.0] * 3, abs=1e-6)
+    roots = known.damped_modes.roots
+    expected = np.sort(np.abs(roots[roots.imag > 1.0]))
+    assert [TURN * m.frequency for m in found[1:]] == pytest.approx(expected, rel=1e-10)
+    with pytest.raises(InputError, match='resonance without damping'):
+        amplitudes(machine, 'position.a', [0.0, 1.0], torque='a')
+
+
+def test_equal_modes_are_two():
+    machine = scene(
+        links={'a': {'mass': 1.0}, 'b': {'mass': 1.0}},
+        joints={f'ground_{n}': {'prismatic': ['ground', n]} for n in 'ab'},
+        springs={
+            n: {'between': ['ground', n], 'stiffness': '9 N/m', 'free_length': 1.0} for n in 'ab'
+        },
+        initial={'position': {'a': '1 m', 'b': '1 m'}},
+    )
+    assert [TURN * m.frequency for m in modes(machine)] == pytest.approx([3.0, 3.0], **EXACT)
+
+
+def test_a_pendulum_swings_as_its_simulation_does():
+    (mode,) = modes(ms.load_scene('pendulum'))
+    assert TURN * mode.frequency == pytest.approx(np.sqrt(1.2 * 9.81 * 0.5 / 0.4), **EXACT)
+    amplitude = 1e-4
+    small = ms.load_scene('pendulum', {'initial.position.bar': f'{-np.pi / 2 + amplitude} rad'})
+    t = np.linspace(0.0, 3.0, 31)
+    seen = ms.simulate(small, duration=3.0).sample(t)['position.bar'] + np.pi / 2
+    assert seen == pytest.approx(amplitude * np.cos(TURN * mode.frequency * t), abs=1e-11)
+
+
+def test_a_machine_with_loops_swings_as_its_simulation_does():
+    catapult = ms.load_scene('catapult')
+    (mode,) = modes(catapult)
+    one = linearised(catapult)
+    q = dict(zip(one.derivatives.coordinates, one.at.q, strict=True))
+    amplitude = 1e-5
+    small = ms.load_scene(
+        'catapult', {'initial.position.arm': f'{q["arm"] + amplitude} rad',
+                     'guess.link': f'{q["link"]} rad', 'guess.carriage': f'{q["carriage"]} m'}
+    )  # fmt: skip
+    t = np.linspace(0.0, 1.0, 21)
+    seen = ms.simulate(small, duration=1.0).sample(t)
+    wave = amplitude * np.cos(TURN * mode.frequency * t)
+    assert seen['position.arm'] - q['arm'] == pytest.approx(wave, abs=1e-8)
+    assert seen['position.link'] - q['link'] == pytest.approx(
+        mode.shape['link'].real * wave, abs=1e-8
+    )
+
+
+def test_reactions_are_those_of_the_equations_of_motion():
+    """Forces at both ends of a small vibration, by the forward dynamics of the loaded machine."""
+    f, small = 2.0, 1e-4
+    shaken = ms.load_scene('catapult')
+    one = linearised(shaken)
+    names = [j.name for j in shaken.plan.joints]
+    wanted = [f'reaction.{name}.{axis}' for name in names for axis in 'xy']
+    places = [f'position.{c}' for c in one.derivatives.coordinates]
+    source = read_source(shaken, force='arm.cup', direction=np.pi / 2)
+    found = response(shaken, source, [*wanted, *places], np.array([f])).amplitudes
+    z = np.array([found[name][0] for name in places])
+
+    def forces(sign, phase):
+        turn = small * sign * np.exp(1j * phase)
+        content = shaken.scene.model_dump()
+        content['loads'] = {'push': {'at': 'arm.cup', 'force': [0.0, turn.real]}}
+        loaded = build('catapult', Scene.model_validate(content))
+        q, v = one.at.q + (z * turn).real, (1j * TURN * f * z * turn).real
+        return joint_forces(loaded, q[:, None], v[:, None], np.zeros((len(q), 1))).ravel()
+
+    for phase in (0.0, np.pi / 2):
+        change = (forces(1.0, phase) - forces(-1.0, phase)) / (2.0 * small)
+        expected = [(found[name][0] * np.exp(1j * phase)).real for name in wanted]
+        assert change == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def random_machine(rng, kind):
+    """Two links under springs, dampers and weight: free, or the end of the second one guided."""
+
+    def u(low, high):
+        return float(rng.uniform(low, high))
+
+    def link(length=None):
+        mass = {'mass': u(0.2, 2.0), 'inertia': u(0.01, 0.1)}
+        return mass if length is None else {**mass, 'length': length, 'cog': u(0.05, 0.3)}
+
+    ground = {'w': [u(0.3, 0.8), u(-0.8, 0.3)], 'o': [u(0.6, 0.9), u(-0.1, 0.1)]}
+    parts = {
+        'links': {'ground': {'points': ground}, 'a': link(u(0.2, 0.6)), 'b': link(u(0.5, 0.9))},
+        'joints': {'O': {'revolute': ['ground', 'a']}, 'A': {'revolute': ['a.end', 'b']}},
+        'springs': {
+            's': {'between': ['ground.w', 'b.end'], 'stiffness': f'{u(20, 300)} N/m',
+                  'damping': f'{u(0, 3)} N s/m', 'free_length': u(0.1, 0.3)},
+            't': {'between': ['a', 'b'], 'stiffness': f'{u(1, 8)} N m/rad',
+                  'damping': f'{u(0, 0.4)} N m s/rad', 'free_angle': f'{u(-1, 1)} rad'},
+        },
+        'gravity': [u(-3.0, 3.0), -9.81],
+        'guess': {'a': '-60 deg', 'b': '20 deg'},
+    }  # fmt: skip
+    if kind == 'four-bar':
+        parts['links']['c'] = link(u(0.5, 0.8))
+        parts['joints'] |= {'B': {'revolute': ['b.end', 'c.end']},
+                            'C': {'revolute': ['ground.o', 'c']}}  # fmt: skip
+        parts['guess']['c'] = '-80 deg'
+    elif kind == 'slider-crank':
+        parts['links']['c'] = link()
+        guide = {'prismatic': ['ground', 'c'], 'axis': f'{u(-20, 20)} deg'}
+        parts['joints'] |= {'B': {'revolute': ['b.end', 'c']}, 'C': guide}
+        parts['guess']['c'] = 0.8
+    elif kind == 'governed':
+        parts['drive'] = {'coordinate': 'a', 'torque': {
+            'constant': u(-1, 1), 'per_angle': -u(1, 9), 'per_speed': -u(0, 1)}}  # fmt: skip
+        parts['loads'] = {'f': {'at': 'b.end', 'force': [f'1-{u(0, 2)}*vx', '3*sin(x)-vy*y']}}
+    return scene(**parts)
+
+
+def accelerations(one, dz, dv):
+    """Of the independent coordinates beside the equilibrium, by the forward dynamics."""
+    machine, coordinates = one.machine, one.derivatives.coordinates
+    kinematics = machine.kinematics([coordinates[i] for i in one.independent])
+    q = kinematics.positions((one.at.q + one.B @ dz)[:, None])[0]
+    v = kinematics.rates(q, np.array(dv)[:, None])
+    torques = []
+    for c in machine.plan.powered:
+        i, (k0, k1, k2) = coordinates.index(c), machine.plan.laws[c][0].coefficients
+        torques.append(k0 + k1 * q[i] + k2 * v[i])
+    none = np.zeros((0, 1))
+    seen = machine.ideal_observer.observe(
+        q, v, none, np.zeros((0, 1), np.uint8), np.reshape(torques, (-1, 1))
+    )
+    return seen.acceleration[one.independent, 0]
+
+
+@pytest.mark.parametrize('kind', ['free', 'four-bar', 'slider-crank', 'governed'])
+def test_random_machines_accelerate_as_their_matrices_say(kind):
+    """By central differences over states that are compatible."""
+    rng, h = np.random.default_rng(6), 1e-5
+    for _ in range(3):
+        one = linearised(random_machine(rng, kind))
+        M, C, K = one.matrices
+        still, moved = np.zeros(len(M)), h * np.eye(len(M))
+        for matrix, states in (
+            (K, [(x, still) for x in moved]),
+            (C, [(still, x) for x in moved]),
+        ):
+            ahead, behind = (
+                np.array([accelerations(one, sign * a, sign * b) for a, b in states])
+                for sign in (1.0, -1.0)
+            )
+            expected = -np.linalg.solve(M, matrix)
+            size = np.abs(expected).max() + 1e-3
+            found = (ahead - behind).T / (2.0 * h)
+            assert found == pytest.approx(expected, abs=1e-7 * size)
+
+
+def rotating():
+    """A mass on two springs across each other in a frame that turns."""
+    spring = {'stiffness': '400 N/m', 'free_length': 1.0}
+    return scene(
+        links={
+            'frame': {'mass': 1.0, 'inertia': 1.0},
+            'a': {'mass': 1e-12, 'inertia': 0.0},
+            'b': {'mass': 1.0, 'inertia': 0.0},
+        },
+        joints={
+            'O': {'revolute': ['ground', 'frame']},
+            'along': {'prismatic': ['frame', 'a']},
+            'across': {'prismatic': ['a', 'b'], 'axis': '90 deg'},
+        },
+        springs={
+            'along': {'between': ['frame', 'a'], **spring},
+            'across': {'between': ['a', 'b'], **spring},
+        },
+        drive={'coordinate': 'frame', 'speed': '10 rad/s'},
+        initial={'position': {'a': '1 m', 'b': '1 m'}},
+    )
+
+
+def test_an_isotropic_rotor_whirls_forwards_and_backwards():
+    """Seen from the frame that turns at w, both whirls at wn come at |wn - w| and wn + w."""
+    machine = rotating()
+    for station in campbell(machine, np.array([1.0, 5.0, 15.0])):
+        found = [TURN * m.frequency for m in station.modes]
+        assert found == pytest.approx([20.0 - station.speed, 20.0 + station.speed], rel=1e-8)
+
+
+def test_critical_speeds_of_unequal_supports():
+    machine = ms.load_scene('rotor_on_supports')
+    stations = campbell(machine, np.linspace(10.0, 100.0, 4))
+    expected = [np.sqrt(25e3 / 10.0), np.sqrt(46e3 / 9.0)]
+    assert critical_speeds(machine, stations) == pytest.approx(expected, **EXACT)
+
+
+def test_a_rotor_whirls_on_its_orbit():
+    rotor = Rotor(9.0, 8e-3 / 9.0, (25e3, 46e3), (50.0, 60.0))
+    for speed in (30.0, 60.0, 90.0):  # below, between and above its critical speeds
+        turning = ms.load_scene('rotor_on_supports', {
+            'links.bearing.mass': '1e-12 kg', 'drive.speed': f'{speed} rad/s'})  # fmt: skip
+        series = harmonics(turning, [], 1).series
+        x, y = (series[f'position.{name}'].amplitudes[0] for name in ('bearing', 'hub'))
+        orbit = rotor.whirl(speed)
+        assert [x, y] == pytest.approx([orbit.x, orbit.y], **EXACT)
+    undamped = [TURN * m.frequency for m in modes(turning)]
+    assert undamped == pytest.approx([x.natural_frequency for x in rotor.directions], **EXACT)
+
+
+def test_a_mass_let_go_decays_by_its_decrement():
+    machine = ms.load_scene('mass_on_spring')
+    (mode,) = modes(machine)
+    period = 1.0 / mode.damped_frequency
+    t = np.arange(4) * period
+    seen = ms.simulate(machine, duration=2.0).sample(t)['position.mass']
+    heights = -(seen - (0.3 - 2.0 * 9.81 / 500.0))
+    assert damping_ratio(logarithmic_decrement(heights)) == pytest.approx(mode.damping_ratio)
+
+
+def test_modes_along_the_turn():
+    """A pendulum whose suspension a crank moves round a circle, held where it is."""
+    machine = scene(
+        links={
+            'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.1},
+            'bar': {'mass': 1.0, 'inertia': 0.2, 'cog': 0.5},
+        },
+        joints={'O': {'revolute': ['ground', 'crank']}, 'A': {'revolute': ['crank.end', 'bar']}},
+        gravity=[0.0, -9.81],
+        drive={'coordinate': 'crank', 'speed': '10 rad/s'},
+        initial={'position': {'bar': '-80 deg'}},
+    )
+    stations = along(machine, 5)
+    assert [s.position['crank'] for s in stations] == pytest.approx(TURN * np.arange(5) / 5)
+    expected = np.sqrt(9.81 * 0.5 / (0.2 + 0.25))
+    assert [TURN * s.modes[0].frequency for s in stations] == pytest.approx([expected] * 5)
+
+
+def test_frames_on_springs_have_their_modes():
+    machine = ms.load_scene('four_bar_on_frame')
+    expected = machine.shaken_frame('frame')[0].frequencies
+    assert [m.frequency for m in modes(machine)] == pytest.approx(expected, rel=2e-3)
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(InputError, match='nothing can vibrate'):
+        modes(ms.load_scene('four_bar_nominal'))
+    with pytest.raises(InputError, match='no equilibrium'):
+        modes(ms.load_scene('belt_drive'))
+    with pytest.raises(InputError, match='links without mass'):
+        modes(ms.load_scene('four_bar_crossed'))
+    machine = ms.load_scene('mass_on_spring')
+    for wrong, message in (
+        ({}, 'give one of'),
+        ({'base': 'mass'}, 'no coordinate that a drive prescribes'),
+        ({'force': 'mass'}, 'belong together'),
+        ({'torque': 'ground'}, 'ground does not move'),
+        ({'torque': 'mas'}, "no link 'mas'; did you mean 'mass'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_source(machine, **wrong)
+    absorber = ms.load_scene('vibration_absorber')
+    with pytest.raises(InputError, match='torque motor moves nothing'):
+        amplitudes(absorber, 'position.machine', [1.0], torque='motor')
+    with pytest.raises(InputError, match='a spring whose ends meet has no direction'):
+        modes(scene(
+            links={'a': {'mass': 1.0}}, joints={'g': {'prismatic': ['ground', 'a']}},
+            springs={'s': {'between': ['ground', 'a'], 'stiffness': '9 N/m'}},
+        ))  # fmt: skip
+    source = read_source(machine, base='base')
+    for name in ('speed.mass', 'position.mas', 'reaction.ground_mass', 'reaction.g.x'):
+        with pytest.raises(InputError, match=r'mass_on_spring: .*(allowed|expected|coordinates)'):
+            response(machine, source, [name], np.array([1.0]))
+    with pytest.raises(InputError, match='no drive turns'):
+        harmonics(machine, [], 2)
+    with pytest.raises(InputError, match='not what they were'):
+        harmonics(ms.load_scene('torsional_shaft'), [], 2)
+
+
+def test_the_commands(tmp_path):
+    done = run('modes', 'torsional_shaft', '--json', '-o', str(tmp_path / 'modes.png'))
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)['modes']
+    known = chain([0.05, 0.03], [800.0, 500.0], [0.2, 0.1]).damped_modes.roots
+    expected = np.sort(np.abs(known[known.imag > 0.0])) / TURN
+    assert [m['frequency'] for m in found] == pytest.approx(expected, **EXACT)
+    done = run('response', 'vibration_absorber', 'position.machine', '--torque', 'motor',
+               '--frequencies', '1:2:3')  # fmt: skip
+    assert done.returncode == 2
+    assert 'write for example' in done.stderr
+    assert (tmp_path / 'modes.png').stat().st_size > 1000
