@@ -16,7 +16,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.export.mjcf import to_mjcf
 from mechanism_sim.export.sdf import to_sdf
-from mechanism_sim.export.urdf import to_urdf
+from mechanism_sim.export.urdf import closing, to_urdf
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.messages import TFMessage, deserialize
 from mechanism_sim.nodes.publications import transforms
@@ -161,6 +161,24 @@ def test_urdf_moves_the_joints_that_joint_states_names():
         moved = {j.get('name') for j in joints if j.get('type') != 'fixed'}
         mimics = {j.get('name') for j in joints if j.find('mimic') is not None}
         assert moved - mimics == {*scene.physics.coordinates}
+
+
+def test_urdf_lists_the_joints_that_close_loops():
+    """Every joint of every machine is of the tree or in a comment, at the points of its links."""
+    for name, scene in machines():
+        mechanism = scene.mechanism
+        tree = {joint.name for joint in mechanism.tree_joints.values()}
+        said = {s.split(': ')[0]: s for s in closing(scene)}
+        assert set(said) | tree == {joint.name for joint in mechanism.joints}, name
+        assert not set(said) & tree, name
+        assert {j for j, s in said.items() if 'loose' in s} == {*scene.plan.clearances} - tree
+        urdf = to_urdf(scene)
+        assert all(f'<!-- {sentence} -->' in urdf for sentence in said.values())
+    said = closing(machine('four_bar_clearance'))
+    assert said == [
+        'coupler_rocker: a loose joint outside of the tree, '
+        'between coupler at (0.309, 0.0) m and rocker at (0.312, 0.0) m'
+    ]
 
 
 def test_links_weigh_what_they_do_in_the_scene():

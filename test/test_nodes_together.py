@@ -22,6 +22,7 @@ import mechanism_sim as ms
 from mechanism_sim import middleware
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import RunError
+from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, service_class
 from mechanism_sim.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes import simulation_node
@@ -179,6 +180,10 @@ def test_machines_in_two_namespaces_do_not_disturb_each_other(network, tmp_path)
         frames = [t for _, m, _ in found.messages('/tf') for t in m.transforms]
         assert {t.child_frame_id for t in frames} == {f'{prefix}{link}' for link in links}
         assert {t.header.frame_id for t in frames} == {f'{prefix}world'}
+        (described,) = [m.data for _, m, _ in found.messages(f'/{prefix}robot_description')]
+        assert described == to_urdf(ms.load_scene(SCENE, [speeds[prefix]]), prefix)
+        (names,) = {tuple(m.name) for _, m, _ in found.messages(f'/{prefix}joint_states')}
+        assert all(f'<joint name="{name}" type="continuous">' in described for name in names)
         own = {topic for topic in found.topics if topic not in ('/tf', '/clock', '/diagnostics')}
         assert all(topic.startswith(f'/{prefix}') for topic in own)
 

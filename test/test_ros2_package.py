@@ -9,8 +9,10 @@ import ast
 import json
 import os
 import re
+import runpy
 import signal
 import subprocess
+import sys
 import tomllib
 import xml.etree.ElementTree as ET
 from contextlib import suppress
@@ -24,6 +26,7 @@ from running import TIMEOUT, environment, ros_found, run_json
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
 from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
+from mechanism_sim.cli.requirements import REQUIRED, distribution
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
 from mechanism_sim.recording import read_bag
 
@@ -58,6 +61,66 @@ def test_the_manifest_says_what_pip_says_and_names_every_package_of_messages():
     own = set(re.findall(r'^(\w+)/\w+ ', '\n'.join(p.read_text() for p in MESSAGES), re.MULTILINE))
     built = {e.text for e in manifest if e.tag == 'depend'}
     assert own == built
+
+
+def test_the_changelog_of_ros_is_that_of_the_releases():
+    to_rst = runpy.run_path(str(ROOT / 'docs' / 'changelog.py'))['to_rst']
+    released = (ROOT / 'CHANGELOG.rst').read_text()
+    assert released == to_rst((ROOT / 'CHANGELOG.md').read_text()), 'python docs/changelog.py'
+    first = re.search(r'^(\d\S*) \(', released, re.MULTILINE)
+    version = ET.parse(ROOT / 'package.xml').getroot().findtext('version')
+    assert first is not None
+    assert first[1] == version
+
+
+def test_tools_of_ros_read_the_changelog():
+    catkin = pytest.importorskip('catkin_pkg.changelog', reason='no catkin_pkg here')
+    changelog = catkin.get_changelog_from_path(str(ROOT / 'CHANGELOG.rst'))
+    (_, _, (changes, *_)), *_ = changelog.foreach_version()
+    assert len(changes.bullets) > 5
+
+
+BLOCKING = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] == sys.argv[1]:
+            raise ModuleNotFoundError(f'No module named {name!r}', name=name)
+
+sys.meta_path.insert(0, Blocked())
+from mechanism_sim.cli import main
+main(sys.argv[2:])
+"""
+
+
+def test_packages_that_may_be_missing_are_those_of_pip():
+    project = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']
+    names = {re.split('[><=]', requirement)[0] for requirement in project['dependencies']}
+    assert {distribution(module) for module in REQUIRED} == names
+
+
+@pytest.mark.parametrize(
+    ('package', 'node', 'code', 'said'),
+    [
+        ('heyoka', 'linkage', 2, "'heyoka' is missing: "),
+        ('numpy', 'sensors', 2, "'numpy' is missing: "),
+        ('mcap', 'recorder', 2, "'mcap' is missing: "),
+        ('mcap', 'crank_drive', 1, "waited 0.1 s for 'nobody'"),
+        ('pyarrow', 'recorder', 2, 'give the bag to write'),
+    ],
+)
+def test_a_node_says_what_it_lacks_and_needs_no_more(package, node, code, said):
+    options = '--scene', 'four_bar_nominal', '--partners', 'nobody', '--partner-timeout', '0.1'
+    done = subprocess.run(
+        [sys.executable, '-c', BLOCKING, package, 'node', node, *options],
+        env=environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    (sentence,) = done.stderr.splitlines()
+    assert said in sentence
+    if 'missing' in said:
+        assert sentence.endswith(f'{sys.executable} -m pip install {package}')
 
 
 MESSAGES = sorted((ROOT / 'msg').glob('*.msg'))

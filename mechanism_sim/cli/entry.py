@@ -23,6 +23,7 @@ from mechanism_sim.cli import (
 )
 from mechanism_sim.cli.options import PRINTED, print_json
 from mechanism_sim.cli.overview import Overview, render_start
+from mechanism_sim.cli.requirements import missing
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
 from mechanism_sim.terminal import echo, print_error
@@ -47,6 +48,11 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(_report_failure(error, 2, given))
     except RunError as error:
         sys.exit(_report_failure(error, 1, given))
+    except ModuleNotFoundError as error:
+        refused = missing(error)
+        if refused is None:
+            raise
+        sys.exit(_report_failure(refused, 2, given))
     except KeyboardInterrupt:
         sys.exit(ending.report_signal())
     except BrokenPipeError:

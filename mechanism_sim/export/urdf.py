@@ -16,7 +16,14 @@ from mechanism_sim.export.ideal import WORLD, check_names, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.indexing import Geneva
-from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Vector2
+from mechanism_sim.planar.mechanism import (
+    GROUND,
+    Body,
+    Mechanism,
+    Prismatic,
+    Revolute,
+    Vector2,
+)
 from mechanism_sim.scene.machine import Machine
 
 
@@ -41,7 +48,7 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
     mechanism = machine.mechanism
     robot = Element('robot', name=machine.name)
     comment(robot, machine.scene.title)
-    for sentence in left_out(machine):
+    for sentence in [*left_out(machine), *closing(machine)]:
         comment(robot, sentence)
     drawn = solids(machine)
     _link(robot, prefix + WORLD, None, drawn, COLOURS[0])
@@ -63,6 +70,26 @@ def left_out(machine: Machine) -> list[str]:
         for joint in machine.plan.joints
         if isinstance(joint, CamPair | Geneva)
     ]
+
+
+def closing(machine: Machine) -> list[str]:
+    """The joints that are not of the tree, in sentences: the motion closes these loops."""
+    loose, tree = machine.plan.clearances, machine.mechanism.tree_joints.values()
+    found = []
+    for joint in machine.mechanism.joints:
+        if joint in tree:
+            continue
+        ends = [(joint.first, ''), (joint.second, '')]
+        if isinstance(joint, Revolute | Prismatic):
+            places = joint.on_first, joint.on_second
+            ends = [
+                (link, f' at ({text(*at).replace(" ", ", ")}) m')
+                for (link, _), at in zip(ends, places, strict=True)
+            ]
+        kind = 'a loose joint' if joint.name in loose else 'a joint'
+        sides = ' and '.join(f'{link}{place}' for link, place in ends)
+        found.append(f'{joint.name}: {kind} outside of the tree, between {sides}')
+    return found
 
 
 class _Tree:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.messages import Impact, MarkerArray, String
+from mechanism_sim.messages import Impact, MarkerArray
 from mechanism_sim.middleware import Parameter
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.following import Following
@@ -24,7 +23,7 @@ SCALES = {
 
 
 class Display(SimulationNode):
-    """Publishes ``robot_description``, ``markers`` and ``force_markers``.
+    """Publishes ``markers`` and ``force_markers``.
 
     Parameters of the node, besides those of every node: ``force_scale`` [m/N], length of arrows
     per force, 0: the largest of the first cycle fits half the machine;
@@ -40,7 +39,6 @@ class Display(SimulationNode):
         super().__init__('display', parameters)
         self._sizes = [self.declare(x, 0.0, about, read_only=True) for x, about in SCALES.items()]
         self._prefix = self.value('frame_prefix')
-        self._description = self.create_publisher(String, 'robot_description', LATCHED)
         self._shapes = self.create_publisher(MarkerArray, 'markers', LATCHED)
         self._forces = self.create_publisher(MarkerArray, 'force_markers', RESULTS)
         self._impacts = 0
@@ -66,12 +64,11 @@ class Display(SimulationNode):
         self._impacts = 0
 
     def on_ready(self) -> None:
-        """All partners are there: describe the machine."""
+        """All partners are there: show the machine."""
         self._begin()
 
     def _begin(self) -> None:
         self._schedule = Schedule(self.machine.scene.outputs.markers)
-        self.send(self._description, String(data=to_urdf(self.machine, self._prefix)))
         self.send(self._shapes, markers.shapes(self._preview.skeleton, self._prefix))
 
     def on_progress(self, message: Any) -> None:

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import WORLD
+from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.hybrid.events import Impact as ImpactEvent
@@ -77,6 +79,7 @@ class Integration:
             for joint in wrench_joints(self._machine)
         }
         self._scene = node.create_publisher(String, 'scene', LATCHED)
+        self._description = node.create_publisher(String, 'robot_description', LATCHED)
         self._changes = node.create_publisher(SceneChange, 'scene_changes', RESULTS)
         self._known = 0.0
         self._restitutions = Restitutions(node, self._change)
@@ -86,8 +89,14 @@ class Integration:
         self._entities = Entities(node, self)
 
     def begin(self) -> None:
-        """A run begins: describe the scene."""
+        """A run begins: describe the scene and the machine."""
         self._node.send(self._scene, String(data=events.describe(self._machine)))
+        try:
+            described = to_urdf(self._machine, self._node.frame(''))
+        except InputError as error:  # a tree of a machine that runs all the same
+            self._node.get_logger().warning(f'no robot_description: {error}')
+        else:
+            self._node.send(self._description, String(data=described))
 
     def look(self) -> None:
         """Do nothing: the law of the drive limits the integration, not reports of partners."""

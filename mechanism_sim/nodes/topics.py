@@ -54,6 +54,7 @@ def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
     scene = machine.scene
     topics = [
         Topic('scene', String, LATCHED),
+        Topic('robot_description', String, LATCHED),
         Topic('drive', DriveLaw, RESULTS),
         Topic('motion', Motion, RESULTS),
         Topic('impacts', Impact, RESULTS),
@@ -74,7 +75,6 @@ def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
         topics.append(Topic(OSCILLATOR_STATE, OscillatorState, RESULTS))
     if display:
         topics += [
-            Topic('robot_description', String, LATCHED),
             Topic('markers', MarkerArray, LATCHED),
             Topic('force_markers', MarkerArray, RESULTS),
         ]
