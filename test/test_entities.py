@@ -232,3 +232,12 @@ def test_wrenches_of_joints_are_their_reactions_in_frames_of_their_own(tmp_path)
             assert message.wrench.torque.z == reaction.moment[n]
     for topic in ('/impacts', '/linkage_state', '/joint_reactions'):
         assert {m.header.frame_id for _, m, _ in recorded.messages(topic)} == {'world'}
+
+
+def test_a_machine_whose_forces_are_not_computed_is_published_all_the_same(tmp_path):
+    bag, more = tmp_path / 'run.mcap', ('--duration', '0.1', '--set', 'outputs.forces=false')
+    run_json('run', 'geneva', '--record', str(bag), *more)
+    assert analyze(bag).digest == run_json('solve', 'geneva', *more)['digest']
+    states = [m for _, m, _ in read_bag(bag).messages('/linkage_state')]
+    assert len(states) == 10
+    assert {m.drive_torque for m in states} == {0.0}
