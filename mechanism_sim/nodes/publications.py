@@ -30,6 +30,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
 
 Array = NDArray[np.float64]
+ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
 
 
 def joint_states(physics: Physics) -> Callable[[Array, Observation], list[bytes]]:
@@ -75,6 +76,8 @@ def linkage_states(physics: Physics, world: str) -> Callable[[Samples], list[byt
             'drive_work': s.drive_work,
             'dissipated': s.dissipated,
         }
+        if not o.drive_torque.size:  # nor are energies known
+            columns |= dict.fromkeys(ENERGIES, np.zeros(len(s.t)))
         return layout.write(s.t, columns)
 
     return write
