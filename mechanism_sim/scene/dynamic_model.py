@@ -72,7 +72,8 @@ class DynamicModel(NominalModel):
         elements = [*films, *self.plan.elements(mechanism)]
         prescribed, powered = self.plan.prescribed, self.plan.powered
         return System(
-            mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors
+            mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors,
+            self.plan.frictions(mechanism),
         )  # fmt: skip
 
     @cached_property
