@@ -47,8 +47,9 @@ class Cycle:
     """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
 
     The names are those of `Solution.sample`, and where forces are known ``drive_power`` [W],
-    ``drive_torque.COORDINATE`` for each of several drives, ``friction_loss.JOINT`` [W], ``reaction.JOINT.size`` [N] and
-    ``.direction`` [rad], ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
+    ``drive_torque.COORDINATE`` for each of several drives, ``friction_loss.JOINT`` [W],
+    ``reaction.JOINT.size`` [N] and ``.direction`` [rad],
+    ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
     what the machine does to its frame, about the origin, and ``position.mass_centre.x`` and so on
     of the whole machine. A point has ``position.LINK.POINT.x`` [m], ``velocity.``,
     ``acceleration.``; on request there is the force on a link in its own frame,

@@ -136,6 +136,15 @@ class Contacts:
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     @property
+    def sides(self) -> tuple[float, ...]:
+        """Signs of what presses on lines that rub."""
+        return tuple(self._pars[i] for i in self._system.side_index)
+
+    @sides.setter
+    def sides(self, signs: Sequence[float]) -> None:
+        self._set(self._system.side_index, signs)
+
+    @property
     def time(self) -> float:
         """Present time [s]."""
         return self.base.at(float(self._ta.time))
@@ -259,6 +268,9 @@ class Contacts:
         if self.switches:
             self.set_switches()
             self.pass_edges()
+        if self._system.side_index:
+            self.sides = (1.0,) * len(self._system.side_index)
+            self._respond_to_missed()
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
             terms = self.terms()
@@ -296,7 +308,8 @@ class Contacts:
     def handle(self, guard: int) -> None:
         """A guard fell through zero."""
         found = self._system.guards[guard]
-        if self._flies_free and found.switch is None and self._bounce(found.gap):
+        flies = self._flies_free and found.gap >= 0
+        if flies and self._bounce(found.gap):
             if self._system.holding:
                 self._release()
             if len(self._floor) == len(self.modes):
@@ -327,6 +340,10 @@ class Contacts:
         gap, before = guard.gap, self.modes
         if guard == Guard(-1, 0):
             raise self._rubbed_fast()
+        if guard.side is not None:
+            index = self._system.side_index[guard.side]
+            self._pars[index] = -self._pars[index]
+            return
         if guard.switch is not None:
             k, rows = guard.switch, self.switches
             self._count_turns(k)

@@ -9,7 +9,7 @@ only loads the equations are linear.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import heyoka as hy
@@ -26,6 +26,9 @@ radius over the length of a link: below k = 0.3 the last one leaves a rounding.
 """
 
 
+_OFF_ZERO = 1e-3  # of the resolution: no bound is exactly zero
+
+
 class Acting(NamedTuple):
     """What acts, as expressions of the motion and of the rows of switches."""
 
@@ -34,6 +37,7 @@ class Acting(NamedTuple):
     ]  #: by the flag of a load, and by the T of a friction
     parts: list[hy.expression]  #: of every switch, 0 to 1: of its flag
     residual: list[hy.expression]  #: of every friction that slides, what is left of its law
+    pressed: list[hy.expression]  #: [N] of every side, what it is the sign of
     jam_margin: Term  #: 1 without friction; at 0 what slides jams; None if nothing rubs
 
 
@@ -42,6 +46,7 @@ def acting(
     rates: Sequence[hy.expression],
     forces: Sequence[hy.expression | None],
     bounds: Sequence[Sequence[Pressed]],
+    sides: Mapping[hy.expression, hy.expression] | None = None,
 ) -> Acting:
     """Solve for what acts.
 
@@ -51,7 +56,9 @@ def acting(
     rates : (k,) of their functions, linear in the flags of loads and in every T
     forces : (k,) the T of a friction, None of a load
     bounds : (k,) their terms, likewise linear; none of a load
+    sides : by the single component of a term its sign, 1 or -1, so that the term is linear, too
     """
+    sides = sides or {}
     unknowns = [s.flag if T is None else T for s, T in zip(switches, forces, strict=True)]
     components = [dense(c) for b in bounds for p in b for c in p.components]
     every = [*rates, *components]
@@ -63,7 +70,8 @@ def acting(
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
     rubs = any(T is not None for T in forces)
-    for _ in range(_NEWTON if rubs else 1):
+    curved = any(x not in sides for b in bounds for p in b for x in p.components)
+    for _ in range(_NEWTON if curved else 1):
         rows, at = [], n
         for k, (s, T) in enumerate(zip(switches, forces, strict=True)):
             z: Term = s.holds
@@ -74,7 +82,7 @@ def acting(
                 continue
             own = slice(at, at + sum(len(p.components) for p in bounds[k]))
             at = own.stop
-            b, slope = _bound(bounds[k], A[own], slopes[own], found)
+            b, slope = _bound(bounds[k], A[own], slopes[own], found, sides)
             way: Term = (1.0 - z) * (1.0 - 2.0 * s.flag)
             row = [z * x - way * y for x, y in zip(slopes[k], slope, strict=True)]
             row[k] = row[k] + (1.0 - z)
@@ -84,8 +92,9 @@ def acting(
         if rubs:
             jam = hy.prod(
                 [
-                    z + (1.0 - z) * p if T is not None else hy.expression(1.0)
-                    for z, p, T in zip((s.holds for s in switches), pivots, forces, strict=True)
+                    dense(s.holds) + (1.0 - dense(s.holds)) * p
+                    for s, p, T in zip(switches, pivots, forces, strict=True)
+                    if T is not None
                 ]
             )
     parts, residual, at = [], [], n
@@ -95,11 +104,14 @@ def acting(
             continue
         own = slice(at, at + sum(len(p.components) for p in bounds[k]))
         at = own.stop
-        b, _ = _bound(bounds[k], A[own], slopes[own], found)
-        z = s.holds
-        parts.append((1.0 - z) * s.flag + 0.5 * (z * (1.0 - found[k] / b)))
-        residual.append((1.0 - z) * (found[k] / b - (1.0 - 2.0 * s.flag)))
-    return Acting(dict(zip(unknowns, found, strict=True)), parts, residual, jam)
+        b, _ = _bound(bounds[k], A[own], slopes[own], found, sides)
+        held: Term = s.holds
+        parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - found[k] / b)))
+        residual.append((1.0 - held) * (found[k] / b - (1.0 - 2.0 * s.flag)))
+    pressed = [
+        _linear(A[n + i], slopes[n + i], found) for i, c in enumerate(components) if c in sides
+    ]
+    return Acting(dict(zip(unknowns, found, strict=True)), parts, residual, pressed, jam)
 
 
 def _less(a: hy.expression, b: hy.expression) -> hy.expression:
@@ -111,17 +123,25 @@ def _bound(
     start: Sequence[hy.expression],
     slopes: Sequence[Sequence[hy.expression]],
     at: Sequence[hy.expression],
+    sides: Mapping[hy.expression, hy.expression],
 ) -> tuple[hy.expression, list[hy.expression]]:
     """A bound and its derivatives by the unknowns, at some of their values."""
     bound: list[Term] = []
     slope: list[list[Term]] = [[] for _ in at]
     i = 0
     for p in terms:
+        side = sides.get(dense(p.components[0]))
+        if side is not None:
+            pressed = side * _linear(start[i], slopes[i], at)
+            bound.append(p.coefficient * (pressed + _OFF_ZERO * p.resolution))
+            for j, x in enumerate(slopes[i]):
+                slope[j].append(p.coefficient * (side * x))
+            i += 1
+            continue
         size: list[Term] = [p.resolution * p.resolution]
         places = []
         for _ in p.components:
-            way = [x * y for x, y in zip(slopes[i], at, strict=True)]
-            places.append((i, hy.sum([start[i], *way])))
+            places.append((i, _linear(start[i], slopes[i], at)))
             size.append(places[-1][1] * places[-1][1])
             i += 1
         root = hy.sqrt(hy.sum(size))
@@ -130,6 +150,12 @@ def _bound(
             for j, x in enumerate(slopes[i_c]):
                 slope[j].append(p.coefficient * ((c * x) / root))
     return dense(add(*bound)), [dense(add(*x)) for x in slope]
+
+
+def _linear(
+    start: hy.expression, slope: Sequence[hy.expression], at: Sequence[hy.expression]
+) -> hy.expression:
+    return hy.sum([start, *(x * y for x, y in zip(slope, at, strict=True))])
 
 
 def _eliminated(

@@ -65,7 +65,8 @@ RUB_JAMMED = 1e-3
 class Guard(NamedTuple):
     """What a guard watches: the normal direction of a gap, its friction, or a switch.
 
-    Where it is none of them, the margin to a jam of friction in ideal joints.
+    Or of friction in ideal joints the side on which a line presses; and where it is none of all
+    these, the margin to its jam.
     """
 
     gap: int
@@ -73,6 +74,7 @@ class Guard(NamedTuple):
     #: -1: sliding that jams, or sticking that gives way forwards
     friction: int
     switch: int | None = None
+    side: int | None = None
 
 
 class System:
@@ -99,6 +101,7 @@ class System:
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
     switch_levels : how many times rows must be set until each follows from those before it
+    side_index : of every side of friction in ideal joints, which of them is its sign
     switch_index : of every switch, which of them its present row is
     outside_index : of the time of the base and of whole turns that loads ask for, which of them
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
@@ -151,6 +154,13 @@ class System:
         frames = self.equations.frames
         self.switches = list(frames.switches.values())
         self.switch_levels = len(by_level(self.switches))
+        self._sides = {
+            dense(x.components[0]): p.reserve(f'{rub.friction.name}.friction.side.{i}', 1.0)
+            for rub in d.rubs
+            for i, x in enumerate(self._bounds[id(d.stabilised)][rub.switch.flag])
+            if len(x.components) == 1
+        }
+        self.guards += [Guard(-1, 0, side=k) for k in range(len(self._sides))]
         self.guards += [Guard(-1, 0)] if d.rubs else []
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
@@ -174,6 +184,7 @@ class System:
         self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
         self.presses_index = [p.names[f'{g.name}.presses'] for g in self.gaps if g.law]
         self.margin_index = p.names.get('release.margin')
+        self.side_index = [i for n, i in p.names.items() if '.friction.side.' in n]
         self.law_index = [
             [p.names[f'drives:{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
@@ -253,13 +264,18 @@ class System:
         """Functions that fall through zero at events, in the order of `guards`."""
         d, solved = self.dynamics, self.dynamics.stabilised
         result = []
-        for gap, friction, switch in self.guards:
+        for gap, friction, switch, side in self.guards:
             if switch is not None:
                 known = self.switches[switch]
                 guard = known.guard
                 if isinstance(known, Switch) and known.holds is not None:
                     guard += known.holds * (known.held_guard - 1.0)
                 result.append(guard + SWITCH_MARGIN)
+                continue
+            if side is not None:
+                sign = [*self._sides.values()][side]
+                pressed = self.acting(solved).pressed[side]
+                result.append(FORCE_SCALE * (sign * pressed + self._unpressed))
                 continue
             if gap < 0:
                 result.append(JAM_SCALE * (self.acting(solved).jam_margin - RUB_JAMMED) + TINY)
@@ -329,8 +345,16 @@ class System:
                 self.rates_of_holding(solved.a),
                 [forces.get(s.flag) for s in switches],
                 [known.get(s.flag, ()) for s in switches],
+                self._sides if solved is self.dynamics.stabilised else None,
             )
         return self._acting[id(solved)]
+
+    @property
+    def _unpressed(self) -> Term:
+        """Half of the least force that rubs [N]: so far beyond zero a side turns over."""
+        return 0.5 * next(
+            x.resolution for b in self._bounds[id(self.dynamics.stabilised)].values() for x in b
+        )
 
     def _bounds_by(self, solved: Solved) -> dict[hy.expression, list[Pressed]]:
         """The terms of the bounds of all frictions, by the flags of their slips."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
@@ -225,7 +225,7 @@ class InverseDynamics:
         matrix = self._matrix(closing, motion.shape[1])
         singular = np.linalg.det(matrix) == 0.0
         matrix[singular] = np.eye(n)
-        unknown: Array = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
+        unknown: Any = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
         unknown[:, singular] = np.nan
         return unknown, second(np.concatenate([motion, unknown[: n - len(self._driven)]]), rows)
 
@@ -262,7 +262,7 @@ class InverseDynamics:
             )
             raise RunError(
                 f'friction locks the machine, {name} at {place}: in {joints} no finite forces '
-                'keep up the motion; a smaller coefficient or radius, or a drive elsewhere, moves it'
+                'keep up the motion; less friction, or a drive elsewhere, moves it'
             )
         every = np.full((m, count), np.nan)
         every[:, known] = T

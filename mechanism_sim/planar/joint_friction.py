@@ -32,10 +32,10 @@ _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the friction, one after the other
 _SOUND = 1e-6
 """Determinant of the equations, 1 without friction, at which it locks."""
 
-RESOLUTION = 1e-6
+RESOLUTION = 1e-9
 """Of the weight of all links on Earth: a smaller force in a joint is none, as far as it rubs.
 
-It rounds the corner of ``|R|`` at zero: a bound is too large by coefficient times this at most.
+It rounds the corner of ``|R|`` at zero: a bound errs by twice this, times its coefficient.
 """
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
