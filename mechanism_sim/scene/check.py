@@ -196,6 +196,7 @@ def _notes(machine: Machine) -> list[str]:
     notes = motion_notes(mechanism, start, machine.plan.laws)
     for joint in machine.plan.joints:
         notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
+    notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
     if machine.dynamic:
