@@ -191,10 +191,8 @@ class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
             raise ValueError(f'cannot have friction: a {kind.name} has none here, only {rubbing}')
         if c and kind.firm:
             raise ValueError(f'cannot have a clearance: {kind.firm}')
-        if c and kind.name != 'revolute' and (c.friction or c.pin_radius or c.contact):
-            raise ValueError(
-                f'has a clearance of a {kind.name}, which has radial and restitution only'
-            )
+        if c and (wrong := kind.wrong_play(c)):
+            raise ValueError(wrong)
         return self
 
 
