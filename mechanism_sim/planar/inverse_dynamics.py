@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
+from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ class Observation(NamedTuple):
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
+    load: Array = np.zeros((0, 1))  #: (u, N) [N, N m] sizes of loads that follow from the motion
 
 
 class NoLimit(NamedTuple):
@@ -46,7 +48,8 @@ class NoLimit(NamedTuple):
     t: float  #: [s]
     drive: float  #: position of the first drive [rad, m]
     joints: tuple[str, ...]  #: whose forces do
-    rests: bool = False  #: the drive rests in a singular position, and forces are not determined
+    rests: bool = False  #: drive or load rest there for a while: forces are not determined
+    loads: tuple[str, ...] = ()  #: which do no work there, so that their sizes are not determined
 
     def is_at(self, t: float) -> bool:
         """Whether it is at a time but for rounding."""
@@ -77,6 +80,8 @@ class InverseDynamics:
     elements : springs, dampers and loads
     inertia : whether ``M a`` and the velocity products count; statics leaves them out, and nothing
         else: weights and all that loads owe to speed stay
+    unknowns : loads whose sizes follow from the efforts of as many drives
+    efforts : of these drives, by coordinate
     """
 
     def __init__(
@@ -86,6 +91,8 @@ class InverseDynamics:
         driven: Sequence[str],
         elements: Sequence[ForceElement] = (),
         inertia: bool = True,
+        unknowns: Sequence[UnknownLoad] = (),
+        efforts: Mapping[str, Effort] | None = None,
     ) -> None:
         self.mechanism = mechanism
         self._inertia = inertia
@@ -93,7 +100,9 @@ class InverseDynamics:
         self.elements = tuple(elements)
         self._driven = [mechanism.coordinates.index(c) for c in driven]
         self.equations = Equations(mechanism, relations=relations)
-        self._loads = [x for e in elements for x in e.loads(self.equations.frames)]
+        frames = self.equations.frames
+        self._loads = [x for e in elements for x in e.loads(frames)]
+        self.unknowns = Unknowns(mechanism, frames, unknowns, efforts or {}, driven)
 
     @property
     def outside(self) -> tuple[str, ...]:
@@ -129,16 +138,19 @@ class InverseDynamics:
             own = [hy.make_vars(f'force{k}_{i}') for i in range(count)]
             cut[relation.name] = relation.wrench(frames, own)
             closing += own
-        wrenches = tree_reactions(eq, accelerated, cut, self._loads).values()
+        sizes = self.unknowns.sizes
+        loads = [*self._loads, *self.unknowns.acting]
+        wrenches = tree_reactions(eq, accelerated, cut, loads).values()
         forces = [x for w in wrenches for x in (w.x, w.y)]
         moments = [w.moment for w in wrenches]
         kinetic, potential = energies(eq)
         potential = add(potential, *(e.energy(frames) for e in self.elements))
         lost = add(*(e.power_lost(frames) for e in self.elements))
         motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
-        first = SwitchedFunction(frames, [supplied, rows], motion)
+        groups = [supplied, rows, self.unknowns.terms] if sizes else [supplied, rows]
+        first = SwitchedFunction(frames, groups, motion)
         balance = [kinetic, potential, lost]
-        second = SwitchedFunction(frames, [forces, moments, balance], [*motion, *closing])
+        second = SwitchedFunction(frames, [forces, moments, balance], [*motion, *closing, *sizes])
         return first, second
 
     def __call__(
@@ -169,16 +181,27 @@ class InverseDynamics:
         first, second = self._functions
         closures = n - len(self._driven)
         motion = np.concatenate([q, v, a, given])
-        supplied, closing = first(motion, rows)
+        supplied, closing, *terms = first(motion, rows)
         matrix = self._matrix(closing, count)
         singular = np.linalg.det(matrix) == 0.0
         matrix[singular] = np.eye(n)
         unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
         unknown[:, singular] = np.nan
-        forces, moments, balance = second(np.concatenate([motion, unknown[:closures]]), rows)
+        sizes = np.zeros((0, count))
+        if terms:
+            balancing = np.asarray(unknown, np.float64)
+            unknown, sizes = self.unknowns.solve(matrix, balancing, *terms)
+        forces, moments, balance = second(
+            np.concatenate([motion, unknown[:closures], sizes]), rows
+        )
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
+        supplying = power(torque, v[self._driven])
+        if terms:
+            fed = self.unknowns.power(v, sizes, *terms)
+            balanced = (v * supplied).sum(axis=0) - supplying  # where they have no size
+            balance[2] -= np.where(np.isnan(fed), balanced, fed)
         return Observation(
             q,
             v,
@@ -190,9 +213,10 @@ class InverseDynamics:
             forces.reshape(joints, 2, count),
             moments,
             torque,
-            power(torque, v[self._driven]),
+            supplying,
             balance[0],
             balance[1],
+            sizes,
         )
 
     def required(
@@ -201,6 +225,16 @@ class InverseDynamics:
         """Generalised forces (n, N) that closures and drives together must supply."""
         supplied: Array = self._functions[0](np.concatenate([q, v, a, outside]), rows)[0]
         return supplied
+
+    def work_of_unknowns(
+        self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
+    ) -> Array:
+        """See `Unknowns.work`, (N,)."""
+        _, closing, terms = self._functions[0](np.concatenate([q, v, a, outside]), rows)
+        matrix = self._matrix(closing, q.shape[1])
+        singular = np.linalg.det(matrix) == 0.0
+        matrix[singular] = np.eye(len(q))
+        return np.where(singular, np.inf, self.unknowns.work(matrix, terms))
 
     def _matrix(self, rows: Array, count: int) -> Array:
         """``J^T`` beside the columns of the drives, (N, n, n)."""

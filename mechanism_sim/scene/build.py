@@ -5,7 +5,11 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
+import numpy as np
+
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.nominal import NominalPhysics
+from mechanism_sim.planar.unknowns import NO_WORK
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.instruments import check_sensors
@@ -80,6 +84,54 @@ def _check_freedom(machine: Machine) -> None:
                 "prescribed 'drive' and without 'lift_off' and clearance"
             )
     check_scenes_way(machine)
+    _check_unknowns(machine)
+
+
+def _check_unknowns(machine: Machine) -> None:
+    """Whether as many loads are unknown as efforts are given, of a motion that is known."""
+    plan = machine.plan
+    labels = [load.label for load in plan.unknowns(plan.ideal)]
+    if not labels and not plan.efforts:
+        return
+    unknown = ', '.join(f'loads.{label}' for label in labels) or 'no load'
+    given = ', '.join(plan.efforts) or 'none'
+    start = f'{machine.name}: unknown is {unknown}, and drives with a given effort are {given}'
+    if machine.level is not Level.INVERSE_DYNAMICS:
+        raise InputError(
+            f'{start}: that needs prescribed drives, masses (0 kg will do) and no clearance; this '
+            f'scene is one of {machine.level.value}'
+        )
+    if len(labels) > len(plan.efforts):
+        silent = [c for c in plan.prescribed if c not in plan.efforts]
+        key = 'drive' if silent[:1] == [machine.main] else f'drives.{(silent or [""])[0]}'
+        cure = f"give '{key}.effort'" if silent else "leave out 'unknown: true' of a load"
+        raise InputError(
+            f'{start}: {len(labels) - len(plan.efforts)} too many are unknown, for each needs a '
+            f'prescribed drive whose torque or force is given; {cure}'
+        )
+    if len(labels) < len(plan.efforts):
+        raise InputError(
+            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown, for nothing would '
+            "balance what the drives supply; set 'loads.LOAD.unknown: true', or leave out an "
+            "'effort'"
+        )
+    duration = min(machine.scene.duration or math.inf, machine.period)
+    if duration == math.inf:
+        return
+    run = machine.nominal([plan.laws[c][0] for c in plan.prescribed])
+    for later in (law for c in plan.prescribed for law in plan.laws[c][1:]):
+        run.change_law(later)
+    run.advance(duration, final=True)
+    motion, _, _ = run.drain()
+    physics = machine.physics
+    assert isinstance(physics, NominalPhysics)  # noqa: S101 - its level says so
+    segments = np.arange(len(motion))
+    work = physics.work_of_unknowns(motion, segments, 0.37 * motion.curve.duration)
+    if (np.abs(work) <= NO_WORK).all():
+        raise InputError(
+            f'{start}: the sizes cannot be found, for in the given motion these loads do no work, '
+            'or do it in one proportion; let them act where something moves, along its motion'
+        )
 
 
 def _check_inertia(machine: Machine) -> None:

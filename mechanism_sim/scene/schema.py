@@ -12,6 +12,7 @@ from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
+from mechanism_sim.scene.loads.applied import EffortOrFormula
 from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
@@ -334,6 +335,8 @@ class DrivePart(Part):
     """A motor with its characteristic, instead of a torque."""
     commands: Commands | None = None
     """Take commands of speed while the machine runs."""
+    effort: EffortOrFormula | None = None
+    """Torque or force, a quantity or a formula, that is known while the motion is prescribed."""
     flywheel: AddedInertia = 0.0
     """Inertia that turns with the link."""
     start_angle: Angle | None = None
