@@ -77,6 +77,7 @@ class System:
     powered : names of the coordinates on which a drive's torque acts
     elements : forces between links that need no gap
     motors : of powered coordinates, beside the drive's torque
+    lent : [kg] to closures, see `Dynamics`
 
     Attributes
     ----------
@@ -103,8 +104,10 @@ class System:
         powered: Sequence[str] = (),
         elements: Sequence[ForceElement] = (),
         motors: Sequence[Motor] = (),
+        lent: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
+        self.lent = lent
         self.gaps = tuple(gaps)
         self.relations = tuple(relations)
         self.coordinates = mechanism.coordinates
@@ -116,7 +119,7 @@ class System:
         self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
         self.dynamics = Dynamics(
-            mechanism, gaps, prescribed, degree, relations, powered, elements, motors
+            mechanism, gaps, prescribed, degree, relations, powered, elements, motors, lent
         )
         self.elements = tuple(elements)
         self.equations = self.dynamics.equations

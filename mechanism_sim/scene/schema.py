@@ -23,6 +23,7 @@ from mechanism_sim.scene.quantities import (
     Duration,
     Gravity,
     Length,
+    LinkMass,
     Mass,
     Part,
     Position,
@@ -158,8 +159,8 @@ class LinkPart(Part):
     """Makes the point `end` at [length, 0]."""
     points: dict[str, Vector] = {}
     """Further points by name, as [x, y] in the link's frame."""
-    mass: Mass | None = None
-    """For all moving links or for none; forces and clearances need it."""
+    mass: LinkMass | None = None
+    """For all moving links or for none; forces and clearances need it. 0 kg is allowed."""
     inertia: AddedInertia | None = None
     """About the centre of gravity; 0 for a point mass."""
     cog: Position | Vector = 0.0
