@@ -119,7 +119,9 @@ class Cycle:
         """
         columns = self._columns(t, with_work)
         lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
-        if lost.size:
+        if (
+            lost.size and not self.machine.physics.unknowns
+        ):  # those have none where they do no work
             step = 0.003 * (self.machine.period if self.repeats else self.duration)
             curve, at = self.solution.motion.curve, t[lost, None]
             beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))

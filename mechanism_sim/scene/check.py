@@ -15,6 +15,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
+from mechanism_sim.units import Measure
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -187,9 +188,13 @@ def _drive(machine: Machine, coordinate: str) -> str:
             f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '
             f'speed, from {begin:g} {pace}'
         )
+    given = machine.scene.drives.get(coordinate, machine.scene.drive)
+    effort = given.effort if given else None
+    shown = f'{effort.value:g} {force}' if isinstance(effort, Measure) else effort
+    with_effort = '' if effort is None else f', with {shown}'
     if len(laws) > 1:
-        return f'prescribed, a profile of speeds in {len(laws)} pieces'
-    return f'prescribed, {law.coefficients[1]:g} {pace}'
+        return f'prescribed, a profile of speeds in {len(laws)} pieces{with_effort}'
+    return f'prescribed, {law.coefficients[1]:g} {pace}{with_effort}'
 
 
 def _notes(machine: Machine) -> list[str]:
@@ -201,6 +206,10 @@ def _notes(machine: Machine) -> list[str]:
     notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
+    for load in machine.plan.unknowns(machine.plan.ideal):
+        notes.append(
+            f'{load.name}: its size [{load.unit}] follows from the motion and the efforts'
+        )
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes

@@ -12,6 +12,7 @@ from mechanism_sim.planar.motor import InductionMotor
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
+from mechanism_sim.scene.loads.applied import EffortOrFormula
 from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
@@ -22,6 +23,7 @@ from mechanism_sim.scene.quantities import (
     Duration,
     Gravity,
     Length,
+    LinkMass,
     Mass,
     Part,
     Position,
@@ -157,8 +159,8 @@ class LinkPart(Part):
     """Makes the point `end` at [length, 0]."""
     points: dict[str, Vector] = {}
     """Further points by name, as [x, y] in the link's frame."""
-    mass: Mass | None = None
-    """For all moving links or for none; forces and clearances need it."""
+    mass: LinkMass | None = None
+    """For all moving links or for none; forces and clearances need it. 0 kg is allowed."""
     inertia: AddedInertia | None = None
     """About the centre of gravity; 0 for a point mass."""
     cog: Position | Vector = 0.0
@@ -335,6 +337,8 @@ class DrivePart(Part):
     """A motor with its characteristic, instead of a torque."""
     commands: Commands | None = None
     """Take commands of speed while the machine runs."""
+    effort: EffortOrFormula | None = None
+    """Torque or force, a quantity or a formula, that is known while the motion is prescribed."""
     flywheel: AddedInertia = 0.0
     """Inertia that turns with the link."""
     start_angle: Angle | None = None

@@ -120,7 +120,7 @@ def read_bodies(
         given = places.scene.links[link]
         cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
         turns = tree.frame(link)[0] != GROUND or link in tilting
-        if given.mass is not None and given.inertia is None and turns:
+        if given.mass and given.inertia is None and turns:
             raise InputError(
                 f"{places.name}: 'links.{link}.inertia' is missing: the link has a mass and "
                 'turns; give its moment of inertia about the centre of gravity (0 for a point '

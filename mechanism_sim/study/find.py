@@ -139,6 +139,9 @@ def find(
         count += 1
         progress(count)
         name = _column(one, goal.quantity)
+        if name in one.unbounded and goal.measure not in ('mean', 'rms'):
+            at = ', '.join(f'{x.t:.6g} s' for x in one.no_limits[:3])
+            raise InputError(f'{goal.quantity} has no value at {at}, and thus no extremes')
         units.append(unit_of(one.machine, name))
         return MEASURES[goal.measure](one, name)
 
