@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass, field
+from functools import reduce
 
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import GROUND, Point, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Point, Vector2, factors
 from mechanism_sim.planar.switches import Array, Switch, Table
 
 
@@ -166,7 +168,7 @@ class Frames:
         x: list[Jet] = []
         y: list[Jet] = []
         for (frame, slide), d in point.items():
-            name = f'{label}@{frame}' if slide is None else f'{label}@{frame}@{slide}'
+            name = '@'.join((label, frame, *factors(slide)))
             given = (f'{name}.x', d[0]), (f'{name}.y', d[1])
             if slide is None:
                 arm = tuple(self.parameters(*each) for each in given)
@@ -174,7 +176,8 @@ class Frames:
             else:
                 arm = tuple(self._component(*each) for each in given)
                 way = self.turned(frame, *arm)
-                turned = self.displacement(slide) * way[0], self.displacement(slide) * way[1]
+                scale = reduce(operator.mul, map(self.displacement, factors(slide)))
+                turned = scale * way[0], scale * way[1]
             x.append(turned[0])
             y.append(turned[1])
         zero = Jet(None, {}, None, None)

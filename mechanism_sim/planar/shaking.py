@@ -45,7 +45,7 @@ class ShakingForce:
         frames = Frames(mechanism.coordinates, Parameters())
         parts: list[list[Term]] = []
         for body in mechanism.bodies:
-            place = frames.position(mechanism.point(body.name, body.cog), f'links:{body.name}.cog')
+            place = frames.position(mechanism.centre(body.name), f'links:{body.name}.cog')
             mass = frames.parameters(f'links:{body.name}.mass', body.mass)
             force = []
             for axis, (jet, g) in enumerate(zip(place, mechanism.gravity, strict=True)):

@@ -58,7 +58,7 @@ def _check_freedom(machine: Machine) -> None:
             "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
             'kinematics, or make a redundant joint a slot'
         )
-    given = [n for n, link in machine.links.items() if link.mass is not None]
+    given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
         drives = ', '.join(plan.prescribed) or 'none'
@@ -86,6 +86,8 @@ def _check_inertia(machine: Machine) -> None:
     """Whether every free coordinate moves something that resists."""
     mechanism = machine.mechanism
     for c in mechanism.coordinates:
+        if c in mechanism.deformations:  # a beam has mass all along
+            continue
         moved = c in machine.plan.prescribed or any(
             (b.inertia and mechanism.frame(b.name)[0] == c)
             or (b.mass and any(c in arm for arm in mechanism.point(b.name, b.cog)))

@@ -89,7 +89,7 @@ class DynamicModel(NominalModel):
         system = self.system
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + self._rows >= _COMPACT_FROM
-        return bool(system.elements) or tabulated or many
+        return bool(system.elements or self.mechanism.beams) or tabulated or many
 
     @property
     def _rows(self) -> int:

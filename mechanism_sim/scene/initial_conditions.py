@@ -173,7 +173,9 @@ def _converted_rates(machine: DynamicModel) -> list[float]:
     found = []
     for name in loose.coordinates:
         link, _, axis = name.partition('.')
-        if axis:
+        if name in ideal.deformations:
+            found.append(turning[name])
+        elif axis:
             speed = ideal.velocity_all(link, q, v, loose.body(link).cog)
             found.append(float(speed['xy'.index(axis), 0]))
         elif name in loose.displacements:
@@ -215,7 +217,9 @@ def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
     found = []
     for name in loose.coordinates:
         link, _, axis = name.partition('.')
-        if axis:
+        if name in ideal.deformations:
+            found.append(known[name])
+        elif axis:
             place = ideal.locate(link, known, loose.body(link).cog)
             found.append(place['xy'.index(axis)])
         elif name in loose.displacements:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
@@ -55,7 +56,10 @@ def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
 
 
 def read_bodies(
-    places: Places, tree: Mechanism, drives: Mapping[str, DrivePart]
+    places: Places,
+    tree: Mechanism,
+    drives: Mapping[str, DrivePart],
+    elastic: Mapping[str, Body],
 ) -> tuple[Body, ...]:
     """The moving links with what they weigh, point masses and flywheels included.
 
@@ -72,6 +76,12 @@ def read_bodies(
             )
     for link in places.links:
         given = places.scene.links[link]
+        if link in elastic:
+            carried = [(m.mass, places.find('masses', m.at)) for m in places.scene.masses.values()]
+            lumps = [(mass, point) for mass, (on, point) in carried if on == link]
+            spin = drives[link].added_inertia if link in drives else 0.0
+            found.append(loaded(elastic[link], lumps, spin))
+            continue
         cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
         turns = tree.frame(link)[0] != GROUND
         if given.mass is not None and given.inertia is None and turns:
