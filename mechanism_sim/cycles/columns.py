@@ -26,6 +26,8 @@ _UNITS = {
     'contact': ('m', 'm'),
     'contact_speed': ('m/s', 'm/s'),
     'sliding_speed': ('m/s', 'm/s'),
+    'deflection': ('m', 'm'),
+    'stress': ('Pa', 'Pa'),
     'closed': ('', ''),
     'mode': ('', ''),
 }

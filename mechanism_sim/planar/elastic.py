@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations_with_replacement
 from typing import Literal, TypeAlias
 
@@ -36,6 +36,9 @@ Functions: TypeAlias = Literal['modal', 'polynomial']
 
 ROUNDING = 1e-13
 """Of a shape function's size: less is rounding, and no term of the equations."""
+
+
+_SECTIONS = 41
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class Beam:
 
     def elongation(self, x: float | Array, derivative: int = 0) -> Array:
         """Functions psi_k or their derivatives by x at places x (...,) [m]: (stretch, ...)."""
-        found = _stretched(self.stretch, np.asarray(x) / self.length, derivative)
+        found = _polynomials('fixed', self.stretch, np.asarray(x) / self.length, derivative)
         return found / self.length**derivative
 
     def _nodes(self, end: float) -> tuple[Array, Array]:
@@ -151,6 +154,30 @@ class Beam:
         slope = self.deflection(min(max(at[0], 0.0), self.length), 1).tolist()
         return {name: x for name, x in zip(self.names, slope, strict=False) if x}
 
+    def strain(self, x: float | Array, y: float) -> Array:
+        """Strain at places x (...,) [m] and y [m] from the axis, by coordinate: (n, ...) [1/m].
+
+        ``u' - y w''``: fibres at positive y are pressed where the link bends towards them.
+        """
+        return np.concatenate([-y * self.deflection(x, 2), self.elongation(x, 1)])
+
+    def columns(self, q: Array) -> dict[str, Array]:
+        """What is of interest (N,) of deformations (n, N) [m], by name.
+
+        ``deflection`` [m] across the link's x axis in the middle; ``stress`` [Pa], the largest size
+        at the outer fibres, in steps of a fortieth of the length, if these are known. Stress is
+        that of bending, and of stretch where the beam has coordinates for it.
+        """
+        middle = self.deflection(0.5 * self.length)
+        found = {'deflection': np.asarray(middle @ q[: self.modes])}
+        if self.fibre is not None:
+            sections = np.linspace(0.0, self.length, _SECTIONS)
+            bent = self.deflection(sections, 2).T @ q[: self.modes]
+            drawn = self.elongation(sections, 1).T @ q[self.modes :]
+            strain = np.abs(drawn) + self.fibre * np.abs(bent)
+            found['stress'] = np.asarray(self.youngs_modulus * strain.max(axis=0))
+        return found
+
     @cached_property
     def particles(self) -> tuple[tuple[float, tuple[float, float]], ...]:
         """Masses [kg] and their points [m] that stand for the beam in integrals; then the lumps.
@@ -196,7 +223,7 @@ class Beam:
 def _bent(ends: Ends, functions: Functions, count: int, t: Array, derivative: int) -> Array:
     """Shapes of bending of a beam of length 1 at places t (...,): (count, ...)."""
     if functions == 'polynomial':
-        return _ritz(_PINNED if ends == 'pinned' else _CLAMPED, 2, count, t, derivative)
+        return _polynomials(ends, count, t, derivative)
     order = np.arange(1, count + 1).reshape(-1, *[1] * np.ndim(t))
     if ends == 'pinned':
         k = np.pi * order
@@ -223,24 +250,20 @@ def _cantilever(i: int, t: Array, derivative: int) -> Array:
     return np.asarray(np.where((t == 0.0) & (derivative < 2), 0.0, 0.5 * k**derivative * found))
 
 
-def _stretched(count: int, t: Array, derivative: int) -> Array:
-    return _ritz(_FIXED, 1, count, t, derivative)
+_T = Legendre([0.5, 0.5], domain=[0.0, 1.0])
+_FACTORS = {'pinned': _T * (1.0 - _T), 'clamped': _T * _T, 'fixed': _T}
+"""Polynomials on 0 to 1 that keep reference conditions; `fixed` is that of stretch."""
 
 
-_T = Legendre([0.5, 0.5], domain=[0.0, 1.0], window=[-1.0, 1.0])
-_PINNED, _CLAMPED, _FIXED = _T * (1.0 - _T), _T * _T, _T
-"""Factors that keep reference conditions, as polynomials on 0 to 1."""
-
-
-def _ritz(factor: Legendre, order: int, count: int, t: Array, derivative: int) -> Array:
+@lru_cache
+def _ritz(ends: str, count: int, derivative: int) -> Array:
     """The modes of a beam of length 1 in polynomials ``factor * (degree < count)``.
 
-    Parameters
-    ----------
-    order : derivative whose square is the strain energy
+    Returns
+    -------
+    Coefficients (degree + 1, count) of Legendre's polynomials on 0 to 1.
     """
-    if not count:
-        return np.zeros((0, *np.shape(t)))
+    factor, order = _FACTORS[ends], 1 if ends == 'fixed' else 2
     basis = [factor * Legendre.basis(k, domain=[0.0, 1.0]) for k in range(count)]
     places, weights = legendre.leggauss(count + 6)
     nodes, weights = 0.5 * (1.0 + places), 0.5 * weights
@@ -248,10 +271,18 @@ def _ritz(factor: Legendre, order: int, count: int, t: Array, derivative: int) -
     bends = np.array([b.deriv(order)(nodes) for b in basis])
     half = np.linalg.inv(np.linalg.cholesky((values * weights) @ values.T))
     _, vectors = np.linalg.eigh(half @ ((bends * weights) @ bends.T) @ half.T)
-    factors = vectors.T @ half
+    shares = vectors.T @ half
     # of the size of the modes: mean square 1/2, that of a cantilever 1/4; they begin upwards
-    factors *= math.sqrt(0.25 if factor is _CLAMPED else 0.5)
-    first = np.array([b.deriv(2 if factor is _CLAMPED else 1)(0.0) for b in basis])
-    factors *= np.sign(factors @ first)[:, None]
-    some = [b.deriv(derivative) if derivative else b for b in basis]
-    return np.asarray(np.tensordot(factors, np.array([b(t) for b in some]), 1))
+    shares *= math.sqrt(0.25 if ends == 'clamped' else 0.5)
+    first = np.array([b.deriv(2 if ends == 'clamped' else 1)(0.0) for b in basis])
+    shares *= np.sign(shares @ first)[:, None]
+    some = [np.asarray(b.deriv(derivative).coef if derivative else b.coef, float) for b in basis]
+    longest = max(map(len, some))
+    padded = np.array([np.pad(x, (0, longest - len(x))) for x in some])
+    return np.asarray(padded.T @ shares.T)
+
+
+def _polynomials(ends: str, count: int, t: Array, derivative: int) -> Array:
+    if not count:
+        return np.zeros((0, *np.shape(t)))
+    return np.asarray(legendre.legval(2.0 * t - 1.0, _ritz(ends, count, derivative)))

@@ -14,15 +14,15 @@ beforehand.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import hypot
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import heyoka as hy
+import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, add, mul
 from mechanism_sim.planar.elastic import ROUNDING
 from mechanism_sim.planar.frames import Frames, Parameters, rotate_quarter
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point, Vector2, factors
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Spread, factors
 from mechanism_sim.planar.protocols import Gap, Relation
 
 
@@ -51,7 +51,7 @@ class Equations:
         self.parameters = Parameters()
         self.coordinates = mechanism.coordinates
         self.frames = Frames(self.coordinates, self.parameters)
-        self._particles = {b.name: mechanism.particles(b.name) for b in mechanism.bodies}
+        self._spread = {b.name: mechanism.spread(b.name) for b in mechanism.bodies}
         self._beams = _Beams(mechanism, self.frames)
         self.M = [[self._inertia(f, g) for g in self.coordinates] for f in self.coordinates]
         self.weight = [self._weight(f) for f in self.coordinates]
@@ -64,7 +64,7 @@ class Equations:
         self.relation_jets = [v for r in self.relations for v in r.values(self.frames)]
 
     @staticmethod
-    def _tangents(point: Point, c: str) -> list[_Vector]:
+    def _tangents(point: Spread, c: str) -> list[_Vector]:
         """How a point moves with a coordinate."""
         found = []
         for (frame, slide), (x, y) in point.items():
@@ -77,7 +77,7 @@ class Equations:
         return found
 
     @staticmethod
-    def _accelerated(point: Point) -> list[tuple[_Vector, tuple[str, str]]]:
+    def _accelerated(point: Spread) -> list[tuple[_Vector, tuple[str, str]]]:
         """Its acceleration at constant rates: vectors, each with two rates that multiply it."""
         found = []
         for (frame, slide), (x, y) in point.items():
@@ -93,8 +93,9 @@ class Equations:
                     found.append((_Vector(frame, rest, (2.0 * x, 2.0 * y)), (other, c)))
         return found
 
-    def _products(self, name: str, pairs: Iterable[tuple[float, _Vector, _Vector]]) -> Term:
+    def _products(self, name: str, pairs: Iterable[tuple[Any, _Vector, _Vector]]) -> Term:
         """``sum m a . b``, with the constants of equal frames and displacements collected."""
+        total = np.sum if self.mechanism.beams else float
         sums: dict[tuple[str, str, tuple[str, ...]], tuple[float, float]] = {}
         sizes: dict[tuple[str, str, tuple[str, ...]], float] = {}
         order = self.coordinates
@@ -102,13 +103,14 @@ class Equations:
             slides = tuple(sorted((*a.scale, *b.scale), key=order.index))
             key = (a.frame, b.frame, slides)
             inner, outer = sums.get(key, (0.0, 0.0))
-            inner += mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1])
-            outer += mass * (a.d[0] * b.d[1] - a.d[1] * b.d[0])
+            inner += total(mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1]))
+            outer += total(mass * (a.d[0] * b.d[1] - a.d[1] * b.d[0]))
             sums[key] = inner, outer
             if self.mechanism.beams:
-                sizes[key] = sizes.get(key, 0.0) + abs(mass) * hypot(*a.d) * hypot(*b.d)
+                size = np.sum(np.abs(mass) * np.hypot(*a.d) * np.hypot(*b.d))
+                sizes[key] = sizes.get(key, 0.0) + float(size)
         for key, size in sizes.items():  # what orthogonal shapes leave of integrals is rounding
-            inner, outer = (x if abs(x) > ROUNDING * size else 0.0 for x in sums[key])
+            inner, outer = (float(x) if abs(x) > ROUNDING * size else 0.0 for x in sums[key])
             sums[key] = inner, outer
         p, found = self.parameters, []
         for k, ((f, g, slides), (inner, outer)) in enumerate(sums.items()):
@@ -124,9 +126,9 @@ class Equations:
             f, g = g, f
         pairs = []
         for body in self.mechanism.bodies:
+            mass, point = self._spread[body.name]
             pairs += [
                 (mass, a, b)
-                for mass, point in self._particles[body.name]
                 for a in self._tangents(point, f)
                 for b in self._tangents(point, g)
                 if self._beams.counts((f, g), a, b)
@@ -139,15 +141,14 @@ class Equations:
 
     def _velocity_product(self, f: str) -> Term:
         """``sum_b m_b t_bf . p''`` at constant rates: centripetal and Coriolis terms of row f."""
-        pairs: dict[tuple[str, str], list[tuple[float, _Vector, _Vector]]] = {}
-        for body in self.mechanism.bodies:
-            for mass, point in self._particles[body.name]:
-                accelerated = self._accelerated(point)
-                for tangent in self._tangents(point, f):
-                    for vector, rates in accelerated:
-                        # arms that turn together: nothing along the tangent
-                        if rates != (f, f) and self._beams.counts((f, *rates), tangent, vector):
-                            pairs.setdefault(rates, []).append((mass, tangent, vector))
+        pairs: dict[tuple[str, str], list[tuple[Any, _Vector, _Vector]]] = {}
+        for mass, point in self._spread.values():
+            accelerated = self._accelerated(point)
+            for tangent in self._tangents(point, f):
+                for vector, rates in accelerated:
+                    # arms that turn together: nothing along the tangent
+                    if rates != (f, f) and self._beams.counts((f, *rates), tangent, vector):
+                        pairs.setdefault(rates, []).append((mass, tangent, vector))
         order = {c: i for i, c in enumerate(self.coordinates)}
         rows = []
         for (a, b), products in sorted(pairs.items(), key=lambda x: [order[c] for c in x[0]]):
@@ -163,8 +164,7 @@ class Equations:
             f'weight:{f}',
             (
                 (-mass, gravity, tangent)
-                for body in self.mechanism.bodies
-                for mass, point in self._particles[body.name]
+                for mass, point in self._spread.values()
                 for tangent in self._tangents(point, f)
             ),
         )
@@ -176,7 +176,7 @@ class _Vector(NamedTuple):
 
     frame: str
     scale: tuple[str, ...]
-    d: Vector2
+    d: tuple[Any, Any]  #: one vector, or (2, K) at the K particles of an elastic link
 
 
 class _Beams:

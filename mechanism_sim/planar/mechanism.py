@@ -28,6 +28,9 @@ Arm: TypeAlias = tuple[str, Slide]
 Point: TypeAlias = dict[Arm, Vector2]
 """A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
 
+Spread: TypeAlias = dict[Arm, Any]
+"""The same of one point, or of K points at once, whose vectors are arrays (2, K)."""
+
 
 @dataclass(frozen=True)
 class Body:
@@ -200,6 +203,14 @@ class Mechanism:
         """The elastic coordinates."""
         return tuple(f'{link}.{name}' for link, beam in self.beams.items() for name in beam.names)
 
+    def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """``deflection.LINK`` and ``stress.LINK`` (N,) of `Beam.columns`, at coordinates (n, N)."""
+        found: dict[str, NDArray[np.float64]] = {}
+        for link, beam in self.beams.items():
+            own = [self.coordinates.index(f'{link}.{name}') for name in beam.names]
+            found |= {f'{what}.{link}': x for what, x in beam.columns(q[own]).items()}
+        return found
+
     @cached_property
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
@@ -352,6 +363,20 @@ class Mechanism:
         if not body.beam:
             return [(body.mass, self.point(link, body.cog))]
         return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+
+    def spread(self, link: str) -> tuple[Any, Spread]:
+        """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
+
+        Of a rigid link, numbers instead.
+        """
+        found = self.particles(link)
+        if link not in self.beams:
+            return found[0]
+        arms = dict.fromkeys(arm for _, point in found for arm in point)
+        none = (0.0, 0.0)
+        return np.array([mass for mass, _ in found]), {
+            arm: np.array([point.get(arm, none) for _, point in found]).T for arm in arms
+        }
 
     def centre(self, link: str) -> Point:
         """The centre of gravity of a link."""
