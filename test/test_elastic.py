@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-import mechanism_sim as ms
-from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.linearisation import Linearisation
 from mechanism_sim.planar.mechanism import Body, Mechanism

@@ -164,9 +164,9 @@ class Beam:
     def columns(self, q: Array) -> dict[str, Array]:
         """What is of interest (N,) of deformations (n, N) [m], by name.
 
-        ``deflection`` [m] across the link's x axis in the middle; ``stress`` [Pa], the largest size
-        at the outer fibres, in steps of a fortieth of the length, if these are known. Stress is
-        that of bending, and of stretch where the beam has coordinates for it.
+        ``deflection`` [m] across the link's x axis in the middle; ``stress`` [Pa], the largest
+        size at the outer fibres, in steps of a fortieth of the length, if these are known. Stress
+        is that of bending, and of stretch where the beam has coordinates for it.
         """
         middle = self.deflection(0.5 * self.length)
         found = {'deflection': np.asarray(middle @ q[: self.modes])}

@@ -204,7 +204,7 @@ class Mechanism:
         return tuple(f'{link}.{name}' for link, beam in self.beams.items() for name in beam.names)
 
     def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """``deflection.LINK`` and ``stress.LINK`` (N,) of `Beam.columns`, at coordinates (n, N)."""
+        """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
         found: dict[str, NDArray[np.float64]] = {}
         for link, beam in self.beams.items():
             own = [self.coordinates.index(f'{link}.{name}') for name in beam.names]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -9,9 +10,13 @@ import numpy as np
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam, Damping
-from mechanism_sim.planar.mechanism import Body, Joint, Revolute, Vector2
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute, Vector2
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import LinkPart
+
+
+_QUASI_STATIC, _RIGID = 20.0, 200.0
+"""Ratios of the first mode to the drive from which on vibration, and then bending, is small."""
 
 
 def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -> dict[str, Body]:
@@ -117,3 +122,35 @@ def _spread(where: str, given: LinkPart, m: float, L: float) -> tuple[float, tup
             'inertia and cog out to spread the mass evenly'
         )
     return line, (start if start > rounding else 0.0, end if end > rounding else 0.0)
+
+
+def elastic_notes(mechanism: Mechanism, period: float, impacts: bool) -> list[str]:
+    """Frequencies of the modes of each elastic link by itself, and which treatment would do.
+
+    Accelerations of a machine that turns at W are about ``W^2`` times its size, and bend a link of
+    the first angular frequency w by about ``(W/w)^2`` of that.
+    """
+    notes = []
+    turns = 1.0 / period
+    for link, beam in mechanism.beams.items():
+        modes = {name: w / (2.0 * math.pi) for name, w in beam.frequencies.items()}
+        listed = ', '.join(f'{name} {f:.6g} Hz' for name, f in modes.items())
+        ends = f'{beam.ends} ends' if beam.ends == 'pinned' else 'clamped where it starts'
+        note = f'elastic {link}, {ends}: {listed}'
+        if turns:
+            ratio = modes['bend1'] / turns
+            note += f'; the drive turns at {turns:.6g} Hz, bend1 is {ratio:.3g} times as fast: '
+            note += _treatment(ratio, impacts)
+        notes.append(note)
+    return notes
+
+
+def _treatment(ratio: float, impacts: bool) -> str:
+    """What does for a link whose first mode is so many times as fast as the drive."""
+    if impacts:
+        return 'impacts are faster than any mode: take modes until their impulses converge'
+    if ratio >= _RIGID:
+        return f'it bends by about {ratio**-2:.1g} of its size, and a rigid link would do'
+    if ratio >= _QUASI_STATIC:
+        return 'it bends nearly as if at rest (quasi-static), and one mode would do'
+    return 'it vibrates, and needs its modes'
