@@ -14,7 +14,6 @@ from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute, Vec
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import LinkPart
 
-
 _QUASI_STATIC, _RIGID = 20.0, 200.0
 """Ratios of the first mode to the drive from which on vibration, and then bending, is small."""
 
