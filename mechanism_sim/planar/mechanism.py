@@ -319,8 +319,11 @@ class Mechanism:
         frame, offset = self.frame(link)
         return {(frame, None): rotate((1.0, 0.0), angle + offset)}
 
-    def point(self, link: str, at: Vector2 = (0.0, 0.0)) -> Point:
-        """The point `at` (in the link's frame, [m]) as a sum over arms."""
+    def point(self, link: str, at: Vector2 = (0.0, 0.0), deformed: bool = True) -> Point:
+        """The point `at` (in the link's frame, [m]) as a sum over arms.
+
+        Of an elastic link it moves with its deformation, or with its frame if not `deformed`.
+        """
         if link == GROUND:
             return {(GROUND, None): at}
         frame, offset = self.frame(link)
@@ -331,7 +334,7 @@ class Mechanism:
                 (GROUND, f'{link}.y'): (0.0, 1.0),
             }
             placed = _plus(slides, {(frame, None): (at[0] - cog[0], at[1] - cog[1])})
-            return _plus(placed, self._deformed(link, at))
+            return _plus(placed, self._deformed(link, at)) if deformed else placed
         j = self.tree_joints[link]
         here, there = (j.on_first, j.on_second) if j.first == link else (j.on_second, j.on_first)
         result = self.point(self.parent(link), there)
@@ -340,7 +343,9 @@ class Mechanism:
             if j.first == link:  # the line, not the point on it, is carried
                 way = (-way[0], -way[1])
             result = _plus(result, {(frame, link): way})
-        moved = _plus(self._deformed(link, at), _minus(self._deformed(link, here)))
+        moved = _minus(self._deformed(link, here))
+        if deformed:
+            moved = _plus(self._deformed(link, at), moved)
         rigid: Point = {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)}
         return _plus(_plus(result, rigid), moved)
 
