@@ -70,6 +70,21 @@ class NominalModel(MachineModel):
         """
         return assemble(self, self.closed_form)
 
+    @cached_property
+    def rigid(self) -> Self:
+        """The same machine with rigid links."""
+        elastic = self.plan.ideal.deformations
+        if not elastic:
+            return self
+        scene = self.scene
+        links = {n: link.model_copy(update={'elastic': None}) for n, link in scene.links.items()}
+        given = {
+            kind: {c: x for c, x in getattr(scene.initial, kind).items() if c not in elastic}
+            for kind in ('position', 'velocity')
+        }
+        changed = {'links': links, 'initial': scene.initial.model_copy(update=given)}
+        return replace(self, scene=scene.model_copy(update=changed))
+
     @property
     def starts_singular(self) -> bool:
         """Whether a driven mechanism starts in a singular position."""
