@@ -6,6 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
+from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.equations import Equations
@@ -463,6 +464,73 @@ def test_a_gauge_reads_the_strain_of_its_fibre():
     middle = x['position.rod.bend1']
     assert x['deflection.rod'] == pytest.approx(middle)
     assert (x['stress.rod'] >= 2e11 * 0.004 * (np.pi / 0.3) ** 2 * np.abs(middle) * 0.999).all()
+
+
+def test_points_of_a_link_have_their_deflection_and_stress():
+    machine = ms.load_scene('elastic_slider_crank', {
+        'links.rod.points': {'quarter': ['75 mm', '0 mm']}
+    })  # fmt: skip
+    found = cycle(machine, samples=16)
+    first, second = found['position.rod.bend1'], found['position.rod.bend2']
+    w = np.sqrt(0.5) * first + second
+    bend = (np.pi / 0.3) ** 2 * (np.sqrt(0.5) * first + 4.0 * second)
+    assert found['deflection.rod.quarter'] == pytest.approx(w)
+    assert found['stress.rod.quarter'] == pytest.approx(2e11 * 0.004 * bend)
+    assert (found['stress.rod'] >= np.abs(found['stress.rod.quarter']) * 0.999).all()
+
+
+def test_the_mass_centre_moves_by_the_forces_of_the_frame():
+    """Newton's law of the whole machine, whose rod is bent."""
+    machine = ms.load_scene('elastic_slider_crank')
+    found = cycle(machine, samples=16)
+    mass = sum(body.mass for body in machine.mechanism.bodies)
+    for axis in 'xy':
+        pull = mass * found[f'acceleration.mass_centre.{axis}']
+        shaking = found[f'shaking_force.{axis}']
+        # kinetic energy is of second order, and so are the forces of closures
+        assert shaking == pytest.approx(-pull, abs=1e-4 * np.abs(pull).max())
+
+
+def test_it_does_not_matter_at_which_end_a_link_begins():
+    """The same machine with the rod's frame at its other end: other coordinates, same motion."""
+
+    def end(start, far, guess):
+        section = {'width': 8e-3, 'height': 8e-3}
+        rod = {'length': 0.3, 'elastic': {'section': section, 'material': 'steel', 'modes': 3}}
+        machine = scene(
+            links={
+                'crank': {'length': 0.15, 'mass': 0.3, 'inertia': 1e-3},
+                'rod': rod,
+                'slider': {'mass': 0.1},
+            },
+            joints={
+                'a': {'revolute': ['ground', 'crank']},
+                'b': {'revolute': ['crank.end', start]},
+                'c': {'revolute': [far, 'slider']},
+                'd': {'prismatic': ['ground', 'slider']},
+            },
+            drive={'coordinate': 'crank', 'speed': 100.0},
+            guess={'rod': guess, 'slider': 0.45},
+        )
+        return ms.simulate(machine, duration=0.02).sample(np.array([0.02]))
+
+    one, other = end('rod', 'rod.end', 0.0), end('rod.end', 'rod', np.pi)
+    for name in ('position.slider', 'drive_torque', 'reaction.c.y', 'stress.rod'):
+        assert one[name] == pytest.approx(other[name], rel=1e-9)
+    assert one['deflection.rod'] == pytest.approx(-other['deflection.rod'], rel=1e-9)
+
+
+@pytest.mark.deep
+def test_smooth_motion_converges_over_the_number_of_modes():
+    t, bent = np.linspace(0.01, 0.02, 50), []
+    for count in (1, 3, 5, 7):
+        more = {'links.rod.elastic.modes': count, 'links.rod.elastic.damping': 0.02,
+                'initial.velocity': {'rod.bend1': '0.44 m/s'}}  # fmt: skip
+        solution = ms.simulate(ms.load_scene('elastic_slider_crank', more), duration=0.02)
+        bent.append(solution.sample(t)['deflection.rod'])
+    off = [np.abs(x - bent[-1]).max() for x in bent[:-1]]
+    assert off[0] < 0.01 * np.abs(bent[-1]).max()
+    assert off[0] > 5.0 * off[1] > 10.0 * off[2]
 
 
 @pytest.mark.deep
