@@ -19,6 +19,7 @@ _UNITS = {
     'gap': ('m', 'm'),
     'energy': ('J', 'J'),
     'drive_power': ('W', 'W'),
+    'friction_loss': ('W', 'W'),
     'drive_torque': ('N m', 'N'),
     'shaking_moment': ('N m', 'N m'),
     't': ('s', 's'),

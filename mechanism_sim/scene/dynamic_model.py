@@ -72,7 +72,8 @@ class DynamicModel(NominalModel):
         elements = [*films, *self.plan.elements(mechanism)]
         prescribed, powered = self.plan.prescribed, self.plan.powered
         return System(
-            mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors
+            mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors,
+            self.plan.frictions(mechanism),
         )  # fmt: skip
 
     @cached_property
@@ -89,7 +90,8 @@ class DynamicModel(NominalModel):
         system = self.system
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + self._rows >= _COMPACT_FROM
-        return bool(system.elements or self.mechanism.beams) or tabulated or many
+        more = system.elements or system.dynamics.rubs or self.mechanism.beams
+        return bool(more) or tabulated or many
 
     @property
     def _rows(self) -> int:

@@ -11,8 +11,9 @@ from typing import Annotated, Any, Protocol
 
 from pydantic import Field
 
-from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Vector2
-from mechanism_sim.scene.contact_keys import Clearance, Play
+from mechanism_sim.planar.joint_friction import JointFriction
+from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Mechanism, Vector2
+from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
 from mechanism_sim.scene.quantities import Part
 from mechanism_sim.units import Measure
 
@@ -25,6 +26,8 @@ class JointKeys(Part):
 
     clearance: Clearance | None = None
     """Pin on the first-named link, loose in the second; without it the joint is ideal."""
+    friction: Friction | None = None
+    """Of an ideal joint; a loose one has its own in its clearance."""
 
     @property
     def kind(self) -> str:
@@ -92,6 +95,8 @@ class JointKind:
     firm : why it can have no ``clearance``; empty if it can
     notes : what can be said of a joint of a machine without moving it
     mounted : a joint as it is put together where coordinates have rough values [rad, m]
+    friction : that of an ideal joint, of its name, its keys and the mechanism; None if it has none
+    arm : the key that says where friction acts, and whether it must be given
     """
 
     name: str
@@ -101,6 +106,8 @@ class JointKind:
     firm: str = ''
     notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
     mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005
+    friction: Callable[[str, Friction, Mechanism], JointFriction] | None = None
+    arm: tuple[str, bool] = ('', False)
 
 
 KINDS: dict[str, JointKind] = {}
@@ -112,7 +119,9 @@ def keys_of(joint: JointKeys) -> list[str]:
     kind = KINDS[joint.kind]
     own = kind.keys.__annotations__
     keys = dict.fromkeys([kind.name, *own, *kind.keys.model_fields])
-    return [key for key in keys if not (kind.firm and key == 'clearance')]
+    absent = {'clearance'} if kind.firm else set()
+    absent |= set() if kind.friction else {'friction'}
+    return [key for key in keys if key not in absent]
 
 
 def register(kind: JointKind) -> None:

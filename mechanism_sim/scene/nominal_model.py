@@ -141,7 +141,8 @@ class NominalModel(MachineModel):
     def _inverse_dynamics(self, inertia: bool) -> InverseDynamics:
         ideal = self.plan.ideal
         closing, loads = closures(ideal, ideal.cut), self.plan.elements(ideal)
-        return InverseDynamics(ideal, closing, self.plan.prescribed, loads, inertia)
+        frictions = self.plan.frictions(ideal)
+        return InverseDynamics(ideal, closing, self.plan.prescribed, loads, frictions, inertia)
 
     def nominal(self, laws: Sequence[Law]) -> NominalRun:
         """A run of the mechanism without clearance under prescribed drives.

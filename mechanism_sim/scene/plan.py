@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
+from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import (
     Body,
     HigherPair,
@@ -25,7 +26,7 @@ from mechanism_sim.scene.load_keys import Elements
 from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.structure import read_bodies, read_joints
+from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -48,6 +49,7 @@ class Plan:
     guess : rough values of coordinates
     points : named points of the links, in their frames [m]
     elements : springs, dampers and loads
+    frictions : of ideal joints
     motors : of the driven coordinates that have one whose torque is no straight line over speed
     weighed : whether every link has the mass properties that forces need
     """
@@ -64,6 +66,7 @@ class Plan:
     guess: dict[str, float] = field(default_factory=dict)
     points: dict[str, dict[str, Vector2]] = field(default_factory=dict)
     elements: Elements = lambda _: []
+    frictions: Callable[[Mechanism], list[JointFriction]] = lambda _: []
     motors: tuple[Motor, ...] = ()
     weighed: bool = True
 
@@ -176,6 +179,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         guess,
         places.points,
         read_loads(places, tree),
+        read_frictions(places, plays),
         tuple(m for c, drive in drives.items() if (m := read_motor(c, drive)) is not None),
         all(
             scene.links[x].mass is not None or x in weighing or x in elastic for x in places.links

@@ -189,6 +189,9 @@ class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
                 '[crank.end, rod.start]'
             )
         c, kind = self.clearance, KINDS[kinds[0]]
+        if self.friction and not kind.friction:
+            rubbing = ', '.join(name for name, k in KINDS.items() if k.friction)
+            raise ValueError(f'cannot have friction: a {kind.name} has none here, only {rubbing}')
         if c and kind.firm:
             raise ValueError(f'cannot have a clearance: {kind.firm}')
         if c and kind.name != 'revolute' and (c.friction or c.pin_radius or c.contact):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
@@ -39,6 +41,44 @@ def _joint(places: Places, name: str, joint: JointPart) -> Joint:
                 f'{places.name}: {where}.{key} has no meaning in a {joint.kind} joint'
             )
     return kind.read(places, name, joint)
+
+
+def read_frictions(
+    places: Places, plays: Mapping[str, Play]
+) -> Callable[[Mechanism], list[JointFriction]]:
+    """Friction in ideal joints.
+
+    Raises
+    ------
+    InputError
+        If there are loose joints, too.
+    """
+    rubs = {}
+    for name, joint in places.scene.joints.items():
+        given, kind = joint.friction, KINDS[joint.kind]
+        if given is None:
+            continue
+        where = f'{places.name}: joints.{name}.friction'
+        arm, needed = kind.arm
+        for key in given.model_fields_set - {'coefficient', arm}:
+            if getattr(given, key) is not None:
+                raise InputError(f'{where}.{key} has no meaning in a {kind.name} joint')
+        if needed and getattr(given, arm) is None:
+            raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
+        if given.coefficient:
+            rubs[name] = given
+    if rubs and plays:
+        raise InputError(
+            f'{places.name}: joints.{next(iter(rubs))}.friction: friction in ideal joints is not '
+            f'modelled beside joints with clearance ({next(iter(plays))}): give the friction of '
+            "each joint in its 'clearance', or leave out the clearances"
+        )
+
+    def made(mechanism: Mechanism) -> list[JointFriction]:
+        makers = ((name, KINDS[places.scene.joints[name].kind].friction) for name in rubs)
+        return [make(name, rubs[name], mechanism) for name, make in makers if make]
+
+    return made
 
 
 def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
