@@ -393,6 +393,15 @@ def test_energy_is_balanced_through_impacts(friction):
     assert solution.max_penetration < 1e-12
 
 
+def test_a_mass_alone_lies_evenly_along_the_link():
+    machine = ms.load_scene('elastic_slider_crank', {'links.rod.mass': '0.2 kg'})
+    for body in (machine.mechanism.body('rod'), machine.rigid.mechanism.body('rod')):
+        assert (body.mass, body.inertia, *body.cog) == pytest.approx(
+            (0.2, 0.2 * 0.3**2 / 12.0, 0.15, 0.0)
+        )
+    assert not machine.rigid.mechanism.beams
+
+
 def test_a_stiff_link_moves_as_a_rigid_one():
     """Mass, centre of gravity and inertia are those of the rigid link; 1/E^2 is what bends it."""
     rigid = ms.simulate(ms.load_scene('four_bar_nominal'), revolutions=0.3)

@@ -27,7 +27,7 @@ def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -
         If keys are missing, or something holds them that no beam bears.
     """
     found = {
-        link: _body(places, link, given)
+        link: _body(f'{places.name}: links.{link}', link, given)
         for link in places.links
         if (given := places.scene.links[link]).elastic
     }
@@ -48,8 +48,17 @@ def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -
     return found
 
 
-def _body(places: Places, link: str, given: LinkPart) -> Body:
-    elastic, where = given.elastic, f'{places.name}: links.{link}'
+def stiffened(link: LinkPart) -> LinkPart:
+    """The same link, but rigid."""
+    if not link.elastic:
+        return link
+    body = _body('', '', link)
+    known = {'mass': body.mass, 'inertia': body.inertia, 'cog': body.cog, 'elastic': None}
+    return link.model_copy(update=known)
+
+
+def _body(where: str, link: str, given: LinkPart) -> Body:
+    elastic = given.elastic
     assert elastic  # noqa: S101 - only those are read
     if given.length is None:
         raise InputError(f"{where}: 'length' is missing: an elastic link is a beam of that length")

@@ -20,6 +20,7 @@ from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
+from mechanism_sim.scene.elastic_links import stiffened
 from mechanism_sim.scene.model import MachineModel
 from mechanism_sim.units import Measure
 
@@ -77,7 +78,7 @@ class NominalModel(MachineModel):
         if not elastic:
             return self
         scene = self.scene
-        links = {n: link.model_copy(update={'elastic': None}) for n, link in scene.links.items()}
+        links = {name: stiffened(link) for name, link in scene.links.items()}
         given = {
             kind: {c: x for c, x in getattr(scene.initial, kind).items() if c not in elastic}
             for kind in ('position', 'velocity')
