@@ -36,7 +36,7 @@ class Forces:
             for i, joint in enumerate(self._mechanism.joints)
             if GROUND in (joint.first, joint.second)
         ]
-        cogs: list[Place] = [(body.name, body.cog) for body in self._mechanism.bodies]
+        cogs = [self._mechanism.centre(body.name) for body in self._mechanism.bodies]
         held: list[Place] = [(joint.second, joint.on_second) for _, joint in self._on_frame]
         self._paths = Paths(self._mechanism, [*cogs, *held])
         self._springs = _OnGround(machine)

@@ -25,6 +25,7 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.view import Kind
 from mechanism_sim.scene import Machine
 
+_BENDS = 17  # points along the axis of an elastic link
 _BOX = 1.7, 1.1
 """Half length and half width of a slider, in units of the drawing's symbols."""
 
@@ -202,6 +203,9 @@ class Skeleton:
             if all(math.dist(corner, other) > 1e-9 for other in distinct):
                 distinct.append(corner)
         outline = _around(distinct or [cog], self.symbol)
+        if beam := self.mechanism.beams.get(link):  # there and back along its axis
+            along = np.linspace(0.0, beam.length, _BENDS).tolist()
+            outline = (*((x, 0.0) for x in along), *((x, 0.0) for x in along[-2:0:-1]))
         return Shape('link', tuple((link, corner) for corner in outline), link)
 
 

@@ -77,7 +77,7 @@ class Observer:
         ]
         friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
         friction += [element.power_lost(eq.frames) for element in self.system.elements]
-        friction += [rub.power_lost for rub in d.rubs]
+        friction += [*(rub.power_lost for rub in d.rubs), eq.strain_loss]
         kinetic, potential = energies(eq)
         potential = add(
             potential, *(element.energy(eq.frames) for element in self.system.elements)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import GROUND, Point, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Point, Vector2, factors
 from mechanism_sim.planar.switches import Array, Switch, Table
 
 
@@ -177,7 +180,7 @@ class Frames:
         x: list[Jet] = []
         y: list[Jet] = []
         for (frame, slide), d in point.items():
-            name = f'{label}@{frame}' if slide is None else f'{label}@{frame}@{slide}'
+            name = '@'.join((label, frame, *factors(slide)))
             given = (f'{name}.x', d[0]), (f'{name}.y', d[1])
             if slide is None:
                 arm = tuple(self.parameters(*each) for each in given)
@@ -185,7 +188,8 @@ class Frames:
             else:
                 arm = tuple(self._component(*each) for each in given)
                 way = self.turned(frame, *arm)
-                turned = self.displacement(slide) * way[0], self.displacement(slide) * way[1]
+                scale = reduce(operator.mul, map(self.displacement, factors(slide)))
+                turned = scale * way[0], scale * way[1]
             x.append(turned[0])
             y.append(turned[1])
         zero = Jet(None, {}, None, None)
@@ -212,6 +216,16 @@ class Frames:
     def angle(self, frame: str) -> Jet:
         """The angle of a frame, without whole turns [rad]."""
         return lift(0.0) if frame == GROUND else self.displacement(frame)
+
+    def turn(self, turns: Mapping[str, float], label: str) -> Jet:
+        """The angle of a link at a point, by how much each coordinate turns it there."""
+        found = Jet(None, {}, None, None)
+        for c, slope in turns.items():
+            turn = self.displacement(c)
+            if slope != 1.0:
+                turn = turn * dense(self.parameters(f'{label}.turn@{c}', slope))
+            found += turn
+        return found
 
     def _component(self, name: str, value: float) -> Term:
         """Of a unit vector: ones need no parameter."""

@@ -23,7 +23,7 @@ from mechanism_sim.numerics.symbolic import Term, add, div, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
-from mechanism_sim.planar.mechanism import GROUND, Joint, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import Joint, Mechanism, Prismatic
 from mechanism_sim.planar.switches import Switch
 
 Array = NDArray[np.float64]
@@ -119,8 +119,10 @@ class JournalFriction(JointFriction):
 
     def slip(self, frames: Frames) -> Jet:
         """Of the angles."""
-        first, second = (self.mechanism.frame(x)[0] for x in (self.joint.first, self.joint.second))
-        return _rate(frames.angle(second) - frames.angle(first))
+        j, m = self.joint, self.mechanism
+        first = frames.turn(m.turns(j.first, j.on_first), f'{self.name}.friction.first')
+        second = frames.turn(m.turns(j.second, j.on_second), f'{self.name}.friction.second')
+        return _rate(second - first)
 
     def loads(self, _: Frames, T: Term) -> list[Load]:
         """A moment on each."""
@@ -136,9 +138,14 @@ class JournalFriction(JointFriction):
 
     def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
         """By the moment."""
-        index = self.mechanism.coordinates.index
-        frames = [self.mechanism.frame(x)[0] for x in (self.joint.first, self.joint.second)]
-        first, second = (v[index(x)] if x != GROUND else np.zeros(v.shape[1]) for x in frames)
+        index, j = self.mechanism.coordinates.index, self.joint
+        first, second = (
+            sum((x * v[index(c)] for c, x in turns.items()), np.zeros(v.shape[1]))
+            for turns in (
+                self.mechanism.turns(j.first, j.on_first),
+                self.mechanism.turns(j.second, j.on_second),
+            )
+        )
         return -moment * (second - first)
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Prismatic, Revolute
+from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.kinds import KINDS
@@ -204,6 +205,7 @@ def _notes(machine: Machine) -> list[str]:
     for joint in machine.plan.joints:
         notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
     notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
+    notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
     for load in machine.plan.unknowns(machine.plan.ideal):

@@ -114,8 +114,8 @@ class DynamicModel(NominalModel):
         system = self.system
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + self._rows >= _COMPACT_FROM
-        extra = system.elements or system.lent or system.dynamics.rubs
-        return bool(extra) or tabulated or many
+        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.beams
+        return bool(more) or tabulated or many
 
     @property
     def _rows(self) -> int:

@@ -19,6 +19,7 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.drives import drive_key, is_straight, read_drives, read_laws, read_motor
+from mechanism_sim.scene.elastic_links import read_beams
 from mechanism_sim.scene.gears import read_wheel
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.kinds.mesh import backlashes, check_bearings, in_mesh
@@ -43,7 +44,8 @@ class Plan:
     closing : which of them are cut to make a tree if none is loose
     clearances : of the loose ones
     laws : of the driven coordinates, in the order in which they take over
-    begins : of the coordinates moved by a torque or a force, value and rate at the start
+    begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
+        rate at the start
     given : values and rates of coordinates that the scene sets outright
     assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
     guess : rough values of coordinates
@@ -138,7 +140,8 @@ def plan_of(name: str, scene: Scene) -> Plan:
     straight = [c for c, drive in drives.items() if is_straight(drive)]
     closing = closing_joints(places.links, joints, (), straight)
     check_bearings(places, joints, closing)
-    massless = tuple(Body(link, 0.0, 0.0, (0.0, 0.0)) for link in places.links)
+    elastic = read_beams(places, joints, drives)
+    massless = tuple(elastic.get(link, Body(link, 0.0, 0.0, (0.0, 0.0))) for link in places.links)
     tree = Mechanism(massless, joints, closing)
     laws: dict[str, tuple[Law, ...]] = {}
     begins: dict[str, tuple[float, float]] = {}
@@ -152,6 +155,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         KINDS[scene.joints[joint.name].kind].mounted(joint, start)
         for joint in in_mesh(places, joints, tree, start)
     )
+    begins |= {c: (given.get(c, 0.0), 0.0) for c in tree.deformations}
     free = tree.coordinates[0]
     silent = frozenset(
         c
@@ -172,7 +176,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         if drive.effort is not None
     }
     return Plan(
-        read_bodies(places, tree, drives),
+        read_bodies(places, tree, drives, elastic),
         joints,
         closing,
         scene.gravity,
@@ -191,5 +195,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         lambda m: [x for x in loads(m) if isinstance(x, UnknownForce)],
         efforts,
         tuple(m for c, drive in drives.items() if (m := read_motor(c, drive)) is not None),
-        all(scene.links[x].mass is not None or x in weighing for x in places.links),
+        all(
+            scene.links[x].mass is not None or x in weighing or x in elastic for x in places.links
+        ),
     )

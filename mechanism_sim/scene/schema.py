@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from mechanism_sim.errors import nearest
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.elastic_keys import ElasticPart
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
@@ -165,6 +166,8 @@ class LinkPart(Part):
     """About the centre of gravity; 0 for a point mass."""
     cog: Position | Vector = 0.0
     """Centre of gravity: along the link, or as [x, y] in its frame."""
+    elastic: ElasticPart | None = None
+    """How it bends; without, it is rigid."""
 
 
 class PointMass(Part):

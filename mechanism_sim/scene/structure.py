@@ -8,6 +8,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
 from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
@@ -95,7 +96,10 @@ def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
 
 
 def read_bodies(
-    places: Places, tree: Mechanism, drives: Mapping[str, DrivePart]
+    places: Places,
+    tree: Mechanism,
+    drives: Mapping[str, DrivePart],
+    elastic: Mapping[str, Body],
 ) -> tuple[Body, ...]:
     """The moving links with what they weigh, point masses and flywheels included.
 
@@ -118,6 +122,12 @@ def read_bodies(
     }
     for link in places.links:
         given = places.scene.links[link]
+        if link in elastic:
+            carried = [(m.mass, places.find('masses', m.at)) for m in places.scene.masses.values()]
+            lumps = [(mass, point) for mass, (on, point) in carried if on == link]
+            spin = drives[link].added_inertia if link in drives else 0.0
+            found.append(loaded(elastic[link], lumps, spin))
+            continue
         cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
         turns = tree.frame(link)[0] != GROUND or link in tilting
         if given.mass and given.inertia is None and turns:
