@@ -12,10 +12,12 @@ from mechanism_sim import ending, output
 from mechanism_sim.cli.options import (
     Command,
     flag,
+    measure_option,
     option,
     print_json,
     print_result,
     read_machine,
+    read_measures,
     scene_options,
 )
 from mechanism_sim.errors import InputError
@@ -31,6 +33,7 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--revolutions', 'N', 'how many to run', 200)
     option(sub, '--skip', 'K', 'revolutions to leave out at the beginning', 20)
+    measure_option(sub)
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     scene_options(sub)
     option(sub, '--revolutions', 'N', 'how many to run', 3.0)
@@ -44,7 +47,7 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
     option(sub, '--so-that', 'GOAL', "as 'largest(reaction.ram_pin) = 20 kN'")
-    option(sub, '--minimise', 'FIGURE', "instead: as 'rms(drive_torque)'")
+    option(sub, '--minimise', 'MEASURE', "instead: as 'rms(drive_torque)'")
     option(sub, '--samples', 'N', 'values at which the curve is computed', 17)
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
@@ -105,7 +108,9 @@ def _statistics(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     end = options.revolutions * machine.period
     with progress.bar('statistics', end, quiet=options.json) as show:
-        found = statistics(machine, options.revolutions, options.skip, show)
+        found = statistics(
+            machine, options.revolutions, options.skip, show, read_measures(options, machine)
+        )
     return print_result(options, found, study.statistics_json, study.statistics)
 
 
