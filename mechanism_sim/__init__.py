@@ -14,7 +14,9 @@ __path__ = extend_path(__path__, __name__)
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.numerics.lazy_sympy import postpone_sympy
 
-__all__ = ['animate', 'cycle', 'draw', 'load_scene', 'scene_names', 'simulate', 'stream']
+__all__ = [
+    'animate', 'cycle', 'draw', 'load_scene', 'measure', 'scene_names', 'simulate', 'stream',
+]  # fmt: skip
 
 
 def _plot() -> Any:
@@ -33,6 +35,10 @@ def __getattr__(name: str) -> Any:
         from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
 
         return cycle
+    if name == 'measure':
+        from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
+
+        return measure
     if name in ('animate', 'draw'):
         from mechanism_sim.report import shown  # noqa: PLC0415
 

@@ -86,14 +86,14 @@ def _parquet(path: Path, columns: Sequence[Column], about: dict[str, str]) -> No
     fields, arrays = [], []
     for c in columns:
         told = {k: v for k, v in (('unit', c.unit), ('meaning', c.meaning)) if v}
-        array = pa.array(c.values, _type(pa, c.values))
+        array = pa.array(c.values, field_type(pa, c.values))
         fields.append(pa.field(c.name, array.type, metadata=told or None))
         arrays.append(array)
     pq.write_table(pa.table(arrays, schema=pa.schema(fields, about)), path)
 
 
-def _type(pa: Any, values: Sequence[Any] | NDArray[Any]) -> Any:
-    """The type of a column: that of its values; of one without any, a number."""
+def field_type(pa: Any, values: Sequence[Any] | NDArray[Any]) -> Any:
+    """The type of Arrow for a column: that of its values; of one without any, a number."""
     if isinstance(values, np.ndarray):
         return None
     kinds = {type(v) for v in values if v is not None}

@@ -117,6 +117,23 @@ def to_si_like(value: object, unit: str) -> float:
     return found.value
 
 
+def to_si_text(value: object) -> Measure:
+    """A quantity in any product of common units; a bare number has none.
+
+    Raises
+    ------
+    ValueError
+        One clause that says what is wrong.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return Measure(float(value), '')
+    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if not match:
+        raise ValueError("is not a number with a unit: write for example '64 mm'")
+    unit = match[2].strip()
+    return read_common(match[1], unit) if unit else Measure(float(match[1]), '')
+
+
 def alike(a: str, b: str) -> bool:
     """Whether quantities in two SI units can be added; angles count as plain numbers."""
     first, second = _common_unit(a), _common_unit(b)

@@ -22,6 +22,7 @@ from mechanism_sim.cycles.quantities import Quantities
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.scene import Machine, stream
+from mechanism_sim.units import product
 
 
 class Measured(NamedTuple):
@@ -91,15 +92,26 @@ class Measurement:
             self._figures[f] = window
         for window in self._windows.values():
             window.open(self._quantities, machine, self._series)
-        self._check_units()
+        self.units()  # what cannot be added fails before anything runs
 
-    def _check_units(self) -> None:
-        """Let what cannot be added fail before anything runs."""
-        for f in self._figures:
-            if f.of_events:
-                self._series.unit(f)
-            else:
-                unit_of_figure(self._quantities, f)
+    def units(self) -> dict[str, str]:
+        """The SI unit of every measure by its name.
+
+        Raises
+        ------
+        InputError
+            If one adds what cannot be added.
+        """
+        return {m.name: m.value(lambda f: Value(1.0, self._unit(f))).unit for m in self.measures}
+
+    def _unit(self, f: Figure) -> str:
+        """The unit of a figure."""
+        if f.function in ('count', 'share'):
+            return ''
+        if f.function == 'work':
+            return 'J'
+        unit = self._series.unit(f) if f.of_events else unit_of_figure(self._quantities, f)
+        return product(unit, 's') if f.function == 'integral' else unit
 
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
