@@ -10,10 +10,12 @@ from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     flag,
+    measure_option,
     option,
     overrides_of,
     print_json,
     read_machine,
+    read_measures,
     ros_args,
     scene_options,
 )
@@ -27,6 +29,7 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('report', _report, 'a page that plays a run and charts it, in one HTML file')
     source_options(sub)
+    measure_option(sub)
     option(sub, '-o --output', 'FILE', 'the .html file; named after the run if not given')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
@@ -42,10 +45,12 @@ def add(command: Command) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
+    from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
+    from mechanism_sim.pages.charts.section import Section  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report import measured, progress  # noqa: PLC0415
 
     file = output.check_path(
         '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'
@@ -58,6 +63,12 @@ def _report(options: argparse.Namespace) -> int:
         shown = recorded(record, show)
     with progress.busy('drawing charts', quiet=options.json):
         parts = sections(record)
+        measures = read_measures(options, record.machine)
+        if measures:
+            taken = Measurement(record.machine, measures, record.start, record.end)
+            taken.add(record.piece)
+            rows = measured.rows(taken.found())
+            parts = [Section('measures', 'Measures', '', (), rows), *parts]
     text = report.page(shown, parts, source, digest)
     output.write_text(file, text)
     if options.json:

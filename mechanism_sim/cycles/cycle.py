@@ -94,6 +94,10 @@ class Cycle:
         """All columns (N + 1,) by name, in SI units."""
         return self._table
 
+    def units(self) -> dict[str, str]:
+        """SI units of the columns by name, empty for numbers."""
+        return {name: unit_of(self.machine, name) for name in self.table()}
+
     @cached_property
     def _table(self) -> dict[str, Array]:
         return self.at(self.t)

@@ -386,6 +386,8 @@ class AnyScene(Part):
     """Frames on springs that the machine shakes, by name."""
     tables: dict[str, TablePart] = {}
     """Curves through points, by the names by which formulas call them, as in press(ram)."""
+    measures: dict[str, str] = {}
+    """Figures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
 
 
 class Linkage(AnyScene):
