@@ -72,7 +72,7 @@ def add(command: Command) -> None:
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.animation import film  # noqa: PLC0415
-    from mechanism_sim.report.stage import Shown  # noqa: PLC0415
+    from mechanism_sim.report.screen import Shown  # noqa: PLC0415
     from mechanism_sim.report.video import Target  # noqa: PLC0415
 
     target = Target(options.output or f'{Path(options.scene).stem}.mp4')

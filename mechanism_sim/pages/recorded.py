@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.stage import Frames, Stage, packed, stage_of
 from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.pages.stage import Frames, Stage, packed, stage_of
 from mechanism_sim.planar.inverse_dynamics import Observation
 
 PER_TURN = 120

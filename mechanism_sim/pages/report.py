@@ -13,6 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from mechanism_sim import strict_json
 from mechanism_sim.catalogue import installed_version
+from mechanism_sim.export.palette import css
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
 from mechanism_sim.pages.charts import Section
 from mechanism_sim.pages.recorded import Recorded
@@ -52,7 +53,7 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
         sections=parts,
         bearings=[joint.name.replace('_', ' ') for joint in run.stage.bearings],
         forces=bool(run.stage.joints),
-        style=Markup(asset('style.css')),  # noqa: S704 - ours
+        style=Markup(css() + asset('style.css')),  # noqa: S704 - ours
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),
         charts=embedded(charts),
