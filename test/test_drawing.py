@@ -9,6 +9,7 @@ import pytest
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cli import main
 from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.shapes import encloses
@@ -61,7 +62,13 @@ def overlapping(figure):
                 yield name, other
 
 
-@pytest.mark.parametrize('scene', CROWDED)
+@pytest.mark.parametrize(
+    'scene',
+    [
+        *CROWDED,
+        *(pytest.param(x, marks=pytest.mark.deep) for x in scene_names() if x not in CROWDED),
+    ],
+)
 def test_names_do_not_cover_each_other(scene):
     machine = ms.load_scene(scene)
     found, t = instant(machine, still=True)

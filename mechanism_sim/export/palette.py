@@ -8,6 +8,8 @@ of color vision deficiency", IEEE TVCG 15(6), 2009), and all have a contrast of 
 
 from __future__ import annotations
 
+from mechanism_sim.planar.mechanism import Mechanism
+
 LINKS = (
     '#1a3fe0', '#ad8c07', '#009e97', '#d02c69', '#977dff', '#525700', '#1d372a', '#570f56',
 )  # fmt: skip
@@ -33,6 +35,12 @@ def css() -> str:
     """The palette as custom properties of a page: ``--link--1`` of the frame, ``--link-0`` ..."""
     named = (f'--link-{k - 1}: {shade};' for k, shade in enumerate([GROUND, *LINKS]))
     return f':root {{ {" ".join(named)} }}\n'
+
+
+def numbers(mechanism: Mechanism) -> dict[str, int]:
+    """Of joints and moving links by name: those whose colours they have."""
+    joints = {joint.name: k for k, joint in enumerate(mechanism.joints)}
+    return joints | {body.name: k for k, body in enumerate(mechanism.bodies)}
 
 
 def tint(shade: str, part: float = _TINT) -> str:

@@ -43,7 +43,7 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View, circle
 
-_FLANK = 20  # points of a drawn flank, its fillet among them
+_FLANK = 14  # points of a drawn flank, its fillet among them
 
 
 class Teeth(NamedTuple):

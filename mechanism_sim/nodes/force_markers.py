@@ -267,7 +267,7 @@ class Picture:
             made = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
 
             def write(i: int, made: Any = made, ends: Any = ends) -> None:
-                line = coil(*ends[:, :, i], s)
+                line = coil(ends[0, :, i], ends[1, :, i], s)
                 made.points = [Point(x=x, y=y) for x, y in line.tolist()]
 
             yield made, write
