@@ -12,7 +12,10 @@ const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
 const recording = new Recording(data);
 const stage = new Stage(by('stage'), data.stage);
+const other = data.other ? new Recording(data.other) : null;
+const ghost = other ? new Stage(by('ghost'), data.other.stage) : null;
 let lens = null;
+let beside = null;
 let charts = null;
 
 const player = new Player(recording, show);
@@ -48,6 +51,11 @@ function start() {
 function show(frame, shown) {
   stage.show(frame);
   lens?.show(frame);
+  if (other) {
+    const second = other.at(Math.min(frame.t, other.end), shown?.glow ?? 0);
+    ghost.show(second);
+    beside?.show(second);
+  }
   charts?.cursor(frame.t);
   const share = (frame.t - recording.start) / (recording.end - recording.start || 1);
   by('scrub').value = share;
@@ -101,10 +109,19 @@ function ticks() {
 
 function choose(bearing) {
   if (!by('lens')) return;
-  const turns = data.stage.slides ? 1 : 3; // it may run slower than in the mean
-  const span = data.turn ? turns * data.turn : Infinity;
-  lens = new Lens(by('lens'), data.stage, bearing, (t) => recording.path(bearing, t, span));
+  lens = magnified('lens', data.stage, recording, bearing);
+  if (other) beside = magnified('lens-other', data.other.stage, other, bearing);
   player.seek(player.time);
+}
+
+/** The lens over a bearing of a run, nothing where that has no such bearing. */
+function magnified(id, shown, run, bearing) {
+  const index = shown.bearings.findIndex(({ joint }) => joint === data.bearings[bearing]);
+  by(id).toggleAttribute('hidden', index < 0);
+  if (index < 0) return null;
+  const turns = shown.slides ? 1 : 3; // it may run slower than in the mean
+  const span = data.turn ? turns * data.turn : Infinity;
+  return new Lens(by(id), shown, index, (t) => run.path(index, t, span));
 }
 
 function toggle() {
