@@ -15,7 +15,7 @@ import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.palette import LINKS, PAPER, rgb
-from mechanism_sim.export.shapes import OPEN, area, circle
+from mechanism_sim.export.shapes import OPEN, area, circle, simplified
 from mechanism_sim.export.skeleton import scale_bar, skeleton_of
 from mechanism_sim.export.stage import stage_of
 from mechanism_sim.export.triangles import triangles
@@ -250,3 +250,19 @@ def test_a_scale_bar_is_round_and_fits(width):
         length, rel=1e-9
     )
     assert number.strip('0.')[:1] in {'1', '2', '5'}
+
+
+@given(st.integers(3, 200), st.floats(1e-4, 0.5), st.integers(0, 10**6))
+def test_a_simplified_curve_is_nowhere_farther_off_than_said(count, tolerance, seed):
+    random = np.random.default_rng(seed)
+    turn = np.sort(random.uniform(0.0, 2.0 * np.pi, count))
+    curve = random.uniform(0.5, 1.5, (count, 1)) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    found = simplified(curve, tolerance)
+    assert len(found) >= 2
+    assert {tuple(p) for p in found.tolist()} <= {tuple(p) for p in curve.tolist()}
+    ends = np.roll(found, -1, axis=0)
+    for point in curve:
+        way, to = ends - found, point - found
+        long = (way**2).sum(axis=1)
+        share = np.clip((to * way).sum(axis=1) / np.where(long > 0.0, long, 1.0), 0.0, 1.0)
+        assert np.hypot(*(to - share[:, None] * way).T).min() <= tolerance * (1.0 + 1e-9)

@@ -30,6 +30,8 @@ BAR, BOX, PIN, BUSHING, MARK = 0.55, (1.7, 1.1), 0.62, (0.82, 1.15), 0.32
 """Sizes in units of symbols: half width of bars; half length and width of sliders; radius of pins;
 inner and outer radius of the bushings of loose joints; radius of marked points."""
 
+_FINE = 0.015  # how far edges of bodies may be off
+
 COIL = np.stack(
     [
         [0.0, *np.linspace(0.15, 0.85, 15), 1.0],
@@ -99,7 +101,7 @@ def coil(start: Array, end: Array, symbol: float) -> Array:
 
 def rounded(points: Array, radius: float) -> Array:
     """The edge of the convex plate (k, 2) that reaches so far around all points (n, 2) [m]."""
-    return _around((points[:, None] + circle(radius, points=32)).reshape(-1, 2))
+    return _around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
 
 
 def _around(points: Array) -> Array:
@@ -140,8 +142,32 @@ def area(curve: Array) -> float:
     return 0.5 * float(x @ v - y @ u)
 
 
+def simplified(curve: Array, tolerance: float) -> Array:
+    """A closed curve (k, 2) less the points that chords between others pass within a tolerance.
+
+    D. H. Douglas, T. K. Peucker, Cartographica 10(2), 1973, from the first point and the one that
+    is farthest from it.
+    """
+    points = np.concatenate([curve, curve[:1]])
+    far = int(np.hypot(*(curve - curve[0]).T).argmax())
+    kept, spans = {0, far}, [(0, far), (far, len(curve))]
+    while spans:
+        a, b = spans.pop()
+        if b - a < 2:
+            continue
+        way, to = points[b] - points[a], points[a + 1 : b] - points[a]
+        share = np.clip(to @ way / (float(way @ way) or 1.0), 0.0, 1.0)
+        off = np.hypot(*(to - share[:, None] * way).T)
+        k = int(off.argmax())
+        if off[k] > tolerance:
+            kept.add(a + 1 + k)
+            spans += [(a, a + 1 + k), (a + 1 + k, b)]
+    return np.asarray(curve[sorted(kept)])
+
+
 def _body(shape: Shape) -> list[Path]:
-    return [Path('body', shape.curves)]
+    fine = tuple(simplified(curve, _FINE * shape.symbol) for curve in shape.curves)
+    return [Path('body', fine)]
 
 
 def _link(shape: Shape) -> list[Path]:
@@ -198,7 +224,7 @@ def _belt(shape: Shape) -> list[Path]:
 def _disc(style: Style, *radii: float) -> Callable[[Shape], list[Path]]:
     def build(shape: Shape) -> list[Path]:
         at = shape.outline[0]
-        return [Path(style, tuple(circle(r * shape.symbol, at, 48) for r in radii))]
+        return [Path(style, tuple(circle(r * shape.symbol, at, 32) for r in radii))]
 
     return build
 
@@ -208,9 +234,9 @@ def _cog(shape: Shape) -> list[Path]:
     at, radius = shape.outline[0], 0.5 * shape.symbol
     quarters = []
     for start in (0.0, np.pi):
-        turn = start + np.linspace(0.0, 0.5 * np.pi, 13)
+        turn = start + np.linspace(0.0, 0.5 * np.pi, 9)
         quarters.append(at + radius * np.vstack([[0.0, 0.0], points_of(np.exp(1j * turn))]))
-    return [Path('paper', (circle(radius, at, 48),)), Path('ink', tuple(quarters))]
+    return [Path('paper', (circle(radius, at, 32),)), Path('ink', tuple(quarters))]
 
 
 def _drive(shape: Shape) -> list[Path]:
