@@ -15,6 +15,11 @@ LINKS = (
 )  # fmt: skip
 """Of the moving links, in their order, and of lines in charts; then they come again."""
 
+DARK = (
+    '#b4b7ff', '#ffee96', '#8cffec', '#f08a9c', '#8861ff', '#98a600', '#447f53', '#936685',
+)  # fmt: skip
+"""The same on dark ground."""
+
 INK, PAPER, GROUND, ACCENT = '#1f2933', '#ffffff', '#66727f', '#c4342d'
 """Of edges, of what is seen through, of the frame, of drives and forces."""
 
@@ -33,8 +38,14 @@ def colour(number: int) -> str:
 
 def css() -> str:
     """The palette as custom properties of a page: ``--link--1`` of the frame, ``--link-0`` ..."""
-    named = (f'--link-{k - 1}: {shade};' for k, shade in enumerate([GROUND, *LINKS]))
-    return f':root {{ {" ".join(named)} }}\n'
+    light, dark = (
+        ' '.join(f'--link-{k - 1}: {shade};' for k, shade in enumerate([ground, *shades]))
+        for ground, shades in ((GROUND, LINKS), ('#9aa5b1', DARK))
+    )
+    return (
+        f':root {{ {light} }}\n'
+        f'@media screen and (prefers-color-scheme: dark) {{ body.report {{ {dark} }} }}\n'
+    )
 
 
 def numbers(mechanism: Mechanism) -> dict[str, int]:

@@ -18,6 +18,7 @@ from mechanism_sim.catalogue import installed_version
 from mechanism_sim.export.palette import css
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
 from mechanism_sim.pages.charts import Section
+from mechanism_sim.pages.charts.style import NIGHT
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.units import typeset
 
@@ -64,7 +65,9 @@ def page(
     runs = [run, beside.run] if beside else [run]
     bearings = list(dict.fromkeys(joint.name for x in runs for joint in x.stage.bearings))
     other = {'other': beside.run.to_json()} if beside else {}
-    data = strict_json.dumps({**run.to_json(), 'turn': _turn(run), 'bearings': bearings, **other})
+    data = strict_json.dumps(
+        {**run.to_json(), 'turn': _turn(run), 'bearings': bearings, 'dark': NIGHT, **other}
+    )
     charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',

@@ -22,7 +22,10 @@ const player = new Player(recording, show);
 start();
 performance.mark('plays');
 await loadPlotly();
-charts = new Charts(JSON.parse(by('charts').textContent), seek);
+charts = new Charts(JSON.parse(by('charts').textContent), {
+  seek, loop, hover: (t) => { if (!player.playing) player.seek(t); },
+  light: (names) => stage.light(names),
+}, data.dark);
 charts.cursor(player.time);
 document.documentElement.dataset.ready = '1';
 
@@ -43,6 +46,12 @@ function start() {
   for (const name of ['names', 'forces']) {
     by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
   }
+  by('loop').addEventListener('click', () => loop(null));
+  by('stage').addEventListener('pointerover', ({ target }) => {
+    const { kind, link, label } = target.closest('g[data-kind]')?.dataset ?? {};
+    charts?.light(kind === 'link' ? link : label || link);
+  });
+  by('stage').addEventListener('pointerleave', () => charts?.light());
   document.addEventListener('keydown', key);
   window.addEventListener('beforeprint', () => charts?.paper());
   window.addEventListener('afterprint', () => charts?.screen());
@@ -124,6 +133,15 @@ function magnified(id, shown, run, bearing) {
   return new Lens(by(id), shown, index, (t) => run.path(index, t, span));
 }
 
+/** Plays an interval [s] over and over, and shows it in charts; without one all. */
+function loop(span) {
+  player.loop = span && [Math.max(span[0], recording.start), Math.min(span[1], recording.end)];
+  by('loop').hidden = !span;
+  by('loop').textContent = span ? `loop ${player.loop.map((t) => t.toFixed(digits())).join(' to ')} s ×` : '';
+  charts?.zoom(player.loop);
+  if (span) player.seek(player.loop[0]);
+}
+
 function toggle() {
   if (player.playing) player.pause();
   else player.play();
@@ -141,7 +159,7 @@ function seek(t) {
 function key(event) {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
   const acts = { ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
-    Home: () => seek(recording.start), End: () => seek(recording.end) };
+    Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) };
   // what has the focus keeps its own keys
   const own = event.key === ' ' ? 'button, select, input:not([type=range])' : 'select';
   if (!(event.key in acts) || event.target.closest(own)) return;

@@ -51,6 +51,14 @@ export class Stage {
     this.svg.querySelector(`g.${name}`).style.display = shown ? '' : 'none';
   }
 
+  /** Lights links and joints of these names; of nothing all. @param {?string[]} names */
+  light(names) {
+    const groups = [...this.svg.querySelectorAll('.machine g')];
+    const own = (group) => names?.includes(group.dataset.link) || names?.includes(group.dataset.label);
+    this.svg.classList.toggle('lit', groups.some(own));
+    for (const group of groups) group.classList.toggle('lit', Boolean(own(group)));
+  }
+
   /** A point of a link in the drawing. @returns {number[]} */
   place(frame, link, [x, y]) {
     const [x0, y0, angle] = this.#pose(frame, link);
@@ -126,6 +134,7 @@ export class Stage {
 
   #shape(machine, { kind, link, label, colour, paths }) {
     const group = add(machine, 'g', { 'data-kind': kind, 'data-link': link,
+      'data-label': label,
       style: `--link: var(--link-${colour})` });
     if (this.links.has(link)) this.moving.push({ group, link });
     else group.setAttribute('transform', `translate(${this.point([0, 0]).join(' ')})`);

@@ -9,10 +9,16 @@ import plotly.graph_objects as go
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.palette import INK, LINKS
+from mechanism_sim.export.palette import DARK, INK, LINKS
 from mechanism_sim.hybrid.events import Mode
 
 MUTED, GRID = '#66727f', '#e9ecf0'
+
+NIGHT = dict(zip(LINKS, DARK, strict=True)) | {
+    INK: '#e4e7eb', MUTED: '#a3adb8', GRID: '#2b323a', '#b6bec7': '#5b6570', '#cdd3da': '#4a535d',
+    '#ffffff': '#1d2329',
+}  # fmt: skip
+"""Colours on dark ground, by those on paper."""
 
 MODES: dict[int, tuple[str, str]] = {
     Mode.UNKNOWN: ('unknown', '#dfe3e8'),
