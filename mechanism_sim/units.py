@@ -213,6 +213,13 @@ def _registry() -> Any:
     return ureg
 
 
+def typeset(unit: str) -> str:
+    """A unit as it is printed: products with a dot, powers raised."""
+    raised = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
+    powers = re.sub(r'\^(-?\d+)', lambda found: found[1].translate(raised), unit)
+    return re.sub(r'(?<! or)(?<! per) (?!or |per )', '·', powers)
+
+
 def to_si(value: object, unit: str) -> float:
     """A quantity in SI units.
 
