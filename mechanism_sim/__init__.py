@@ -20,6 +20,7 @@ __all__ = [
     'draw',
     'equations',
     'load_scene',
+    'measure',
     'scene_names',
     'simulate',
     'stream',
@@ -46,6 +47,10 @@ def __getattr__(name: str) -> Any:
         from mechanism_sim.report.typeset import equations  # noqa: PLC0415
 
         return equations
+    if name == 'measure':
+        from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
+
+        return measure
     if name in ('animate', 'draw'):
         from mechanism_sim.report import shown  # noqa: PLC0415
 

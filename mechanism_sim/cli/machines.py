@@ -60,7 +60,12 @@ def _scenes(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from mechanism_sim.scene.check import Report, check, render  # noqa: PLC0415
 
-    report = check(read_machine(options))
+    machine = read_machine(options)
+    if machine.scene.measures:
+        from mechanism_sim.cycles.measures import check_measures  # noqa: PLC0415
+
+        check_measures(machine, machine.scene.measures, f'{machine.name}: measures')
+    report = check(machine)
     return print_result(options, report, Report.to_json, render, echo)
 
 

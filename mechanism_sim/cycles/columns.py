@@ -19,6 +19,7 @@ _UNITS = {
     'gap': ('m', 'm'),
     'energy': ('J', 'J'),
     'drive_power': ('W', 'W'),
+    'friction_loss': ('W', 'W'),
     'drive_torque': ('N m', 'N'),
     'shaking_moment': ('N m', 'N m'),
     't': ('s', 's'),
@@ -26,6 +27,8 @@ _UNITS = {
     'contact': ('m', 'm'),
     'contact_speed': ('m/s', 'm/s'),
     'sliding_speed': ('m/s', 'm/s'),
+    'deflection': ('m', 'm'),
+    'stress': ('Pa', 'Pa'),
     'closed': ('', ''),
     'mode': ('', ''),
 }
@@ -84,8 +87,11 @@ def columns_of(
 
 
 def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
-    """Columns of cams, gears and shafts: contact, forces of teeth, forces of bearings."""
-    found: dict[str, Array] = {}
+    """Columns of elastic links, cams, gears and shafts.
+
+    Deflection and stress at points, contact, forces of teeth, forces of bearings.
+    """
+    found = _deformed(machine, samples.observed.position)
     for joint in machine.mechanism.joints:
         if isinstance(joint, HigherPair):
             view = JointView(
@@ -93,3 +99,21 @@ def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
             )
             found |= joint.columns(view)
     return found | shaft_columns(machine, samples)
+
+
+def _deformed(machine: Machine, q: Array) -> dict[str, Array]:
+    """Columns (N,) of named points of elastic links, at coordinates (n, N).
+
+    ``deflection.LINK.POINT`` across the link [m], and ``stress.LINK.POINT`` of the fibre on its
+    left side [Pa], positive where that is drawn.
+    """
+    found: dict[str, Array] = {}
+    for link, beam in machine.mechanism.beams.items():
+        own = q[[machine.mechanism.coordinates.index(f'{link}.{name}') for name in beam.names]]
+        for point in machine.scene.links[link].points:
+            x = min(max(machine.plan.points[link][point][0], 0.0), beam.length)
+            found[f'deflection.{link}.{point}'] = beam.deflection(x) @ own[: beam.modes]
+            if beam.fibre is not None:
+                strain = beam.strain(x, beam.fibre) @ own
+                found[f'stress.{link}.{point}'] = beam.youngs_modulus * strain
+    return found

@@ -36,10 +36,12 @@ class Forces:
             for i, joint in enumerate(self._mechanism.joints)
             if GROUND in (joint.first, joint.second)
         ]
-        cogs: list[Place] = [(body.name, body.cog) for body in self._mechanism.bodies]
+        cogs = [self._mechanism.centre(body.name) for body in self._mechanism.bodies]
         held: list[Place] = [(joint.second, joint.on_second) for _, joint in self._on_frame]
         self._paths = Paths(self._mechanism, [*cogs, *held])
         self._springs = _OnGround(machine)
+        names = [joint.name for joint in self._mechanism.joints]
+        self._rubs = [(names.index(f.name), f) for f in machine.plan.frictions(self._mechanism)]
 
     def columns(self, t: Array, o: Observation) -> dict[str, Array]:
         """Arrays (N,) by name, see `Cycle`."""
@@ -53,6 +55,10 @@ class Forces:
             found[f'reaction.{joint.name}.direction'] = np.arctan2(y, x)
             if isinstance(joint, Prismatic):
                 found[f'reaction.{joint.name}.moment'] = o.reaction_moment[i]
+        for i, friction in self._rubs:
+            found[f'friction_loss.{friction.name}'] = friction.loss(
+                o.reaction[i], o.reaction_moment[i], o.position, o.velocity
+            )
         if self._local:
             found |= self._along_and_across(o)
         paths = self._paths(o.position, o.velocity, o.acceleration)

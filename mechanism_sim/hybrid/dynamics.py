@@ -33,6 +33,7 @@ from mechanism_sim.numerics.symbolic import (
 )
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
@@ -85,7 +86,8 @@ class Dynamics:
     jam_margin : determinant of the equations of the normal forces over that without the friction
         of what slides; where it is 0, that friction jams
     exact, stabilised : the solution without and with Baumgarte's terms
-    loads : forces and moments of the elements
+    loads : forces and moments of the elements, and of friction in ideal joints
+    rubs : that friction
     torques : of every powered coordinate the three coefficients of its law
     drive_torques : of every powered coordinate that of its law and of its motor [N m, N]
     """
@@ -100,6 +102,7 @@ class Dynamics:
         powered: Sequence[str],
         elements: Sequence[ForceElement] = (),
         motors: Sequence[Motor] = (),
+        frictions: Sequence[JointFriction] = (),
         lent: float = 0.0,
     ) -> None:
         self.equations = eq = Equations(mechanism, gaps, relations)
@@ -143,6 +146,8 @@ class Dynamics:
             self.active[: len(gaps)] = [hy.expression(0.0)] * len(gaps)
         self._gaps = tuple(gaps)
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
+        self.rubs: list[Rub] = rubs(frictions, eq.frames)
+        self.loads += [load for rub in self.rubs for load in rub.loads]
         self._pushes = generalised(self.loads, eq.frames, mechanism)
         self._reduce(powered)
         self.jam_margin: Term = None

@@ -552,6 +552,7 @@ class EventLoop:
             self._simultaneous,
             self.events,
             stride,
+            contacts.sides,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -566,6 +567,7 @@ class EventLoop:
         self._pars[self._stabilisation] = s.stabilisation
         self._contacts.set_modes(s.modes, s.approach)
         self._contacts.set_switches(s.switches)
+        self._contacts.sides = s.sides
         if self._touches:
             self._touches.present = tuple(Touch(*touch) for touch in s.touches)
         self._contacts.horizon = s.horizon

@@ -50,6 +50,9 @@ class Physics(Protocol):
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
 
+    def strained(self, q: Array) -> dict[str, Array]:
+        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
+
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
@@ -94,6 +97,10 @@ class DynamicPhysics:
         self.driven = (*system.prescribed, *system.powered)
         self.displacements = system.mechanism.displacements
         self.clearances = tuple(gap.name for gap in system.gaps)
+
+    def strained(self, q: Array) -> dict[str, Array]:
+        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
+        return self.system.mechanism.strained(q)
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes

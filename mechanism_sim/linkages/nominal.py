@@ -359,6 +359,10 @@ class NominalPhysics:
         self._ideal = ideal
         self._forces = forces
 
+    def strained(self, _: Array) -> dict[str, Array]:
+        """None: its links are rigid."""
+        return {}
+
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:

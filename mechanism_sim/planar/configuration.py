@@ -187,7 +187,9 @@ def converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
     found = []
     for name in loose.coordinates:
         link, _, axis = name.partition('.')
-        if axis:
+        if name in ideal.deformations:
+            found.append(known[name])
+        elif axis:
             place = ideal.locate(link, known, loose.body(link).cog)
             found.append(place['xy'.index(axis)])
         elif name in loose.displacements:

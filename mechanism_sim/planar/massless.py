@@ -23,7 +23,9 @@ def inertial_motion(mechanism: Mechanism, q: Array) -> Array:
     Rows are velocities of the centres of gravity of links with mass, over the mechanism's size,
     and rates of links with inertia, per coordinate [1/rad, 1/m].
     """
-    rows = []
+    index = mechanism.coordinates.index
+    # a beam has mass all along
+    rows = [np.eye(len(q))[index(c)] for c in mechanism.deformations]
     for body in mechanism.bodies:
         if body.mass:
             rows += [*_velocity(mechanism, q, body.name, body.cog) / mechanism.size]
@@ -57,6 +59,8 @@ def _velocity(mechanism: Mechanism, q: Array, link: str, at: Vector2) -> Array:
     index = mechanism.coordinates.index
     found = np.zeros((2, len(q)))
     for (frame, slide), (x, y) in mechanism.point(link, at).items():
+        if isinstance(slide, tuple) or slide in mechanism.deformations:
+            continue  # of a beam as it is when straight
         angle = 0.0 if frame == GROUND else q[index(frame)]
         c, s = np.cos(angle), np.sin(angle)
         arm = np.array([c * x - s * y, s * x + c * y])

@@ -89,6 +89,8 @@ def _drive(cycle: Cycle) -> Iterator[str]:
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
         power = 0.0  # what is given is taken back
     yield f'mean power of the drive {power:.6g} W'
+    if (efficiency := cycle.efficiency) is not None:
+        yield f'efficiency {efficiency:.6g}: the rest is friction in ideal joints'
 
 
 def to_json(cycle: Cycle) -> dict[str, object]:
@@ -102,7 +104,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'start': float(cycle.t[0]),
         'end': float(cycle.t[-1]),
         'samples': len(cycle.t),
-        'units': {name: unit_of(machine, name) for name in cycle.table()},
+        'units': cycle.units(),
         'extremes': {
             name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
             for name, ends in cycle.extremes().items()
@@ -113,6 +115,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         },
         'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},
         'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
+        'efficiency': cycle.efficiency if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
         'unbounded': sorted(cycle.unbounded),
     }

@@ -120,6 +120,11 @@ def _final(run: Stream) -> dict[str, object]:
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
     }
+    strained: dict[str, dict[str, float]] = {}
+    for name, row in physics.strained(o.position).items():
+        kind, _, link = name.partition('.')
+        strained.setdefault(kind, {})[link] = float(row[0])
+    final |= strained
     if physics.has_forces:
         final['reactions'] = {
             joint: plain(force[:, 0].tolist())
@@ -172,6 +177,10 @@ def render(run: Stream) -> str:
         q, v, a = (data[k][c] for k in ('position', 'velocity', 'acceleration'))  # type: ignore[index]
         unit = 'm' if c in run.machine.physics.displacements else 'rad'
         lines.append(f'    {c:9} {q:16.10g} {unit} {v:16.10g} {unit}/s {a:16.10g} {unit}/s^2')
+    stresses: dict[str, float] = data.get('stress', {})  # type: ignore[assignment]
+    for link, deflection in data.get('deflection', {}).items():  # type: ignore[attr-defined]
+        stress = f', stress {stresses[link]:.9g} Pa' if link in stresses else ''
+        lines.append(f'    {link:9} deflection {deflection:.9g} m{stress}')
     for joint, (x, y) in data.get('reactions', {}).items():  # type: ignore[attr-defined]
         moment = data['reaction_moments'].get(joint)  # type: ignore[attr-defined]
         turning = f' {moment:14.9g} N m' if moment else ''

@@ -66,7 +66,7 @@ def _check_freedom(machine: Machine) -> None:
             "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
             'kinematics, or make a redundant joint a slot'
         )
-    given = [n for n, link in machine.links.items() if link.mass is not None]
+    given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
         drives = ', '.join(plan.prescribed) or 'none'

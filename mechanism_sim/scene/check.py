@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Prismatic, Revolute
+from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.kinds import KINDS
@@ -97,8 +98,10 @@ def check(machine: Machine) -> Report:
             )
             continue
         friction = f', friction {c.friction:g}' if c.friction else ''
+        block = isinstance(pair, Prismatic)
+        kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
         gaps.append(
-            f'{joint}: pin in bushing, radial clearance {c.radial:g} m, '
+            f'{joint}: {kind} {c.radial:g} m{" to either side" if block else ""}, '
             f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}, start '
             f'{scene.start}'
         )
@@ -201,6 +204,8 @@ def _notes(machine: Machine) -> list[str]:
     notes = motion_notes(mechanism, start, machine.plan.laws)
     for joint in machine.plan.joints:
         notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
+    notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
+    notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
     for load in machine.plan.unknowns(machine.plan.ideal):

@@ -81,6 +81,7 @@ class DynamicModel(NominalModel):
         prescribed, powered = self.plan.prescribed, self.plan.powered
         return System(
             mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors,
+            self.plan.frictions(mechanism),
             self._lent(mechanism) if closing else 0.0,
         )  # fmt: skip
 
@@ -113,7 +114,8 @@ class DynamicModel(NominalModel):
         system = self.system
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + self._rows >= _COMPACT_FROM
-        return bool(system.elements or system.lent) or tabulated or many
+        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.beams
+        return bool(more) or tabulated or many
 
     @property
     def _rows(self) -> int:

@@ -174,7 +174,9 @@ def _converted_rates(machine: DynamicModel) -> list[float]:
     found = []
     for name in loose.coordinates:
         link, _, axis = name.partition('.')
-        if axis:
+        if name in ideal.deformations:
+            found.append(turning[name])
+        elif axis:
             speed = ideal.velocity_all(link, q, v, loose.body(link).cog)
             found.append(float(speed['xy'.index(axis), 0]))
         elif name in loose.displacements:

@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from mechanism_sim.errors import nearest
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.elastic_keys import ElasticPart
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
@@ -165,6 +166,8 @@ class LinkPart(Part):
     """About the centre of gravity; 0 for a point mass."""
     cog: Position | Vector = 0.0
     """Centre of gravity: along the link, or as [x, y] in its frame."""
+    elastic: ElasticPart | None = None
+    """How it bends; without, it is rigid."""
 
 
 class PointMass(Part):
@@ -188,12 +191,13 @@ class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
                 '[crank.end, rod.start]'
             )
         c, kind = self.clearance, KINDS[kinds[0]]
+        if self.friction and not kind.friction:
+            rubbing = ', '.join(name for name, k in KINDS.items() if k.friction)
+            raise ValueError(f'cannot have friction: a {kind.name} has none here, only {rubbing}')
         if c and kind.firm:
             raise ValueError(f'cannot have a clearance: {kind.firm}')
-        if c and kind.name != 'revolute' and (c.friction or c.pin_radius or c.contact):
-            raise ValueError(
-                f'has a clearance of a {kind.name}, which has radial and restitution only'
-            )
+        if c and (wrong := kind.wrong_play(c)):
+            raise ValueError(wrong)
         return self
 
 
@@ -382,6 +386,8 @@ class AnyScene(Part):
     """Frames on springs that the machine shakes, by name."""
     tables: dict[str, TablePart] = {}
     """Curves through points, by the names by which formulas call them, as in press(ram)."""
+    measures: dict[str, str] = {}
+    """Figures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
 
 
 class Linkage(AnyScene):
