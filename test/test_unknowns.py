@@ -11,6 +11,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import JointReactions, deserialize
+from mechanism_sim.messages.checks import objection
 from mechanism_sim.nodes.publications import reactions
 from mechanism_sim.numerics import compiled
 from mechanism_sim.scene import scene_names
@@ -315,6 +316,10 @@ def test_nodes_publish_the_sizes():
     messages = [deserialize(x, JointReactions) for x in write(np.array([0.01, 0.02]), seen)]
     assert [list(m.loads) for m in messages] == [['resistance']] * 2
     assert [m.load_sizes[0] for m in messages] == seen.load[0].tolist()
+    at_dead_centre = ms.simulate(machine, duration=0.05).samples(0.0).observed
+    (message,) = [deserialize(x, JointReactions) for x in write(np.zeros(1), at_dead_centre)]
+    assert np.isnan(message.load_sizes).all()
+    assert objection(message) is None
     plain = ms.load_scene('slider_crank')
     seen = ms.simulate(plain, duration=0.05).samples(0.01).observed
     (message,) = reactions(plain.physics, 'world')(np.array([0.01]), seen)
