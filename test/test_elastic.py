@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 import mechanism_sim as ms
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.linearisation import Linearisation
@@ -51,12 +52,16 @@ def arm(speed=0.0, gravity=(0.0, 0.0), loads=None, **elastic):
     )
 
 
-def column(thrust=0.0, **elastic):
+def column(thrust=0.0, load=None, masses=None, **elastic):
     """A beam between a held crank and a slider in line with it, under a force along it."""
     return scene(
         links={
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01},
-            'rod': {'length': L, 'elastic': {**SECTION, **elastic}},
+            'rod': {
+                'length': L,
+                'points': {'middle': [L / 2, 0.0]},
+                'elastic': {**SECTION, **elastic},
+            },
             'slider': {'mass': 0.2},
         },
         joints={
@@ -65,7 +70,8 @@ def column(thrust=0.0, **elastic):
             'c': {'revolute': ['rod.end', 'slider']},
             'd': {'prismatic': ['ground', 'slider']},
         },
-        loads={'thrust': {'force': [-thrust, 0.0], 'at': 'slider'}},
+        loads={'thrust': load or {'force': [-thrust, 0.0], 'at': 'slider'}},
+        masses=masses or {},
         drive={'coordinate': 'crank', 'speed': 0.0},
         guess={'slider': 0.1 + L},
     )
@@ -134,6 +140,19 @@ def test_modes_bend_under_weight_as_statics_says():
     beam = machine.mechanism.beams['arm']
     tip = beam.deflection(L) @ linearised(machine).at.q[1:]
     assert tip == pytest.approx(-RHO * 9.81 * L**4 / (8.0 * EI), rel=1e-4)
+
+
+def test_a_mass_and_a_moment_act_where_they_are():
+    lump = 0.07
+    found = frequencies(column(masses={'boss': {'at': 'rod.middle', 'mass': lump}}, modes=1))
+    softer = np.sqrt(1.0 / (1.0 + lump / (0.5 * RHO * L)))
+    assert found[0] == pytest.approx(hertz(PINNED[0]) * softer, rel=1e-9)
+    # a moment M at one end bends the middle by M L^2/(16 EI)
+    moment = 1e-3
+    machine = column(load={'torque': moment, 'at': 'rod'}, functions='polynomial', modes=2)
+    middle = machine.mechanism.beams['rod'].deflection(L / 2)
+    q = linearised(machine).at.q[3:]
+    assert middle @ q == pytest.approx(moment * L**2 / (16.0 * EI), rel=1e-6)
 
 
 def test_thrust_softens_a_beam_until_it_buckles():
@@ -486,6 +505,18 @@ def test_points_of_a_link_have_their_deflection_and_stress():
     assert found['deflection.rod.quarter'] == pytest.approx(w)
     assert found['stress.rod.quarter'] == pytest.approx(2e11 * 0.004 * bend)
     assert (found['stress.rod'] >= np.abs(found['stress.rod.quarter']) * 0.999).all()
+
+
+def test_a_drawing_magnifies_what_bends():
+    machine = ms.load_scene('elastic_slider_crank')
+    q = np.array([[0.0], [0.0], [0.45], [2e-3], [0.0]])  # crank, rod, slider, bends
+    for factor in (1.0, 10.0):
+        skeleton = skeleton_of(machine, q, magnified=factor)
+        outlines = dict(zip((s.label for s in skeleton.shapes), skeleton.placed(q), strict=True))
+        x, y = outlines['rod'][:, :, 0].T
+        assert y.max() == pytest.approx(factor * 2e-3)
+        assert x[y.argmax()] == pytest.approx(0.3, abs=factor**2 * 1e-4)
+        assert outlines['crank_rod'][0, :, 0] == pytest.approx([0.15, 0.0])
 
 
 def test_the_mass_centre_moves_by_the_forces_of_the_frame():

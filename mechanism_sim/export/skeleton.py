@@ -63,6 +63,7 @@ class Skeleton:
     q : (n, N)
     marks : points to which their links reach too
     springs : their ends
+    magnified : how many times as large elastic links deform here
 
     Attributes
     ----------
@@ -77,8 +78,10 @@ class Skeleton:
         q: Array,
         marks: Iterable[Place] = (),
         springs: Iterable[tuple[Place, Place]] = (),
+        magnified: float = 1.0,
     ) -> None:
         self.mechanism = mechanism
+        self._magnified = magnified
         self._poses = Poses(mechanism, q)
         joints = mechanism.joints
         places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
@@ -114,7 +117,11 @@ class Skeleton:
     def placed(self, q: Array) -> list[Array]:
         """The outlines (k, 2, N) of all shapes in the world [m] at coordinates q (n, N)."""
         poses = Poses(self.mechanism, q)
-        return [np.array([poses.at(place) for place in s.outline]) for s in self.shapes]
+        bent = Poses(self.mechanism, q, self._magnified) if self._magnified != 1.0 else poses
+        return [
+            np.array([(bent if s.kind == 'link' else poses).at(place) for place in s.outline])
+            for s in self.shapes
+        ]
 
     def _revolute(self, joint: Revolute) -> None:
         sides = [(joint.first, joint.on_first), (joint.second, joint.on_second)]
@@ -209,11 +216,13 @@ class Skeleton:
         return Shape('link', tuple((link, corner) for corner in outline), link)
 
 
-def skeleton_of(machine: Machine, q: Array, marks: Iterable[Place] = ()) -> Skeleton:
+def skeleton_of(
+    machine: Machine, q: Array, marks: Iterable[Place] = (), magnified: float = 1.0
+) -> Skeleton:
     """The skeleton of a machine with its springs; the parameters are those of `Skeleton`."""
     elements = machine.plan.elements(machine.mechanism)
     springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
-    return Skeleton(machine.mechanism, q, marks, springs)
+    return Skeleton(machine.mechanism, q, marks, springs, magnified)
 
 
 def bounds(skeleton: Skeleton, outlines: Sequence[Array]) -> tuple[Array, Array]:

@@ -21,7 +21,11 @@ PATHS = ('-', '--', '-.', ':')
 
 
 def draw(
-    cycle: Cycle, t: float, positions: int = 1, labels: Literal['all', 'links', 'none'] = 'all'
+    cycle: Cycle,
+    t: float,
+    positions: int = 1,
+    labels: Literal['all', 'links', 'none'] = 'all',
+    magnified: float = 1.0,
 ) -> Picture:
     """A machine at one instant, with the paths of the cycle's points.
 
@@ -30,9 +34,10 @@ def draw(
     t : [s] within the cycle
     positions : this one, and as many others as ghosts, evenly over the cycle
     labels : of links and joints, of links only, or none
+    magnified : how many times as large elastic links deform here
     """
     sweep = _coordinates(cycle, cycle.t)
-    skeleton = skeleton_of(cycle.machine, sweep, cycle.points.values())
+    skeleton = skeleton_of(cycle.machine, sweep, cycle.points.values(), magnified)
     here = cycle.at(np.array([t]))
     now = skeleton.placed(_coordinates(cycle, np.array([t])))
     since = np.arange(1, positions) / positions * cycle.duration
