@@ -14,7 +14,17 @@ __path__ = extend_path(__path__, __name__)
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.numerics.lazy_sympy import postpone_sympy
 
-__all__ = ['animate', 'cycle', 'draw', 'load_scene', 'scene_names', 'simulate', 'stream']
+__all__ = [
+    'animate',
+    'cycle',
+    'draw',
+    'equations',
+    'load_scene',
+    'measure',
+    'scene_names',
+    'simulate',
+    'stream',
+]
 
 
 def _plot() -> Any:
@@ -33,6 +43,14 @@ def __getattr__(name: str) -> Any:
         from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
 
         return cycle
+    if name == 'equations':
+        from mechanism_sim.report.typeset import equations  # noqa: PLC0415
+
+        return equations
+    if name == 'measure':
+        from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
+
+        return measure
     if name in ('animate', 'draw'):
         from mechanism_sim.report import shown  # noqa: PLC0415
 

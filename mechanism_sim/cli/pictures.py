@@ -72,7 +72,7 @@ def add(command: Command) -> None:
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.animation import film  # noqa: PLC0415
-    from mechanism_sim.report.stage import Shown  # noqa: PLC0415
+    from mechanism_sim.report.screen import Shown  # noqa: PLC0415
     from mechanism_sim.report.video import Target  # noqa: PLC0415
 
     target = Target(options.output or f'{Path(options.scene).stem}.mp4')
@@ -103,9 +103,10 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.quantity_lookup import Asked  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
+    from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
 
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
-    numbers = [file for file in files if Path(file).suffix in tables.SUFFIXES]
+    numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
@@ -135,13 +136,16 @@ def _plot(options: argparse.Namespace) -> int:
         for file in numbers:
             tables.write(file, joined(series))
     if pictures:
+        from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
 
         over = lines.TIME
         if options.against == 'angle':
             over = lines.over_angle_of(asked.record)
         title = Path(options.scene).name if bag else asked.record.machine.scene.title
-        drawn = lines.draw(series, title, over)
+        mechanism, struck = asked.marks(start, end)
+        own = palette.numbers(mechanism) if mechanism else {}
+        drawn = lines.draw(series, title, over, own, struck)
         with figures.style():
             for picture in pictures:
                 figures.save(drawn, picture)

@@ -50,6 +50,8 @@ def unit_of(run: Machine | Piece, column: str) -> str:
     if part_of(column) in ('direction', 'moment'):
         return 'rad' if part_of(column) == 'direction' else 'N m'
     physics = run.physics
+    if kind == 'load':
+        return physics.unknowns[rest]
     first = physics.driven[:1] if kind == 'drive_torque' and not rest else (rest,)
     turning = all(c in physics.coordinates and c not in physics.displacements for c in first)
     return _UNITS.get(kind, ('N', 'N'))[0 if turning else 1]

@@ -94,6 +94,10 @@ class Cycle:
         """All columns (N + 1,) by name, in SI units."""
         return self._table
 
+    def units(self) -> dict[str, str]:
+        """SI units of the columns by name, empty for numbers."""
+        return {name: unit_of(self.machine, name) for name in self.table()}
+
     @cached_property
     def _table(self) -> dict[str, Array]:
         return self.at(self.t)
@@ -119,7 +123,9 @@ class Cycle:
         """
         columns = self._columns(t, with_work)
         lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
-        if lost.size:
+        if (
+            lost.size and not self.machine.physics.unknowns
+        ):  # those have none where they do no work
             step = 0.003 * (self.machine.period if self.repeats else self.duration)
             curve, at = self.solution.motion.curve, t[lost, None]
             beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))

@@ -66,7 +66,11 @@ def acting(
     A = list(hy.subs(every, none)) if every else []
     B = [list(hy.subs(every, none | {x: hy.expression(1.0)})) for x in unknowns]
     n = len(unknowns)
-    slopes = [[_less(B[j][k], A[k]) for j in range(n)] for k in range(len(every))]
+    named = [{*hy.get_variables(x)} for x in every]
+    slopes = [
+        [B[j][k] - A[k] if str(unknowns[j]) in named[k] else hy.expression(0.0) for j in range(n)]
+        for k in range(len(every))
+    ]
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
     rubs = any(T is not None for T in forces)
@@ -112,10 +116,6 @@ def acting(
         _linear(A[n + i], slopes[n + i], found) for i, c in enumerate(components) if c in sides
     ]
     return Acting(dict(zip(unknowns, found, strict=True)), parts, residual, pressed, jam)
-
-
-def _less(a: hy.expression, b: hy.expression) -> hy.expression:
-    return hy.expression(0.0) if a == b else a - b
 
 
 def _bound(

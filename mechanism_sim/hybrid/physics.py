@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -36,6 +37,10 @@ class Physics(Protocol):
     @property
     def driven(self) -> tuple[str, ...]:
         """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
+
+    @property
+    def unknowns(self) -> Mapping[str, str]:
+        """Units of the loads whose sizes follow from the motion, by name."""
 
     @property
     def displacements(self) -> tuple[str, ...]:
@@ -82,6 +87,7 @@ class DynamicPhysics:
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
 
     has_forces = True
+    unknowns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, observer: Observer) -> None:
         self.observer = observer

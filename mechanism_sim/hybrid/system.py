@@ -91,6 +91,7 @@ class System:
     elements : forces between links that need no gap
     motors : of powered coordinates, beside the drive's torque
     frictions : of ideal joints
+    lent : [kg] to closures, see `Dynamics`
 
     Attributes
     ----------
@@ -119,8 +120,10 @@ class System:
         elements: Sequence[ForceElement] = (),
         motors: Sequence[Motor] = (),
         frictions: Sequence[JointFriction] = (),
+        lent: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
+        self.lent = lent
         self.gaps = tuple(gaps)
         self.relations = tuple(relations)
         self.coordinates = mechanism.coordinates
@@ -132,7 +135,16 @@ class System:
         self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
         self.dynamics = Dynamics(
-            mechanism, gaps, prescribed, degree, relations, powered, elements, motors, frictions
+            mechanism,
+            gaps,
+            prescribed,
+            degree,
+            relations,
+            powered,
+            elements,
+            motors,
+            frictions,
+            lent,
         )
         self.elements = tuple(elements)
         self._acting: dict[int, Acting] = {}

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
 from mechanism_sim.errors import InputError
-from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of, zigzag
+from mechanism_sim.export.shapes import coil
+from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
@@ -80,7 +81,7 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
     observed = found.solution.samples(found.t).observed
     skeleton = skeleton_of(machine, observed.position)
-    low, high = bounds(skeleton, skeleton.placed(observed.position))
+    low, high = bounds(skeleton, skeleton.poses(observed.position))
     peaks = LoadPeaks(machine.physics, float(found.t[0]))
     peaks.add(found.solution.motion)
     bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
@@ -132,7 +133,7 @@ class Picture:
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
         self._lenses = [self._lens(seen, joint, magnification) for joint in machine.bearings]
-        self._springs = [s.outline for s in seen.skeleton.shapes if s.kind == 'spring']
+        self._springs = seen.skeleton.springs
         gaps = machine.system.gaps if machine.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
         self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
@@ -263,10 +264,10 @@ class Picture:
         locate, s = self._machine.mechanism.locate_all, self._symbol
         for k, places in enumerate(self._springs):
             ends = np.array([locate(link, o.position, at) for link, at in places])
-            coil = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
+            made = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
 
-            def write(i: int, coil: Any = coil, ends: Any = ends) -> None:
-                line = zigzag(ends[:, :, i], 0.9 * s).T
-                coil.points = [Point(x=x, y=y) for x, y in line.tolist()]
+            def write(i: int, made: Any = made, ends: Any = ends) -> None:
+                line = coil(ends[0, :, i], ends[1, :, i], s)
+                made.points = [Point(x=x, y=y) for x, y in line.tolist()]
 
-            yield coil, write
+            yield made, write

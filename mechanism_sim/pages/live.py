@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.export.stage import Frames, packed, stage_of
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.force_markers import preview
 from mechanism_sim.pages.recorded import PER_TURN
-from mechanism_sim.pages.stage import Frames, packed, stage_of
 
 MOST, FEWEST = 120, 12
 """Instants of a batch: however much time it spans, and however little."""

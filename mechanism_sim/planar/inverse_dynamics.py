@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.switches import REST
+from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ class Observation(NamedTuple):
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
+    load: Array = np.zeros((0, 1))  #: (u, N) [N, N m] sizes of loads that follow from the motion
 
 
 class NoLimit(NamedTuple):
@@ -50,7 +52,8 @@ class NoLimit(NamedTuple):
     t: float  #: [s]
     drive: float  #: position of the first drive [rad, m]
     joints: tuple[str, ...]  #: whose forces do
-    rests: bool = False  #: the drive rests in a singular position, and forces are not determined
+    rests: bool = False  #: drive or load rest there for a while: forces are not determined
+    loads: tuple[str, ...] = ()  #: which do no work there, so that their sizes are not determined
 
     def is_at(self, t: float) -> bool:
         """Whether it is at a time but for rounding."""
@@ -82,6 +85,8 @@ class InverseDynamics:
     frictions : of ideal joints
     inertia : whether ``M a`` and the velocity products count; statics leaves them out, and nothing
         else: weights and all that loads owe to speed stay
+    unknowns : loads whose sizes follow from the efforts of as many drives
+    efforts : of these drives, by coordinate
     """
 
     def __init__(
@@ -92,6 +97,8 @@ class InverseDynamics:
         elements: Sequence[ForceElement] = (),
         frictions: Sequence[JointFriction] = (),
         inertia: bool = True,
+        unknowns: Sequence[UnknownLoad] = (),
+        efforts: Mapping[str, Effort] | None = None,
     ) -> None:
         self.mechanism = mechanism
         self._inertia = inertia
@@ -101,6 +108,7 @@ class InverseDynamics:
         self.equations = Equations(mechanism, relations=relations)
         frames = self.equations.frames
         self._loads = [x for e in elements for x in e.loads(frames)]
+        self.unknowns = Unknowns(mechanism, frames, unknowns, efforts or {}, driven)
         self._rubs = rubs(frictions, frames)
         self._loads += [load for rub in self._rubs for load in rub.loads]
 
@@ -138,7 +146,9 @@ class InverseDynamics:
             own = [hy.make_vars(f'force{k}_{i}') for i in range(count)]
             cut[relation.name] = relation.wrench(frames, own)
             closing += own
-        carried = tree_reactions(eq, accelerated, cut, self._loads)
+        sizes = self.unknowns.sizes
+        loads = [*self._loads, *self.unknowns.acting]
+        carried = tree_reactions(eq, accelerated, cut, loads)
         wrenches = with_friction(self._rubs, carried, frames).values()
         forces = [x for w in wrenches for x in (w.x, w.y)]
         moments = [w.moment for w in wrenches]
@@ -149,7 +159,8 @@ class InverseDynamics:
         )
         motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
         motion += [rub.T for rub in self._rubs]
-        first = SwitchedFunction(frames, [supplied, rows], motion)
+        groups = [supplied, rows, self.unknowns.terms] if sizes else [supplied, rows]
+        first = SwitchedFunction(frames, groups, motion)
         balance = [kinetic, potential, lost]
         groups = [forces, moments, balance]
         if self._rubs:
@@ -165,7 +176,7 @@ class InverseDynamics:
                     for r in self._rubs
                 ],
             ]
-        second = SwitchedFunction(frames, groups, [*motion, *closing])
+        second = SwitchedFunction(frames, groups, [*motion, *closing, *sizes])
         return first, second
 
     def __call__(
@@ -195,11 +206,12 @@ class InverseDynamics:
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
         motion = np.concatenate([q, v, a, given])
         T = self._rubbed(motion, rows) if self._rubs else np.zeros((0, count))
-        unknown, (forces, moments, balance, *_) = self._solved(motion, T, rows)
+        unknown, sizes, (forces, moments, balance, *_) = self._solved(motion, T, rows)
         closures = n - len(self._driven)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
+        supplying = power(torque, v[self._driven])
         return Observation(
             q,
             v,
@@ -211,23 +223,37 @@ class InverseDynamics:
             forces.reshape(joints, 2, count),
             moments,
             torque,
-            power(torque, v[self._driven]),
+            supplying,
             balance[0],
             balance[1],
+            sizes,
         )
 
-    def _solved(self, motion: Array, T: Array, rows: Array | None) -> tuple[Array, list[Array]]:
-        """Forces of closures and drives (n, N) under frictions T (m, N), and what follows."""
+    def _solved(
+        self, motion: Array, T: Array, rows: Array | None
+    ) -> tuple[Any, Array, list[Array]]:
+        """Under frictions T (m, N): forces of closures and drives (n, N), sizes of loads, more."""
         first, second = self._functions
-        n = len(self.mechanism.coordinates)
+        n, count = len(self.mechanism.coordinates), motion.shape[1]
         motion = np.concatenate([motion, T])
-        supplied, closing = first(motion, rows)
-        matrix = self._matrix(closing, motion.shape[1])
+        supplied, closing, *terms = first(motion, rows)
+        matrix = self._matrix(closing, count)
         singular = np.linalg.det(matrix) == 0.0
         matrix[singular] = np.eye(n)
         unknown: Any = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
         unknown[:, singular] = np.nan
-        return unknown, second(np.concatenate([motion, unknown[: n - len(self._driven)]]), rows)
+        sizes = np.zeros((0, count))
+        if terms:
+            unknown, sizes = self.unknowns.solve(matrix, unknown, *terms)
+        known = [motion, unknown[: n - len(self._driven)], sizes]
+        found = second(np.concatenate(known), rows)
+        if terms:
+            v = motion[n : 2 * n]
+            fed = self.unknowns.power(v, sizes, *terms)
+            supplying = power(unknown[n - len(self._driven) :], v[self._driven])
+            balanced = (v * supplied).sum(axis=0) - supplying  # where they have no size
+            found[2][2] -= np.where(np.isnan(fed), balanced, fed)
+        return unknown, sizes, found
 
     def _rubbed(self, motion: Array, rows: Array | None) -> Array:
         """Every T (m, N): ``-b sign(rate)``, zero where a joint rests for longer than an instant.
@@ -239,13 +265,13 @@ class InverseDynamics:
         """
         m, count = len(self._rubs), motion.shape[1]
         none = np.zeros((m, count))
-        _, (*_, start, numbers, ways, rates, onward) = self._solved(motion, none, rows)
+        *_, (*_, start, numbers, ways, rates, onward) = self._solved(motion, none, rows)
         ways = np.where((np.abs(rates) <= REST) & (np.abs(onward) <= REST), 0.0, ways)
         slopes = []
         for k in range(m):
             unit = none.copy()
             unit[k] = 1.0
-            slopes.append(self._solved(motion, unit, rows)[1][3] - start)
+            slopes.append(self._solved(motion, unit, rows)[2][3] - start)
         known = np.isfinite(start).all(axis=0)
         T, sound = solve_friction(
             start[:, known], np.array(slopes)[:, :, known], numbers[:, known], ways[:, known],
@@ -275,6 +301,18 @@ class InverseDynamics:
         none = np.zeros((len(self._rubs), q.shape[1]))
         supplied: Array = self._functions[0](np.concatenate([q, v, a, outside, none]), rows)[0]
         return supplied
+
+    def work_of_unknowns(
+        self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
+    ) -> Array:
+        """See `Unknowns.work`, (N,)."""
+        none = np.zeros((len(self._rubs), q.shape[1]))
+        motion = np.concatenate([q, v, a, outside, none])
+        _, closing, terms = self._functions[0](motion, rows)
+        matrix = self._matrix(closing, q.shape[1])
+        singular = np.linalg.det(matrix) == 0.0
+        matrix[singular] = np.eye(len(q))
+        return np.where(singular, np.inf, self.unknowns.work(matrix, terms))
 
     def _matrix(self, rows: Array, count: int) -> Array:
         """``J^T`` beside the columns of the drives, (N, n, n)."""

@@ -62,6 +62,11 @@ class JointFriction(ABC):
         """The joint that rubs."""
         return self.mechanism.joint(self.name)
 
+    @property
+    @abstractmethod
+    def words(self) -> str:
+        """How it rubs, in words."""
+
     @abstractmethod
     def slip(self, frames: Frames) -> Jet:
         """Rate of the second-named link against the first [rad/s, m/s], with its derivatives."""
@@ -105,6 +110,12 @@ class JournalFriction(JointFriction):
     """
 
     radius: float = 0.0  #: [m] of the pin
+
+    @property
+    def words(self) -> str:
+        """By the radius of its friction circle."""
+        circle = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
+        return f'coefficient {self.coefficient:g}, friction circle of radius {1e3 * circle:.4g} mm'
 
     def slip(self, frames: Frames) -> Jet:
         """Of the angles."""
@@ -157,6 +168,13 @@ class LineFriction(JointFriction):
     """
 
     length: float = 0.0  #: [m] of a block along its guide; 0: only the force across counts
+
+    @property
+    def words(self) -> str:
+        """By the angle of friction."""
+        angle = math.degrees(math.atan(self.coefficient))
+        ends = f', both ends of {1e3 * self.length:g} mm' if self.length else ''
+        return f'coefficient {self.coefficient:g}, friction angle {angle:.4g} deg{ends}'
 
     @cached_property
     def _guided(self) -> bool:

@@ -104,7 +104,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'start': float(cycle.t[0]),
         'end': float(cycle.t[-1]),
         'samples': len(cycle.t),
-        'units': {name: unit_of(machine, name) for name in cycle.table()},
+        'units': cycle.units(),
         'extremes': {
             name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
             for name, ends in cycle.extremes().items()

@@ -129,14 +129,16 @@ class _Derivation:
             self._vectors.use_seen()
             for index, jet in zip('xy' if plain else '12', [next(jets) for _ in values]):  # noqa: B905
                 joint = relation.name
+                of_angle = self._symbols.is_of_angle(joint, jet.value)
                 orders[0].append(Equation(joint, self._terms(jet.value), zero))
                 if self._rates:
                     for line, terms in zip(orders[1:], self._derivatives(jet), strict=True):
                         line.append(Equation(joint, terms, zero))
                 if self._machine.level is not Level.KINEMATIC:
                     where = 'on the first link of' if plain else 'along a closure of'
-                    meaning = f'force {index} {where} {joint}'
-                    force = self._symbols.make(f'lambda{index}', (joint,), joint, meaning, 'N')
+                    what, unit = ('moment', 'N m') if of_angle else ('force', 'N')
+                    meaning = f'{what} {index} {where} {joint}'
+                    force = self._symbols.make(f'lambda{index}', (joint,), joint, meaning, unit)
                     self._push(jet, force)
         return tuple(map(tuple, orders))
 

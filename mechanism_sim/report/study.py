@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from mechanism_sim.report.cycle import for_people
 from mechanism_sim.strict_json import plain
 from mechanism_sim.study.lift_off import LiftOff
 from mechanism_sim.study.losses import Losses
@@ -51,6 +52,10 @@ def statistics(found: Statistics) -> str:
         if math.isfinite(found.I_n)
         else '  no impacts'
     )
+    for m in found.measures:
+        unit, scale = for_people(m.unit)
+        value, half = scale * m.mean, scale * m.half_width
+        lines.append(f'  {m.name}  {value:.6g} +- {half:.2g} {unit}'.rstrip())
     return '\n'.join(lines)
 
 
@@ -61,7 +66,11 @@ def statistics_json(found: Statistics) -> dict[str, object]:
         'means': {
             m.name.replace(' ', '_'): {'mean': m.mean, 'half_width': m.half_width, 'unit': m.unit}
             for m in found.means
-        }
+        },
+        'measures': {
+            m.name: {'mean': plain(m.mean), 'half_width': plain(m.half_width), 'unit': m.unit}
+            for m in found.measures
+        },
     }
 
 

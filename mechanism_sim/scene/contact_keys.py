@@ -66,7 +66,11 @@ class Play(Part):
 
 
 class Clearance(Play):
-    """A pin on the first-named link, loose in a bushing on the second-named one."""
+    """A pin on the first-named link, loose in a bushing on the second-named one; or a block."""
 
     radial: Length
-    """Radius of the circle in which the pin's centre can move."""
+    """Radius of the circle in which the pin's centre can move; of a block, its play each side."""
+    length: Length | None = None
+    """Of a block along its guide, about its point; required there."""
+    height: Length | None = None
+    """Of a block across its guide; required there."""

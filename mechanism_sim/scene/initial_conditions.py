@@ -13,9 +13,10 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import GROUND, Prismatic, Revolute
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.dynamic_model import DynamicModel
@@ -77,7 +78,7 @@ def _placed(machine: DynamicModel) -> tuple[Values, Values]:
                 f'{machine.name}: initial.{kind}.{lost[0]} cannot be set: with its loose joints '
                 f'the machine is not carried by the guide of {lost[0]}; give other links instead'
             )
-    near = _converted(plan.ideal, loose, start.q)
+    near = converted(plan.ideal, loose, start.q)
     held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
     placed = _places(machine, start, near, held, given[0])
     v = _rates(machine, start, placed, held, given[1])
@@ -221,31 +222,6 @@ def _driven_rates(machine: DynamicModel) -> tuple[Array, Array]:
         found.append((rate, 2.0 * half))
     rates = np.array(found).T[:, :, None]
     return rates[0], rates[1]
-
-
-def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
-    """The coordinates of the loose mechanism from those of the ideal one."""
-    known = dict(zip(ideal.coordinates, q.tolist(), strict=True))
-    found = []
-    for name in loose.coordinates:
-        link, _, axis = name.partition('.')
-        if name in ideal.deformations:
-            found.append(known[name])
-        elif axis:
-            place = ideal.locate(link, known, loose.body(link).cog)
-            found.append(place['xy'.index(axis)])
-        elif name in loose.displacements:
-            j = loose.tree_joints[link]
-            assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
-            a, b = (
-                ideal.locate(j.first, known, j.on_first),
-                ideal.locate(j.second, known, j.on_second),
-            )
-            way = ideal.angle(j.first, known) + j.axis
-            found.append((b[0] - a[0]) * np.cos(way) + (b[1] - a[1]) * np.sin(way))
-        else:
-            found.append(ideal.angle(link, known))
-    return np.array(found)
 
 
 def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:

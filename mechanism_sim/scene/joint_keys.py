@@ -45,6 +45,17 @@ def _clearance(joint: JointKeys) -> Play | None:
     return joint.clearance
 
 
+def _walls_only(given: Clearance) -> str:
+    """What a pair without friction and law of contact cannot have."""
+    absent = given.model_fields_set - {'radial', 'restitution', 'hypothesis'}
+    wrong = sorted(key for key in absent if getattr(given, key))
+    return (
+        f'has a clearance with {wrong[0]}: here it has radial and restitution only'
+        if wrong
+        else ''
+    )
+
+
 class Names(Protocol):
     """The names of a scene, as `mechanism_sim.scene.places.Places` knows them.
 
@@ -92,6 +103,7 @@ class JointKind:
     keys : all that a joint of this kind may say
     read : from a scene's names, the joint's name and its keys to the joint; raises InputError
     play : how loose a joint is, if it is
+    wrong_play : what is wrong with a clearance of it, or nothing
     firm : why it can have no ``clearance``; empty if it can
     notes : what can be said of a joint of a machine without moving it
     mounted : a joint as it is put together where coordinates have rough values [rad, m]
@@ -103,6 +115,7 @@ class JointKind:
     keys: type[JointKeys]
     read: Callable[[Names, str, Any], Joint]
     play: Callable[[Any], Play | None] = _clearance
+    wrong_play: Callable[[Clearance], str] = _walls_only
     firm: str = ''
     notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
     mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005

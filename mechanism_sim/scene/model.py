@@ -162,6 +162,8 @@ class MachineModel:
     @cached_property
     def fingerprint(self) -> str:
         """Of all that rules the motion, in a few letters."""
-        silent = {'title', 'description', 'duration', 'outputs', 'sensors', 'oscillators'}
+        silent = {
+            'title', 'description', 'duration', 'outputs', 'sensors', 'oscillators', 'measures',
+        }  # fmt: skip
         content = self.scene.model_dump(exclude=silent)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]

@@ -142,8 +142,17 @@ class NominalModel(MachineModel):
     def _inverse_dynamics(self, inertia: bool) -> InverseDynamics:
         ideal = self.plan.ideal
         closing, loads = closures(ideal, ideal.cut), self.plan.elements(ideal)
-        frictions = self.plan.frictions(ideal)
-        return InverseDynamics(ideal, closing, self.plan.prescribed, loads, frictions, inertia)
+        efforts = {c: effort(ideal) for c, effort in self.plan.efforts.items()}
+        return InverseDynamics(
+            ideal,
+            closing,
+            self.plan.prescribed,
+            loads,
+            self.plan.frictions(ideal),
+            inertia,
+            self.plan.unknowns(ideal),
+            efforts,
+        )
 
     def nominal(self, laws: Sequence[Law]) -> NominalRun:
         """A run of the mechanism without clearance under prescribed drives.

@@ -114,6 +114,12 @@ def read_bodies(
             raise InputError(
                 f'{places.name}: masses.{name}.at: a mass on the ground moves nothing'
             )
+    tilting = {
+        places.find(f'joints.{name}', point)[0]
+        for name, joint in places.scene.joints.items()
+        if joint.kind == 'prismatic' and joint.clearance
+        for point in joint.points
+    }
     for link in places.links:
         given = places.scene.links[link]
         if link in elastic:
@@ -123,8 +129,8 @@ def read_bodies(
             found.append(loaded(elastic[link], lumps, spin))
             continue
         cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
-        turns = tree.frame(link)[0] != GROUND
-        if given.mass is not None and given.inertia is None and turns:
+        turns = tree.frame(link)[0] != GROUND or link in tilting
+        if given.mass and given.inertia is None and turns:
             raise InputError(
                 f"{places.name}: 'links.{link}.inertia' is missing: the link has a mass and "
                 'turns; give its moment of inertia about the centre of gravity (0 for a point '

@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from mechanism_sim import output
+from mechanism_sim import output, tables
 from mechanism_sim.errors import InputError
 from mechanism_sim.study.workers import run_local
 from mechanism_sim.sweep.cluster import run_on_cluster
@@ -56,7 +56,7 @@ def sweep(
 
     Parameters
     ----------
-    table : Parquet file to write; the journal of finished runs is beside it
+    table : file to write, whose ending says the format; the journal of finished runs is beside it
     workers : processes, one for each core by default; or
     dask : address of a scheduler
     bags : folder for a bag of every run made now, which all workers reach under this name
@@ -76,7 +76,7 @@ def sweep(
     SweepInterrupted
         At SIGINT and SIGTERM.
     """
-    output.check_path('-o', table, '.parquet')
+    tables.check_file('-o', table)
     if workers is not None and (workers < 1 or dask):
         raise InputError(
             '--workers must be at least 1'
@@ -146,7 +146,7 @@ def _tasks(plan: Plan, bags: Path | None, cut: Mapping[int, Shard]) -> dict[str,
     for key, (run, *others) in sharing.items():
         bag = bags / f'run_{run.index:05d}.mcap' if bags else None
         files = tuple(cut[r.index] for r in (run, *others)) if cut else ()
-        tasks[key] = Task(key, run.name, run.scene, plan.extent, bag, files)
+        tasks[key] = Task(key, run.name, run.scene, plan.extent, bag, files, plan.measures)
     return tasks
 
 

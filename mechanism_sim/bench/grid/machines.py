@@ -200,7 +200,7 @@ def _rubbing(random: Random, k: int) -> Draft:
 
 
 def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> None:
-    """Give some of its joints friction, of journals up to a radius and blocks from a length [m]."""
+    """Give some joints friction, of journals up to a radius and blocks from a length [m]."""
     able = [n for n, j in scene['joints'].items() if {'revolute', 'prismatic', 'slot'} & j.keys()]
     for name in random.permutation(able)[: int(random.integers(1, 1 + len(able)))].tolist():
         joint = scene['joints'][name]

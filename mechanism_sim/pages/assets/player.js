@@ -128,6 +128,7 @@ export class Player {
     this.onFrame = onFrame;
     this.speed = 1;
     this.playing = false;
+    this.loop = null; // interval [s] that is played over and over
     this.seek(frames.start);
   }
 
@@ -173,6 +174,7 @@ export class Player {
     const passed = this.last === null ? 0 : Math.min(wall - this.last, 100) / 1000;
     this.last = wall;
     this.now = Math.min(this.now + passed * this.speed, this.frames.end);
+    if (this.loop && !(this.now >= this.loop[0] && this.now < this.loop[1])) [this.now] = this.loop;
     if (this.now >= this.frames.end) this.playing = false;
     this.#show();
     if (this.playing) requestAnimationFrame((next) => this.#tick(next));

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mechanism_sim.planar.joint_friction import LineFriction
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
-from mechanism_sim.scene.contact_keys import Friction
+from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle
 
@@ -35,9 +35,19 @@ def line_friction(name: str, given: Friction, mechanism: Mechanism) -> LineFrict
     return LineFriction(name, mechanism, given.coefficient, given.length or 0.0)
 
 
+def _wrong_play(given: Clearance) -> str:
+    if not (given.length and given.height):
+        return "has a clearance that needs 'length' and 'height', those of the block in its guide"
+    if given.pin_radius:
+        return 'has a clearance with pin_radius: a block has none'
+    if given.contact and given.contact.law == 'film':
+        return 'has a clearance with a film, which is for pins'
+    return ''
+
+
 register(
     JointKind(
-        'prismatic', PrismaticKeys, _read, firm='guides have none here',
-        friction=line_friction, arm=('length', False),
+        'prismatic', PrismaticKeys, _read,
+        wrong_play=_wrong_play, friction=line_friction, arm=('length', False),
     )
 )  # fmt: skip

@@ -7,7 +7,7 @@ from pydantic import Field
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.scene.contact_keys import Friction
+from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Position
 
@@ -52,4 +52,14 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> JournalFricti
     return JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)
 
 
-register(JointKind('revolute', RevoluteKeys, _read, friction=_friction, arm=('radius', True)))
+def _wrong_play(given: Clearance) -> str:
+    block = given.length or given.height
+    return 'has a clearance with length or height, which are of blocks in guides' if block else ''
+
+
+register(
+    JointKind(
+        'revolute', RevoluteKeys, _read,
+        wrong_play=_wrong_play, friction=_friction, arm=('radius', True),
+    )
+)  # fmt: skip

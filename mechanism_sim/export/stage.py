@@ -1,6 +1,6 @@
-"""What a page animates: the parts of a machine, and where they are at each instant.
+"""What moves on a film or a page: the parts of a machine, and where they are at each instant.
 
-All in SI units and as plain data for JSON. The page draws and moves it; it knows no mechanics.
+All in SI units and as plain data. Who shows it draws and moves it, and knows no mechanics.
 """
 
 from __future__ import annotations
@@ -15,14 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
+from mechanism_sim.export.palette import index
+from mechanism_sim.export.shapes import COIL, Shape
+from mechanism_sim.export.skeleton import Skeleton, bounds, scale_bar, skeleton_of
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
 _LONGEST = 0.35
 """Length of an arrow for a force that is rarely exceeded, of the machine's size."""
+_FINE = 100.0  # points of curves for JSON: parts of a tenth of a symbol
 _RARELY = 98.0  # [%] of the instants have smaller forces
 
 
@@ -50,6 +53,17 @@ class Frames:
     forces: Array
     feet: Array
     drive: Array
+
+    def acting(self, stage: Stage) -> Array:
+        """Where the forces act (J, 2, N) [m]."""
+        places = []
+        for joint in stage.joints:
+            if joint in stage.moving:
+                places.append(self.feet[:, stage.moving.index(joint)])
+            else:
+                at = np.array([joint.on_second])
+                places.append(stage.skeleton.placed(joint.second, at, self.poses)[:, 0])
+        return np.array(places).transpose(0, 2, 1)
 
     @classmethod
     def joined(cls, parts: Sequence[Frames]) -> Frames:
@@ -112,29 +126,23 @@ class Stage:
         return {gap.name: gap.joint for gap in machine.system.gaps} if machine.dynamic else {}
 
     @cached_property
-    def _moving(self) -> list[Joint]:
+    def moving(self) -> list[Joint]:
+        """Those whose forces act at no fixed point."""
         return [joint for joint in self.joints if isinstance(joint, HigherPair)]
 
     def to_json(self) -> dict[str, Any]:
         """All that does not change from instant to instant."""
-        shapes = [shape for shape in self.skeleton.shapes if shape.kind != 'spring']
-        springs = [shape.outline for shape in self.skeleton.shapes if shape.kind == 'spring']
+        width = float(self.high[0] - self.low[0])
         return {
             'scene': self.machine.name,
             'title': self.machine.scene.title,
             'bounds': [*self.low.tolist(), *self.high.tolist()],
             'symbol': self.skeleton.symbol,
             'links': self.links,
-            'shapes': [
-                {
-                    'kind': shape.kind,
-                    'link': shape.link,
-                    'label': shape.label,
-                    'outline': [[float(x), float(y)] for _, (x, y) in shape.outline],
-                }
-                for shape in shapes
-            ],
-            'springs': [[[link, list(at)] for link, at in ends] for ends in springs],
+            'shapes': [_written(shape) for shape in self.skeleton.shapes],
+            'springs': [[[link, list(at)] for link, at in x] for x in self.skeleton.springs],
+            'coil': COIL.tolist(),
+            'scale': dict(zip(('length', 'text'), scale_bar(width), strict=True)),
             'joints': [self._joint(joint) for joint in self.joints],
             'force_scale': self.force_scale,
             'bearings': [self._bearing(joint) for joint in self.bearings],
@@ -160,6 +168,8 @@ class Stage:
             for j in bearings
             for view in [views[j.name]]
         ]
+        poses = self.skeleton.poses(o.position)
+        poses[:, :, 2] = np.mod(poses[:, :, 2] + np.pi, 2.0 * np.pi) - np.pi
         known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
         touching = np.zeros((count, len(bearings)), np.uint8)
         for k, joint in enumerate(bearings):
@@ -167,12 +177,12 @@ class Stage:
                 touching[:, k] = known[joint.name]
         return Frames(
             t,
-            self._poses(o),
+            poses,
             _by_instant([path[0] for path in pins], count),
             _by_instant([path[1] for path in pins], count),
             touching,
             _by_instant([views[j.name].force for j in self.joints], count),
-            _by_instant([views[j.name].foot for j in self._moving], count),
+            _by_instant([views[j.name].foot for j in self.moving], count),
             o.position[physics.coordinates.index(self.machine.main)],
         )
 
@@ -188,27 +198,16 @@ class Stage:
         physics, none = self.machine.physics, np.zeros((0, o.position.shape[1]), np.uint8)
         found = []
         for joint in self.joints:
-            if joint not in self._moving:
+            if joint not in self.moving:
                 view = JointView(self.machine.mechanism, joint, physics, o, none)
                 along = scale * view.force
                 along *= longest / np.maximum(np.hypot(*along), longest)
                 found.append(view.place(joint.second, joint.on_second) + along)
         return np.array(found)
 
-    def _poses(self, o: Observation) -> Array:
-        mechanism = self.machine.mechanism
-        rows = []
-        for link in self.links:
-            frame, offset = mechanism.frame(link)
-            turn = 0.0 if frame == GROUND else o.position[mechanism.coordinates.index(frame)]
-            angle = np.full(o.position.shape[1], offset) + turn
-            wrapped = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
-            rows.append(np.vstack([mechanism.locate_all(link, o.position), wrapped]))
-        return np.array(rows).transpose(2, 0, 1)
-
     def _joint(self, joint: Joint) -> dict[str, Any]:
         """Where its force is shown: at a point of its second link, or at one of the feet."""
-        foot = {'foot': self._moving.index(joint)} if joint in self._moving else {}
+        foot = {'foot': self.moving.index(joint)} if joint in self.moving else {}
         return {
             'name': joint.name,
             'first': joint.first,
@@ -235,7 +234,7 @@ class Stage:
 def stage_of(machine: Machine, observed: Observation) -> Stage:
     """The stage of a machine that moves as it was observed to, over all of its motion."""
     skeleton = skeleton_of(machine, observed.position)
-    low, high = bounds(skeleton, skeleton.placed(observed.position))
+    low, high = bounds(skeleton, skeleton.poses(observed.position))
     stage = Stage(machine, skeleton, low, high, 0.0)
     if not stage.joints:
         return stage
@@ -258,6 +257,22 @@ def packed(rows: NDArray[Any]) -> dict[str, str]:
     data = base64.b64encode(np.ascontiguousarray(little).tobytes()).decode('ascii')
     shape = {'shape': ', '.join(map(str, rows.shape))} if rows.ndim > 1 else {}
     return {'dtype': kind, 'bdata': data, **shape}
+
+
+def _written(shape: Shape) -> dict[str, Any]:
+    """A shape for JSON: curves as x, y, x, y ... in tenths of a symbol, outlines in metres."""
+    fine = 10.0 * _FINE / shape.symbol
+    return {
+        'kind': shape.kind,
+        'link': shape.link,
+        'label': shape.label,
+        'colour': index(shape.number),
+        'outline': shape.outline.tolist(),
+        'paths': [
+            [path.style, [(np.round(fine * c) / _FINE).ravel().tolist() for c in path.curves]]
+            for path in shape.paths
+        ],
+    }
 
 
 def _index(names: list[str], name: str) -> int:
