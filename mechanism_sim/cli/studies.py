@@ -52,6 +52,7 @@ def add(command: Command) -> None:
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
     )
+    option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
@@ -76,7 +77,7 @@ def add(command: Command) -> None:
         help='problems; scaling; loose_joints; middleware; grid; hard, or hard cases; '
         'nothing lists all',
     )  # fmt: skip
-    option(sub, '--output', 'DIR', 'folder for picture, JSON and table')
+    option(sub, '-o --output', 'DIR', 'folder for picture, JSON and table')
     option(sub, '--repeats', 'N', 'how often to repeat every run', 7)
     option(sub, '--methods', 'NAME,...', 'only these methods')
     option(sub, '--tolerances', 'R,...', 'relative tolerances, instead of the usual ones')
@@ -167,6 +168,7 @@ def _find(options: argparse.Namespace) -> int:
         finding = find(
             machine, (path, *limits), goal, options.samples, lambda n: say(f'{n} cycles'),
             duration=options.duration,
+            **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
         figures.save(report.picture(finding, machine.scene.title), file)

@@ -141,17 +141,18 @@ class MachineModel(Rich):
         if not isinstance(self.law, DriveLaw):
             raise InputError(
                 f'how fast {self.main} turns is not known beforehand: give a duration in seconds, '
-                'not revolutions'
+                "not revolutions: --duration, or 'duration' in the scene"
             )
         if self.law.straight:
             raise InputError(
                 f'{self.main} is driven straight, it makes no revolutions: give a duration in '
-                'seconds'
+                "seconds: --duration, or 'duration' in the scene"
             )
         t = time_of_angle(self.laws, 2.0 * math.pi * revolutions)
         if t is None:
             raise InputError(
-                f'{self.main} is at rest: give a duration in seconds, not revolutions'
+                f'{self.main} is at rest: give a duration in seconds, not revolutions: '
+                "--duration, or 'duration' in the scene"
             )
         return t
 
