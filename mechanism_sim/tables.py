@@ -115,6 +115,18 @@ def _library(name: str) -> Any:
         raise InputError(f"this needs the package '{name}': pip install {name}") from error
 
 
+def default_ending() -> str:
+    """Parquet where its library is installed, else CSV."""
+    return '.parquet' if _installed('pyarrow') else '.csv'
+
+
+def _installed(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
 def check_file(option: str, file: Path | str, *endings: str, new: bool = False) -> Path:
     """A file for a table, checked before anything is computed: its ending, and what it takes.
 
@@ -125,10 +137,10 @@ def check_file(option: str, file: Path | str, *endings: str, new: bool = False) 
     """
     path = output.check_path(option, file, *(endings or ENDINGS), new=new)
     needed = _NEEDS.get(path.suffix)
-    if needed and importlib.util.find_spec(needed) is None:
+    if needed and not _installed(needed):
         raise InputError(
             f"{option} {file}: {path.suffix} needs the package '{needed}': "
-            "pip install 'mechanism_sim[tables]'"
+            "pip install 'mechanism_sim[tables]', or write .csv"
         )
     return path
 

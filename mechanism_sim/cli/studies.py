@@ -60,7 +60,8 @@ def add(command: Command) -> None:
         sub,
         '-o --output',
         'TABLE',
-        'the table, a .parquet, .csv, .xlsx, .mat or .npz file; NAME.parquet if not given',
+        'the table, a .parquet, .csv, .xlsx, .mat or .npz file; NAME.parquet if not given, or '
+        'NAME.csv without pyarrow',
     )
     measure_option(sub)
     option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
@@ -180,11 +181,12 @@ def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.sweep.run import SweepInterrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     if options.effects:
         figures.check_picture('--effects', options.effects)
     plan = read_plan(options.file, options.measures)
-    table = Path(options.output or f'{plan.name}.parquet')
+    table = Path(options.output or f'{plan.name}{default_ending()}')
     chart = report.chart_of(plan, options.plot, options.over)
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:

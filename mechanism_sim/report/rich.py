@@ -86,16 +86,26 @@ def _extremes(cycle: Cycle) -> list[tuple[str, ...]]:
 
 
 def _drawing(machine: Machine) -> str:
-    from mechanism_sim.report.shown import draw  # noqa: PLC0415 - it imports pictures
-
     try:
+        from mechanism_sim.report.shown import draw  # noqa: PLC0415 - it imports pictures
+
         return _image(draw(machine))
+    except ModuleNotFoundError as error:
+        return _without(error)
     except (InputError, RunError) as error:  # it cannot be put together, and says so
         return f'<p>{escape(str(error))}</p>'
 
 
 def _plot(run: Piece) -> str:
-    return _image(run.plot()) if len(run.motion) else ''
+    try:
+        return _image(run.plot()) if len(run.motion) else ''
+    except ModuleNotFoundError as error:
+        return _without(error)
+
+
+def _without(error: ModuleNotFoundError) -> str:
+    """What stands for a picture where the extra for pictures is not installed."""
+    return f"<p>no picture without {error.name}: pip install 'mechanism_sim[plots]'</p>"
 
 
 def _image(figure: Any) -> str:
