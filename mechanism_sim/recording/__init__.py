@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         scene_text,
     )
     from mechanism_sim.recording.reader import Bag, Topic, read_bag
-    from mechanism_sim.recording.recover import Recovery, recover, render_recovery
+    from mechanism_sim.recording.recovery import Recovery, recover, render_recovery
     from mechanism_sim.recording.rosbag2 import Qos, QosLike
     from mechanism_sim.recording.writer import BagWriter
 
@@ -41,7 +41,7 @@ __all__ = [
 _FILES = {
     'inventory': ('BagInfo', 'displacements', 'info', 'render_info', 'scene_name', 'scene_text'),
     'reader': ('Bag', 'Topic', 'read_bag'),
-    'recover': ('Recovery', 'recover', 'render_recovery'),
+    'recovery': ('Recovery', 'recover', 'render_recovery'),
     'rosbag2': ('Qos', 'QosLike'),
     'writer': ('BagWriter',),
 }
