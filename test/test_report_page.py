@@ -455,6 +455,28 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
     assert tab.complaints == []
 
 
+def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path):
+    run = recorded(simulated('whole_machine', duration=0.1))
+    file = tmp_path / 'plays.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    for k, play in enumerate(run.stage.to_json()['plays']):
+        tab.page.select_option('#bearing', str(len(run.stage.bearings) + k))
+        t = scrub(tab.page, 0.7)
+        told = run.record.piece.sample(np.array([t]))
+        shown = float(tab.page.locator('#lens .journal').get_attribute('data-x'))
+        if play['walls'] == 2:
+            left, right = (told[f'gap.{play["joint"]}_{side}'][0] for side in ('left', 'right'))
+            assert shown == pytest.approx(0.5 * (left - right), abs=1e-3 * play['width'])
+        else:
+            assert shown == pytest.approx(told[f'gap.{play["joint"]}'][0], abs=1e-9)
+        (line,), (stage,) = boxes(tab.page, '#stage .callout'), boxes(tab.page, '#stage')
+        assert line[3] == pytest.approx(stage[3], abs=4.0)
+        assert overlapping(boxes(tab.page, '#lens text')) == []
+        tab.shoot(f'lens_{play["joint"]}')
+    assert tab.complaints == []
+
+
 @pytest.mark.deep
 def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
     """350 turns, 17,000 impacts: less than 10 MB, and the last instant is there."""

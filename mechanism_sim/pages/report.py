@@ -63,7 +63,8 @@ def page(
     record = run.record
     scene = record.machine.scene
     runs = [run, beside.run] if beside else [run]
-    bearings = list(dict.fromkeys(joint.name for x in runs for joint in x.stage.bearings))
+    loose = [j.name for x in runs for joints in (x.stage.bearings, x.stage.plays) for j in joints]
+    bearings = list(dict.fromkeys(loose))
     other = {'other': beside.run.to_json()} if beside else {}
     data = strict_json.dumps(
         {**run.to_json(), 'turn': _turn(run), 'bearings': bearings, 'dark': NIGHT, **other}

@@ -37,6 +37,7 @@ export class Recording {
     this.links = stage.links.length;
     this.bearings = stage.bearings.length;
     this.joints = stage.joints.length;
+    this.plays = stage.plays.length;
     this.moving = stage.joints.filter(({ foot }) => foot !== undefined).length;
     this.slides = stage.slides;
   }
@@ -71,6 +72,8 @@ export class Recording {
       poses,
       pins: this.#pins(i, j, share),
       modes: Array.from(this.modes.subarray(i * this.bearings, (i + 1) * this.bearings)),
+      walls: between(this.walls, this.plays, 2),
+      touching: Array.from(this.touching.subarray(i * this.plays, (i + 1) * this.plays)),
       forces: between(this.forces, this.joints, 2),
       feet: between(this.feet, this.moving, 2),
       drive: this.drive[i] + share * (this.drive[j] - this.drive[i]),

@@ -97,6 +97,25 @@ export class Stage {
     }
     this.#forces(frame);
     this.#impacts(frame);
+    this.#callout(frame);
+  }
+
+  /** Leads a line from a joint to below the drawing, where its lens is. @param {string} name */
+  callout(name) {
+    this.line ??= add(this.svg, 'path', { class: 'callout' });
+    this.called = [...this.stage.bearings, ...this.stage.plays].find(({ joint }) => joint === name);
+  }
+
+  #callout(frame) {
+    if (!this.called) return;
+    const { joint, second, on_second: on, link = second, at = on } = this.called;
+    const foot = this.stage.joints.find(({ name }) => name === joint)?.foot;
+    const [x, y] = foot === undefined ? this.place(frame, link, at) : this.point(frame.feet[foot]);
+    const { width, height } = this.svg.viewBox.baseVal;
+    const [dx, dy, r] = [0.5 * width - x, height - y, 1.6 * SYMBOL];
+    const far = Math.hypot(dx, dy) || 1;
+    this.line.setAttribute('d', `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0${
+      line([[x + (r * dx) / far, y + (r * dy) / far], [0.5 * width, height]])}`);
   }
 
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
