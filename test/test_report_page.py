@@ -12,6 +12,7 @@ from browsing import Tab
 from test_records import angle_at, foreign
 from test_report import KINDS, simulated, write_bag
 
+import mechanism_sim as ms
 from mechanism_sim import output
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.pages import report
@@ -475,6 +476,35 @@ def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path)
         assert overlapping(boxes(tab.page, '#lens text')) == []
         tab.shoot(f'lens_{play["joint"]}')
     assert tab.complaints == []
+
+
+def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
+    """The toe's path by `cycle`; a bar and an arrow as long as they say."""
+    run = recorded(simulated('ten_links', revolutions=1))
+    file = tmp_path / 'leg.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    stage, told = run.stage, run.stage.to_json()
+    unit = stage.skeleton.symbol / 10.0
+    (path,) = tab.page.locator('#stage .paths path').evaluate_all(
+        'all => all.map(x => x.getAttribute("d"))'
+    )
+    numbers = np.array(re.findall(r'[-\d.]+', path), float).reshape(-1, 2)
+    seen = np.stack([stage.low[0] + unit * numbers[:, 0], stage.high[1] - unit * numbers[:, 1]])
+    found = ms.cycle(run.record.machine, samples=2001, points=['foot.toe'])
+    true = np.stack([found[f'position.foot.toe.{axis}'] for axis in 'xy'])
+    far = [np.hypot(*(true - at[:, None])).min() for at in seen.T]
+    assert max(far) < 0.1 * stage.skeleton.symbol  # of the path, whose points are so far apart
+    assert np.ptp(seen, axis=1) == pytest.approx(np.ptp(true, axis=1), rel=1e-2)
+    bar, arrow = (
+        tab.page.locator(f'#stage .rule{x} path').first.evaluate('x => x.getBBox().width')
+        for x in (':not(.of-forces)', '.of-forces')
+    )
+    assert bar * unit == pytest.approx(told['scale']['length'], rel=1e-2)
+    assert arrow * unit == pytest.approx(told['force'] * told['force_scale'], rel=1e-2)
+    assert overlapping(boxes(tab.page, '#stage .rule text')) == []
+    tab.page.uncheck('#paths')
+    assert not tab.page.locator('#stage .paths path').is_visible()
 
 
 @pytest.mark.deep

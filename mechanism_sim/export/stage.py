@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import index
 from mechanism_sim.export.shapes import COIL, Shape
-from mechanism_sim.export.skeleton import Skeleton, bounds, scale_bar, skeleton_of
+from mechanism_sim.export.skeleton import Skeleton, bounds, round_below, scale_bar, skeleton_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute, Side
@@ -177,6 +177,7 @@ class Stage:
             'scale': dict(zip(('length', 'text'), scale_bar(width), strict=True)),
             'joints': [self._joint(joint) for joint in self.joints],
             'force_scale': self.force_scale,
+            'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
             'bearings': [self._bearing(joint) for joint in self.bearings],
             'plays': [self._play(pair) for pair in self.plays],
             'main': self.machine.main,

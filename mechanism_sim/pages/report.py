@@ -82,6 +82,7 @@ def page(
         names=beside.names if beside else (),
         differences=_rows(beside.differences) if beside else (),
         forces=bool(run.stage.joints),
+        points=any(s.kind == 'point' and s.number >= 0 for s in run.stage.skeleton.shapes),
         style=Markup(css() + asset('style.css')),  # noqa: S704 - ours
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),

@@ -109,6 +109,17 @@ export class Recording {
     return places;
   }
 
+  /** The instants of the last turn of the drive, or of all, at most so many. */
+  turn(most = 1500) {
+    const last = this.t.length - 1;
+    let first = last;
+    while (first > 0 && (this.slides || Math.abs(this.drive[last] - this.drive[first]) < TURN)) first -= 1;
+    const step = Math.max(1, Math.ceil((last - first) / most));
+    const found = [];
+    for (let i = first; i <= last; i += step) found.push(this.at(this.t[i]));
+    return found;
+  }
+
   /** The impacts of the last `glow` seconds. */
   #impacts(t, glow) {
     const { t: times, bearing, joint, angle, impulse, hardest } = this.struck;

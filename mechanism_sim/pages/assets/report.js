@@ -18,6 +18,7 @@ let lens = null;
 let beside = null;
 let charts = null;
 
+stage.trace(recording.turn());
 const player = new Player(recording, show);
 start();
 performance.mark('plays');
@@ -43,7 +44,7 @@ function start() {
   });
   by('speed').addEventListener('change', () => { player.speed = Number(by('speed').value); });
   by('bearing')?.addEventListener('change', () => choose(Number(by('bearing').value)));
-  for (const name of ['names', 'forces']) {
+  for (const name of ['names', 'forces', 'paths']) {
     by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
   }
   by('loop').addEventListener('click', () => loop(null));

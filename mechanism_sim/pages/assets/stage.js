@@ -1,4 +1,4 @@
-import { add, arrow, line } from 'svg';
+import { add, arrow, line, quantity } from 'svg';
 
 /** Units of the drawing in a symbol, the size of a joint. */
 const SYMBOL = 10;
@@ -48,7 +48,23 @@ export class Stage {
 
   /** Shows or hides a layer: 'forces', 'names' or 'impacts'. */
   layer(name, shown) {
-    this.svg.querySelector(`g.${name}`).style.display = shown ? '' : 'none';
+    for (const group of this.svg.querySelectorAll(`g.${name}, g.of-${name}`)) {
+      group.style.display = shown ? '' : 'none';
+    }
+  }
+
+  /**
+   * Draws the paths of the marked points of links.
+   * @param {Object[]} frames with the poses that they pass
+   */
+  trace(frames) {
+    const group = add(this.svg, 'g', { class: 'paths' });
+    this.svg.querySelector('g.machine').before(group);
+    for (const { kind, link, colour, outline: [at] } of this.stage.shapes) {
+      if (kind !== 'point' || !this.links.has(link)) continue;
+      add(group, 'path', { class: 'trace', d: line(frames.map((frame) => this.place(frame, link, at))),
+        style: `stroke: var(--link-${colour})` });
+    }
   }
 
   /** Lights links and joints of these names; of nothing all. @param {?string[]} names */
@@ -176,6 +192,12 @@ export class Stage {
     const [x, y, far] = [0, height, length / this.unit];
     add(rule, 'path', { class: 'line', d: line([[x, y - 4], [x, y], [far, y], [far, y - 4]]) });
     add(rule, 'text', { x: far + 6, y }).textContent = text;
+    if (!this.stage.force) return;
+    const long = (this.stage.force * this.stage.force_scale) / this.unit;
+    const forces = add(this.svg, 'g', { class: 'rule of-forces' });
+    const above = y - 2.4 * SYMBOL;
+    add(forces, 'path', { class: 'force', d: arrow([x, above - 3], [x + long, above - 3], 2.2) });
+    add(forces, 'text', { x: x + long + 6, y: above }).textContent = quantity(this.stage.force, 'N');
   }
 
   #name(names, { link, label, outline }) {
