@@ -270,8 +270,10 @@ class Contacts:
         if self.switches:
             self.set_switches()
             self.pass_edges()
-        if self._system.side_index:
+        if self._system.dynamics.rubs:
             self.sides = (1.0,) * len(self._system.side_index)
+            for k in range(len(self._system.towards_index) // 2):
+                self._follow_pin(k)
             self._respond_to_missed()
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
@@ -342,6 +344,9 @@ class Contacts:
         gap, before = guard.gap, self.modes
         if guard == Guard(-1, 0):
             raise self._rubbed_fast()
+        if guard.pin is not None:
+            self._follow_pin(guard.pin)
+            return
         if guard.side is not None:
             index = self._system.side_index[guard.side]
             self._pars[index] = -self._pars[index]
@@ -441,6 +446,23 @@ class Contacts:
             f'friction jams at t = {self.time:.9g} s{self._where}: in {", ".join(joints)} no '
             'finite forces let the motion go on; a smaller coefficient or radius runs'
         )
+
+    @property
+    def rubbing(self) -> tuple[float, ...]:
+        """Signs of what presses on lines that rub, then where the forces of pins point."""
+        index = (*self._system.side_index, *self._system.towards_index)
+        return tuple(self._pars[i] for i in index)
+
+    @rubbing.setter
+    def rubbing(self, values: Sequence[float]) -> None:
+        self._set((*self._system.side_index, *self._system.towards_index), values)
+        self._set_status()
+
+    def _follow_pin(self, pin: int) -> None:
+        """Note where the force of a pin that rubs points now."""
+        x, y = self._at_present(self._system.pin_forces)[2 * pin : 2 * pin + 2].tolist()
+        if size := math.hypot(x, y):
+            self._set(self._system.towards_index[2 * pin : 2 * pin + 2], (x / size, y / size))
 
     def _freeze(self, held: Sequence[int]) -> None:
         """Let contacts be resolved under the parts of switches that hold now."""

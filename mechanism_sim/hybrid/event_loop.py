@@ -553,7 +553,7 @@ class EventLoop:
             self._simultaneous,
             self.events,
             stride,
-            contacts.sides,
+            contacts.rubbing,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -568,7 +568,7 @@ class EventLoop:
         self._pars[self._stabilisation] = s.stabilisation
         self._contacts.set_modes(s.modes, s.approach)
         self._contacts.set_switches(s.switches)
-        self._contacts.sides = s.sides
+        self._contacts.rubbing = s.rubbing
         if self._touches:
             self._touches.present = tuple(Touch(*touch) for touch in s.touches)
         self._contacts.horizon = s.horizon

@@ -39,6 +39,7 @@ class Acting(NamedTuple):
     parts: list[hy.expression]  #: of every switch, 0 to 1: of its flag
     residual: list[hy.expression]  #: of every friction that slides, what is left of its law
     pressed: list[hy.expression]  #: [N] of every side, what it is the sign of
+    carried: list[list[hy.expression]]  #: [N] the components of every other term
     jam_margin: Term  #: 1 without friction; at 0 what slides jams; None if nothing rubs
 
 
@@ -112,9 +113,17 @@ def acting(
         least = [p.coefficient * p.resolution for p in bounds[k]]
         left = found[k] - (1.0 - 2.0 * s.flag) * b
         residual.append((1.0 - held) * (left / (b + _UNFELT * hy.sum(least))))
-    sided = [p.side is not None for b in bounds for p in b for _ in p.components]
-    pressed = [_linear(A[n + i], slopes[n + i], found) for i, own in enumerate(sided) if own]
-    return Acting(dict(zip(unknowns, found, strict=True)), parts, residual, pressed, jam)
+    pressed, carried, at = [], [], n
+    for p in (p for b in bounds for p in b):
+        own = slice(at, at + len(p.components))
+        at = own.stop
+        forces_of = [_linear(a, x, found) for a, x in zip(A[own], slopes[own], strict=True)]
+        if p.side is None:
+            carried.append(forces_of)
+        else:
+            pressed += forces_of
+    values = dict(zip(unknowns, found, strict=True))
+    return Acting(values, parts, residual, pressed, carried, jam)
 
 
 def _bound(

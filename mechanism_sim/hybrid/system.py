@@ -65,8 +65,9 @@ RUB_JAMMED = 1e-3
 class Guard(NamedTuple):
     """What a guard watches: the normal direction of a gap, its friction, or a switch.
 
-    Or of friction in ideal joints the side on which a line presses; and where it is none of all
-    these, the margin to its jam.
+    Or of friction in ideal joints the side on which a line presses, or whether the force of a pin
+    has turned far: there it may have vanished, and its size has no Taylor series. And where it is
+    none of all these, the margin to a jam.
     """
 
     gap: int
@@ -75,6 +76,7 @@ class Guard(NamedTuple):
     friction: int
     switch: int | None = None
     side: int | None = None
+    pin: int | None = None
 
 
 class System:
@@ -102,6 +104,7 @@ class System:
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
     switch_levels : how many times rows must be set until each follows from those before it
+    towards_index : of every pin that rubs, where its force points: 60 deg or more from its reverse
     sides, side_index : of every side of friction in ideal joints, which of them is its sign
     switch_index : of every switch, which of them its present row is
     outside_index : of the time of the base and of whole turns that loads ask for, which of them
@@ -169,6 +172,12 @@ class System:
         bounds = self._bounds[id(d.stabilised)].values()
         self.sides = [x.side for bound in bounds for x in bound if x.side is not None]
         self.guards += [Guard(-1, 0, side=k) for k in range(len(self.sides))]
+        pins = sum(x.side is None for bound in bounds for x in bound)
+        self._towards = [
+            [p.reserve(f'pins:{k}.towards.{axis}', float(axis == 'x')) for axis in 'xy']
+            for k in range(pins)
+        ]
+        self.guards += [Guard(-1, 0, pin=k) for k in range(pins)]
         self.guards += [Guard(-1, 0)] if d.rubs else []
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
@@ -193,6 +202,7 @@ class System:
         self.presses_index = [p.names[f'{g.name}.presses'] for g in self.gaps if g.law]
         self.margin_index = p.names.get('release.margin')
         self.side_index = [i for n, i in p.names.items() if '.friction.side.' in n]
+        self.towards_index = [i for n, i in p.names.items() if n.startswith('pins:')]
         self.law_index = [
             [p.names[f'drives:{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
@@ -272,7 +282,7 @@ class System:
         """Functions that fall through zero at events, in the order of `guards`."""
         d, solved = self.dynamics, self.dynamics.stabilised
         result = []
-        for gap, friction, switch, side in self.guards:
+        for gap, friction, switch, side, pin in self.guards:
             if switch is not None:
                 known = self.switches[switch]
                 guard = known.guard
@@ -283,6 +293,12 @@ class System:
             if side is not None:
                 pressed = self.acting(solved).pressed[side]
                 result.append(FORCE_SCALE * (self.sides[side] * pressed + self._unpressed))
+                continue
+            if pin is not None:
+                x, y = self.acting(solved).carried[pin]
+                ux, uy = self._towards[pin]
+                size = hy.sqrt(x * x + y * y + self._unpressed * self._unpressed)
+                result.append(FORCE_SCALE * (x * ux + y * uy + 0.5 * size + self._unpressed))
                 continue
             if gap < 0:
                 result.append(JAM_SCALE * (self.acting(solved).jam_margin - RUB_JAMMED) + TINY)
@@ -354,6 +370,12 @@ class System:
                 [known.get(s.flag, ()) for s in switches],
             )
         return self._acting[id(solved)]
+
+    @cached_property
+    def pin_forces(self) -> hy.cfunc_dbl:
+        """Components of the forces in pins that rub, one after the other; as `watch`."""
+        carried = self.acting(self.dynamics.stabilised).carried
+        return self._on_now([c for pair in carried for c in pair], parts=True)
 
     @property
     def _unpressed(self) -> Term:
