@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
@@ -34,6 +35,10 @@ EXAMPLES = {
     'm/s^2': '9.81 m/s^2',
     'm/s': '1 mm/s',
     'Pa s': '0.03 Pa s',
+    'Pa': '210 GPa',
+    'kg/m^3': '7850 kg/m^3',
+    'm^2': '64 mm^2',
+    'm^4': '341 mm^4',
     'Hz': '500 Hz',
     's': '20 ms',
     'N': '10 N',
@@ -66,6 +71,7 @@ _KNOWN = {
     'kHz': (Decimal(1000), 0, 0, -1),
     'kN': (Decimal(1000), 1, 1, -2),
     'MPa': (Decimal(1_000_000), -1, 1, -2),
+    'GPa': (Decimal(1_000_000_000), -1, 1, -2),
     'deg': (Decimal('0.01745329251994329576923690768'), 0, 0, 0),
     'rpm': (Decimal('0.1047197551196597746154214461'), 0, 0, -1),
 }
@@ -97,6 +103,104 @@ def _common_unit(text: str) -> _Unit | None:
         product *= factor**power
         powers = [total + power * p for total, p in zip(powers, own, strict=True)]
     return _Unit(product, powers, not names.isdisjoint(_ANGULAR), not names.isdisjoint(_HERTZ))
+
+
+def to_si_like(value: object, unit: str) -> float:
+    """A quantity in any SI unit, as `to_si`.
+
+    Raises
+    ------
+    ValueError
+        One clause that says what is wrong.
+    """
+    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if unit in EXAMPLES or not match or not match[2].strip():
+        return to_si(value, unit if unit in EXAMPLES else '')
+    found = read_common(match[1], match[2].strip())
+    if not alike(found.unit, unit):
+        raise ValueError(f"has the unit '{match[2].strip()}', which is not a unit of '{unit}'")
+    return found.value
+
+
+def to_si_text(value: object) -> Measure:
+    """A quantity in any product of common units; a bare number has none.
+
+    Raises
+    ------
+    ValueError
+        One clause that says what is wrong.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return Measure(float(value), '')
+    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if not match:
+        raise ValueError("is not a number with a unit: write for example '64 mm'")
+    unit = match[2].strip()
+    return read_common(match[1], unit) if unit else Measure(float(match[1]), '')
+
+
+def alike(a: str, b: str) -> bool:
+    """Whether quantities in two SI units can be added; angles count as plain numbers."""
+    first, second = _common_unit(a), _common_unit(b)
+    return (first and first.powers) == (second and second.powers)
+
+
+COMMON = tuple(_KNOWN)
+"""Names of units that are read without a library."""
+
+_SI_NAMES = {
+    'cm': 'm', 'mm': 'm', 'um': 'm', 't': 'kg', 'g': 'kg', 'ms': 's', 'us': 's', 'min': 's',
+    'kHz': 'Hz', 'kN': 'N', 'MPa': 'Pa', 'deg': 'rad', 'rpm': 'rad/s',
+}  # fmt: skip
+
+
+def read_common(number: str, unit: str) -> Measure:
+    """A quantity in a product of common units, in SI units; ``1 kN mm`` is 1 N m.
+
+    Raises
+    ------
+    ValueError
+        If the unit is none.
+    """
+    known = _common_unit(unit)
+    if known is None:
+        raise ValueError(f"'{unit}' is not a product of different units: {', '.join(_KNOWN)}")
+    si = ''
+    for operator, name, exponent in _FACTOR.findall(unit):
+        power = int(exponent or 1) * (-1 if operator.strip() == '/' else 1)
+        si = product(si, _SI_NAMES.get(name, name), power)
+    return Measure(float(Decimal(number) * known.factor), si)
+
+
+def product(a: str, b: str, power: int = 1) -> str:
+    """The SI unit of a quantity in `a` times one in `b` to a power; angles give way to others."""
+    powers: Counter[str] = Counter()
+    for text, sign in ((a, 1), (b, power)):
+        for operator, name, exponent in _FACTOR.findall(text):
+            powers[name] += sign * int(exponent or 1) * (-1 if operator.strip() == '/' else 1)
+    if {name for name, n in powers.items() if n} - {'rad', 's'}:
+        del powers['rad']
+    name = _PLAIN.get(frozenset((name, n) for name, n in powers.items() if n))
+    if name is not None:
+        return name
+    above, below = (
+        [
+            f'{name}^{abs(n)}' if abs(n) > 1 else name
+            for name, n in sorted(powers.items(), key=lambda item: (item[0] != 'N', item[0]))
+            if n * sign > 0
+        ]
+        for sign in (1, -1)
+    )
+    return '/'.join([' '.join(above) or '1' * bool(below), *below])
+
+
+_PLAIN = {
+    frozenset((('N', 1), ('m', 1), ('s', -1))): 'W',
+    frozenset((('J', 1), ('s', -1))): 'W',
+    frozenset((('W', 1), ('s', 1))): 'J',
+    frozenset((('s', -1),)): 'Hz',
+}
+"""Products that have a name of their own."""
 
 
 @cache

@@ -33,7 +33,7 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {'identify', 'node', 'run', 'sweep', 'view'}
+APART = {'topic', 'param', 'service', 'action', 'bag', 'identify', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
 
 

@@ -221,7 +221,7 @@ def test_a_torque_driven_machine_needs_a_duration():
         (('--from', '30 mm'), "'30 mm' is not a quantity with a unit"),
         (('--samples', '1'), 'at least 2 samples'),
         (('--periods', '2', '--duration', '1'), 'periods or a duration, not both'),
-        (('--output', 'table.txt'), 'the ending must be .npz, .csv or .parquet'),
+        (('--output', 'table.txt'), 'the ending must be .parquet, .csv, .xlsx, .mat or .npz'),
         (('--plots', 'nowhere/x.png'), 'there is no directory'),
         (('--plots', 'x.gif'), 'the ending must be .png'),
     ],

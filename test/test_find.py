@@ -76,10 +76,11 @@ def test_what_cannot_run_leaves_a_gap_and_its_reason():
     ('args', 'said'),
     [
         ((), 'give one of'),
-        (('--so-that', 'most(x) = 3'), 'measures: highest'),
-        (('--so-that', 'mean(x)'), 'write MEASURE(QUANTITY) = VALUE'),
+        (('--so-that', 'most(x) = 3'), 'functions: highest'),
+        (('--so-that', 'mean(x)'), 'write MEASURE = VALUE'),
         (('--so-that', 'mean(drive_torqe) = 1'), "did you mean 'drive_torque'"),
         (('--so-that', 'mean(drive_torque) = 1 m'), 'the wanted value 1 m'),
+        (('--minimise', 'drive_torque'), "write for example 'largest(drive_torque)'"),
     ],
 )
 def test_goals_that_are_none_are_refused(args, said):

@@ -179,7 +179,7 @@ def test_the_schema_says_units_and_a_reader_of_files_finds_all_of_them(reference
     signal = table.schema.field('signal')
     assert (signal.type.list_size, str(signal.type.value_type)) == (512, 'double')
     assert table.schema.field('start').metadata[b'unit'] == b's'
-    assert table.schema.field(RADIAL).metadata[b'unit'] == b'SI'
+    assert table.schema.field(RADIAL).metadata[b'unit'] == b'm'
     matrix = table['signal'].combine_chunks().flatten().to_numpy().reshape(-1, 512)
     assert matrix.shape == (RUNS * EACH, 512)
     assert np.isfinite(matrix).all()

@@ -7,13 +7,16 @@ import sys
 
 from mechanism_sim import output
 from mechanism_sim.cli.options import (
+    TABLES,
     Command,
     flag,
+    measure_option,
     option,
     print_json,
     print_result,
     quantity,
     read_machine,
+    read_measures,
     scene_options,
 )
 from mechanism_sim.errors import InputError
@@ -30,7 +33,7 @@ def add(command: Command) -> None:
         dest='start',
         help="position of the drive to begin at, as '30 deg'",
     )
-    option(sub, '--periods', 'N', 'how many turns of the drive', 1)
+    option(sub, '--revolutions --periods', 'N', 'how many turns of the drive', 1)
     option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
     sub.add_argument(
         '--points',
@@ -41,7 +44,8 @@ def add(command: Command) -> None:
     )
     flag(sub, '--local', 'add the forces along and across each link')
     flag(sub, '--static', 'leave out the forces of inertia')
-    option(sub, '--output', 'FILE', 'write the samples to a .npz, .csv or .parquet file')
+    measure_option(sub)
+    option(sub, '-o --output', 'FILE', f'write the samples: {TABLES}')
     option(sub, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')
     sub = command('draw', _draw, 'a picture of a mechanism')
     scene_options(sub)
@@ -64,6 +68,7 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
+    option(sub, '--magnify', 'N', 'draw how elastic links bend, so many times as much', 0.0)
     sub = command('layout', _layout, 'a layout for Foxglove, or a configuration for RViz')
     scene_options(sub)
     sub.add_argument(
@@ -78,7 +83,7 @@ def add(command: Command) -> None:
     scene_options(sub)
     sub.add_argument('joint', metavar='JOINT', help='a joint with a cam or teeth')
     option(sub, '-o --output', 'FILE', 'draw the outlines to a .svg or .dxf file')
-    option(sub, '--table', 'FILE', 'write a cam over its turn to a .npz, .csv or .parquet file')
+    option(sub, '--table', 'FILE', f'write a cam over its turn: {TABLES}')
     option(sub, '--gear', 'NAME', 'only the outline of this gear')
     option(sub, '--friction', 'MU', 'coefficient of friction between teeth', 0.05)
     sub = command('export', _export, 'a machine for viewers and for other simulators')
@@ -99,8 +104,9 @@ def add(command: Command) -> None:
 
 def _cycle(options: argparse.Namespace) -> int:
     from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
+    from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
-    from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
+    from mechanism_sim.report import figures, measured, progress, tables  # noqa: PLC0415
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
@@ -109,18 +115,27 @@ def _cycle(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.busy('cycle', options.json) as say:
         found = cycle(
-            machine, options.samples, start, options.periods, options.duration, options.points,
+            machine, options.samples, start, options.revolutions, options.duration, options.points,
             options.local, options.static,
         )  # fmt: skip
         if options.output:
-            tables.write(options.output, found.table())
+            tables.write(options.output, found.table(), found.units())
+        measures = read_measures(options, machine)
+        taken = Measurement(machine, measures, float(found.t[0]), float(found.t[-1]))
+        taken.add(found.solution)
+        figures_found = taken.found()
         if plots:
             from mechanism_sim.report.plots import draw  # noqa: PLC0415
 
             say('plots')
             with figures.style():
                 figures.save_all(draw(found), plots)
-    return print_result(options, found, report.to_json, report.render)
+    return print_result(
+        options,
+        found,
+        lambda c: report.to_json(c) | measured.to_json(figures_found),
+        lambda c: '\n'.join([report.render(c), *measured.lines(figures_found)]),
+    )
 
 
 def _draw(options: argparse.Namespace) -> int:
@@ -141,7 +156,7 @@ def _draw(options: argparse.Namespace) -> int:
             options.path,
             still=options.positions == 1 and not options.path,
         )
-        picture = drawing.draw(found, t, options.positions, options.labels)
+        picture = drawing.draw(found, t, options.positions, options.labels, options.magnify)
         figures.save(picture, file, cropped=True)
     if options.json:
         print_json({'scene': machine.name, 'file': str(file), 't': t})

@@ -15,6 +15,7 @@ from mechanism_sim.cli import (
     drawings,
     first,
     machines,
+    network,
     pages,
     pictures,
     runs,
@@ -98,7 +99,9 @@ def make_parser() -> Overview:
             sub.add_argument('--json', action='store_true', help='JSON to standard output')
         return sub
 
-    for module in (first, machines, runs, bags, pages, pictures, drawings, studies, vibrations):
+    for module in (
+        first, machines, runs, network, bags, pages, pictures, drawings, studies, vibrations,
+    ):  # fmt: skip
         module.add(command)
     return parser
 
@@ -108,8 +111,10 @@ def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
     options, rest = parser.parse_known_args(own)
     if ros_args and options.command not in ('run', 'node', 'view'):
         options.parser.error('--ros-args is for the commands run, node and view')
-    if options.command == 'plot' and not any(word.startswith('-') for word in rest):
-        options.what, rest = [*options.what, *rest], []  # argparse looks for them in one place
+    several = 'words' if hasattr(options, 'words') else 'what' if options.command == 'plot' else ''
+    if several and not any(word.startswith('-') for word in rest):  # argparse looks in one place
+        setattr(options, several, [*getattr(options, several), *rest])
+        rest = []
     if rest and options.command != 'node':
         options.parser.refuse(rest)
     options.rest, options.ros_args = rest, ros_args

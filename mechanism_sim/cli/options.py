@@ -10,6 +10,7 @@ from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
+    from mechanism_sim.cycles.measure_text import Measure
     from mechanism_sim.scene import Machine
 
     Options = argparse.ArgumentParser | argparse._ArgumentGroup
@@ -30,6 +31,9 @@ NODE_CLASSES = {
     'recorder': 'mechanism_sim.nodes.recorder:Recorder',
     'view': 'mechanism_sim.pages.view:View',
 }
+TABLES = 'a .npz, .csv, .parquet, .xlsx or .mat file'
+"""Endings of tables."""
+
 NODE_NAMES = tuple(name for name in NODE_CLASSES if name != 'view')
 """Nodes of a run; `view` shows a run from outside."""
 
@@ -66,6 +70,32 @@ def length_options(sub: argparse.ArgumentParser) -> None:
     """Add the options for the length of a run."""
     option(sub, '--duration', 'S', 'length of the run in seconds', float)
     option(sub, '--revolutions', 'N', 'length of the run in turns of the drive', float)
+
+
+def measure_option(sub: argparse.ArgumentParser) -> None:
+    """Add the option for figures of one's own."""
+    sub.add_argument(
+        '--measure', action='append', default=[], metavar='TEXT', dest='measures',
+        help="a figure, as 'rms(drive_torque, from 2 s)' or 'peak = largest(reaction.pin)'; "
+        'several times',
+    )  # fmt: skip
+
+
+def read_measures(options: argparse.Namespace, machine: Machine) -> list[Measure]:
+    """The measures of a scene, and those on a command line.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read.
+    """
+    from mechanism_sim.cycles.measure_text import read_all  # noqa: PLC0415
+
+    if not machine.scene.measures and not options.measures:
+        return []
+    given = machine.scene.measures
+    asked = [text for text in options.measures if text not in given]
+    return [*read_all(given, f'{machine.name}: measures'), *read_all(asked, '--measure')]
 
 
 def overrides_of(options: argparse.Namespace) -> list[str]:

@@ -12,6 +12,7 @@ GROUPS = {
     'A machine': ('new', 'scenes', 'check', 'equations'),
     'Run it': ('solve', 'run', 'node'),
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view', 'layout', 'sound'),
+    'Talk to what runs': ('topic', 'param', 'service', 'action', 'bag'),
     'How it vibrates': ('modes', 'response'),
     'Recorded runs': ('info', 'recover', 'analyze', 'identify', 'experiment'),
     'Many runs': (

@@ -10,10 +10,12 @@ from mechanism_sim import output
 from mechanism_sim.cli.options import (
     Command,
     flag,
+    measure_option,
     option,
     overrides_of,
     print_json,
     read_machine,
+    read_measures,
     ros_args,
     scene_options,
 )
@@ -31,6 +33,7 @@ def add(command: Command) -> None:
         'a page that plays a run and charts it, or compares two; one HTML file',
     )
     source_options(sub)
+    measure_option(sub)
     sub.add_argument(
         'other', metavar='BAG|SCENE', nargs='?',
         help='a second run, which the first is compared with; --set is for scenes among both',
@@ -44,6 +47,7 @@ def add(command: Command) -> None:
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
     scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
     option(sub, '--duration', 'S', 'seconds to run; 1 h if none is known', float)
+    option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
         sub, '--realtime-factor', 'F', 'simulated seconds in a second; 0: as fast as possible', 1.0
     )
@@ -56,10 +60,12 @@ def add(command: Command) -> None:
 def _report(options: argparse.Namespace) -> int:
     if options.other or options.others:
         return _compare(options)
+    from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
+    from mechanism_sim.pages.charts.section import Section  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report import measured, progress  # noqa: PLC0415
 
     file = output.check_path(
         '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'
@@ -72,6 +78,12 @@ def _report(options: argparse.Namespace) -> int:
         shown = recorded(record, show)
     with progress.busy('drawing charts', quiet=options.json):
         parts = sections(record)
+        measures = read_measures(options, record.machine)
+        if measures:
+            taken = Measurement(record.machine, measures, record.start, record.end)
+            taken.add(record.piece)
+            rows = measured.rows(taken.found())
+            parts = [Section('measures', 'Measures', '', (), rows), *parts]
     text = report.page(shown, parts, source, digest)
     output.write_text(file, text)
     if options.json:
@@ -136,7 +148,9 @@ def _view(options: argparse.Namespace) -> int:
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]
     run = _run_arguments(options) if options.scene else []
-    if not run and (overrides_of(options) or options.duration or options.paused):
+    if not run and (
+        overrides_of(options) or options.duration or options.revolutions or options.paused
+    ):
         raise InputError('--set, --duration and --paused are for a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
@@ -147,7 +161,9 @@ def _run_arguments(options: argparse.Namespace) -> list[str]:
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     machine, overrides = read_machine(options), overrides_of(options)
-    duration = run_length(machine, None, options.duration or machine.scene.duration or HOUR)
+    known = options.duration or machine.scene.duration or HOUR
+    turns = options.revolutions
+    duration = run_length(machine, turns, options.duration if turns is not None else known)
     if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     return [

@@ -101,9 +101,10 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.quantity_lookup import Asked  # noqa: PLC0415
     from mechanism_sim.recording import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
+    from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
 
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
-    numbers = [file for file in files if Path(file).suffix in tables.SUFFIXES]
+    numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
     pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]

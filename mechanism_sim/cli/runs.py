@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING
 from mechanism_sim import ending
 from mechanism_sim.cli.options import (
     NODE_CLASSES,
+    TABLES,
     Command,
     flag,
     length_options,
+    measure_option,
     option,
     overrides_of,
     print_json,
     read_machine,
+    read_measures,
     ros_args,
     scene_options,
 )
@@ -33,8 +36,9 @@ def add(command: Command) -> None:
     sub = command('solve', _solve, 'run a scene in this process, without middleware')
     scene_options(sub)
     length_options(sub)
+    measure_option(sub)
     option(sub, '--sample-rate', 'HZ', 'samples a second, for --output', float)
-    option(sub, '--output', 'FILE', 'write samples of everything to a .npz, .csv or .parquet file')
+    option(sub, '-o --output', 'FILE', f'write samples of everything: {TABLES}')
     flag(sub, '--no-events', 'with --json: counts of events instead of their lists')
     option(sub, '--save', 'FILE', 'write what --resume needs to go on from the end')
     option(
@@ -69,10 +73,11 @@ def add(command: Command) -> None:
 
 
 def _solve(options: argparse.Namespace) -> int:
+    from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
-    from mechanism_sim.report import progress, summary  # noqa: PLC0415
+    from mechanism_sim.report import measured, progress, summary  # noqa: PLC0415
     from mechanism_sim.scene import run_length, stream  # noqa: PLC0415
 
     if options.no_events and not options.json:
@@ -81,6 +86,7 @@ def _solve(options: argparse.Namespace) -> int:
         raise InputError('--sample-rate goes with --output: it is that of the samples in the file')
     machine = read_machine(options)
     end = run_length(machine, options.revolutions, options.duration)
+    taken = Measurement(machine, read_measures(options, machine))
     snapshot = Snapshot.load(options.resume) if options.resume else None
     digest = MotionDigest()
     impacts: list[Impact] = []
@@ -88,6 +94,7 @@ def _solve(options: argparse.Namespace) -> int:
     with _samples(options) as table, progress.bar('solve', end, quiet=options.json) as show:
         run = stream(machine, duration=end, progress=show, resume=snapshot)
         for piece in run:
+            taken.add(piece)
             if table:
                 table.add(piece)
             if options.json:
@@ -99,9 +106,11 @@ def _solve(options: argparse.Namespace) -> int:
         run.snapshot.save(options.save)
     if options.json:
         events = (None, None) if options.no_events else (impacts, modes)
-        print_json(summary.to_json(run, digest.hexdigest(), *events))
+        print_json(
+            summary.to_json(run, digest.hexdigest(), *events) | measured.to_json(taken.found())
+        )
     else:
-        echo(summary.render(run))
+        echo('\n'.join([summary.render(run), *measured.lines(taken.found())]))
     return 0
 
 

@@ -12,10 +12,12 @@ from mechanism_sim import ending, output
 from mechanism_sim.cli.options import (
     Command,
     flag,
+    measure_option,
     option,
     print_json,
     print_result,
     read_machine,
+    read_measures,
     scene_options,
 )
 from mechanism_sim.errors import InputError
@@ -31,6 +33,7 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--revolutions', 'N', 'how many to run', 200)
     option(sub, '--skip', 'K', 'revolutions to leave out at the beginning', 20)
+    measure_option(sub)
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     scene_options(sub)
     option(sub, '--revolutions', 'N', 'how many to run', 3.0)
@@ -44,15 +47,23 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
     option(sub, '--so-that', 'GOAL', "as 'largest(reaction.ram_pin) = 20 kN'")
-    option(sub, '--minimise', 'FIGURE', "instead: as 'rms(drive_torque)'")
+    option(sub, '--minimise', 'MEASURE', "instead: as 'rms(drive_torque)'")
     option(sub, '--samples', 'N', 'values at which the curve is computed', 17)
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
     )
+    option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
-    option(sub, '-o --output', 'TABLE', 'the table, a Parquet file; NAME.parquet if not given')
+    option(
+        sub,
+        '-o --output',
+        'TABLE',
+        'the table, a .parquet, .csv, .xlsx, .mat or .npz file; NAME.parquet if not given, or '
+        'NAME.csv without pyarrow',
+    )
+    measure_option(sub)
     option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
     option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
     option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
@@ -60,13 +71,14 @@ def add(command: Command) -> None:
     flag(sub, '--restart', 'forget what is computed already')
     option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
     option(sub, '--over', 'PATH', 'with --plot: over this swept value')
+    option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
     sub = command('bench', _bench, 'measure speed against error beside peers, or the hard cases')
     sub.add_argument(
         'names', nargs='*', metavar='NAME',
         help='problems; scaling; loose_joints; middleware; grid; hard, or hard cases; '
         'nothing lists all',
     )  # fmt: skip
-    option(sub, '--output', 'DIR', 'folder for picture, JSON and table')
+    option(sub, '-o --output', 'DIR', 'folder for picture, JSON and table')
     option(sub, '--repeats', 'N', 'how often to repeat every run', 7)
     option(sub, '--methods', 'NAME,...', 'only these methods')
     option(sub, '--tolerances', 'R,...', 'relative tolerances, instead of the usual ones')
@@ -105,7 +117,9 @@ def _statistics(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     end = options.revolutions * machine.period
     with progress.bar('statistics', end, quiet=options.json) as show:
-        found = statistics(machine, options.revolutions, options.skip, show)
+        found = statistics(
+            machine, options.revolutions, options.skip, show, read_measures(options, machine)
+        )
     return print_result(options, found, study.statistics_json, study.statistics)
 
 
@@ -155,6 +169,7 @@ def _find(options: argparse.Namespace) -> int:
         finding = find(
             machine, (path, *limits), goal, options.samples, lambda n: say(f'{n} cycles'),
             duration=options.duration,
+            **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
         figures.save(report.picture(finding, machine.scene.title), file)
@@ -162,13 +177,16 @@ def _find(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.sweep.run import SweepInterrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
-    plan = read_plan(options.file)
-    table = Path(options.output or f'{plan.name}.parquet')
+    if options.effects:
+        figures.check_picture('--effects', options.effects)
+    plan = read_plan(options.file, options.measures)
+    table = Path(options.output or f'{plan.name}{default_ending()}')
     chart = report.chart_of(plan, options.plot, options.over)
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
@@ -180,8 +198,10 @@ def _sweep(options: argparse.Namespace) -> int:
         return ending.report_signal(str(interrupted))
     if chart:
         report.draw(chart, plan, rows)
+    if options.effects:
+        report.draw_effects(Path(options.effects), plan, rows)
     if options.json:
-        print_json(summary)
+        print_json(report.to_json(summary, plan, rows))
     else:
         print(report.render(summary, plan, rows))
     return 0

@@ -26,6 +26,7 @@ from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene import Level, Machine, simulate, span
+from mechanism_sim.tables import Table
 
 Array = NDArray[np.float64]
 
@@ -43,12 +44,13 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 @dataclass(frozen=True, eq=False)
-class Cycle:
+class Cycle(plotting.Rich):
     """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
 
     The names are those of `Solution.sample`, and where forces are known ``drive_power`` [W],
-    ``drive_torque.COORDINATE`` for each of several drives, ``reaction.JOINT.size`` [N] and
-    ``.direction`` [rad], ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
+    ``drive_torque.COORDINATE`` for each of several drives, ``friction_loss.JOINT`` [W],
+    ``reaction.JOINT.size`` [N] and ``.direction`` [rad],
+    ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
     what the machine does to its frame, about the origin, and ``position.mass_centre.x`` and so on
     of the whole machine. A point has ``position.LINK.POINT.x`` [m], ``velocity.``,
     ``acceleration.``; on request there is the force on a link in its own frame,
@@ -70,6 +72,10 @@ class Cycle:
     local: bool
     static: bool = False
 
+    def __repr__(self) -> str:
+        span = f'{self.t[0]:.6g} s to {self.t[-1]:.6g} s'
+        return f'<Cycle of {self.machine.name}: {len(self.t)} samples from {span}>'
+
     @cached_property
     def drive(self) -> str:
         """The coordinate whose position orders the cycle: that of the first drive."""
@@ -89,13 +95,18 @@ class Cycle:
     def __getitem__(self, name: str) -> Array:
         return self.table()[name]
 
-    def table(self) -> dict[str, Array]:
+    def table(self) -> Table:
         """All columns (N + 1,) by name, in SI units."""
         return self._table
 
+    def units(self) -> dict[str, str]:
+        """SI units of the columns by name, empty for numbers."""
+        return self.table().units
+
     @cached_property
-    def _table(self) -> dict[str, Array]:
-        return self.at(self.t)
+    def _table(self) -> Table:
+        columns = self.at(self.t)
+        return Table(columns, {name: unit_of(self.machine, name) for name in columns})
 
     @cached_property
     def _paths(self) -> Paths:
@@ -118,7 +129,9 @@ class Cycle:
         """
         columns = self._columns(t, with_work)
         lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
-        if lost.size:
+        if (
+            lost.size and not self.machine.physics.unknowns
+        ):  # those have none where they do no work
             step = 0.003 * (self.machine.period if self.repeats else self.duration)
             curve, at = self.solution.motion.curve, t[lost, None]
             beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))
@@ -218,6 +231,18 @@ class Cycle:
 
     def _mean(self, x: Array) -> float:
         return float((x.reshape(-1, len(_NODES)) @ _WEIGHTS).mean() / 2.0)
+
+    @property
+    def efficiency(self) -> float | None:
+        """What friction in ideal joints leaves of the drives' work, 0 to 1.
+
+        None where nothing rubs, or the drives do no work on the whole.
+        """
+        losses = [name for name in self.table() if name.startswith('friction_loss.')]
+        power = self.mean_power if losses else 0.0
+        if power <= 0.0:
+            return None
+        return 1.0 - sum(self.mean(name) for name in losses) / power
 
     @property
     def mean_power(self) -> float:

@@ -13,13 +13,13 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
-from mechanism_sim.planar.loads import Wrench, together
-from mechanism_sim.planar.protocols import JointForce
-from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
+from mechanism_sim.planar.joint_friction import with_friction
+from mechanism_sim.planar.reactions import energies, generalized_forces
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 
@@ -33,7 +33,14 @@ class TouchTerms(NamedTuple):
     normal_angle: Array  #: (m, N) [rad]
 
 
-_OF_TOUCHES = 'holding_rate', 'contact_loss', 'gap_rate', 'normal_angle'
+_OF_TOUCHES = 'contact_loss', 'gap_rate', 'normal_angle'
+_OBSERVED = (
+    'acceleration', 'gap', 'closure', 'normal_force', 'friction_force', 'friction_power',
+    'drive_torque', 'reaction', 'moment', 'energy',
+)  # fmt: skip
+
+_RUBBED = 1e-9
+"""Of a bound: farther from its law no friction is let go."""
 
 _SWEEPS, _SETTLED = 1000, 1e-14  # of the iteration for switches that hold together
 
@@ -62,24 +69,7 @@ class Observer:
         a |= {
             c: eq.frames.a[c] if self.system.degree > 1 else None for c in self.system.prescribed
         }
-        cut: dict[str, Wrench] = {}
-        for gap, N, T in zip(self.system.gaps, solved.N, solved.T, strict=True):
-            pressed = gap.wrench(eq.frames, N, T)
-            before = cut.get(gap.joint)
-            cut[gap.joint] = together(before, pressed) if before else pressed
-        loads = []
-        for element in self.system.elements:
-            if isinstance(element, JointForce):
-                cut[element.name] = element.wrench(eq.frames)
-                loads += element.loads(eq.frames)[2:]
-            else:
-                loads += element.loads(eq.frames)
-        forces = list(solved.closing_forces)
-        for relation in self.system.relations:
-            count = len(relation.values(eq.frames))
-            cut[relation.name] = relation.wrench(eq.frames, forces[:count])
-            forces = forces[count:]
-        reactions = tree_reactions(eq, a, cut, loads)
+        reactions = with_friction(d.rubs, self.system.reactions(solved), eq.frames)
         supplied = generalized_forces(eq, a)
         torques = [
             add(supplied[self.system.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
@@ -87,6 +77,7 @@ class Observer:
         ]
         friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
         friction += [element.power_lost(eq.frames) for element in self.system.elements]
+        friction += [*(rub.power_lost for rub in d.rubs), eq.strain_loss]
         kinetic, potential = energies(eq)
         potential = add(
             potential, *(element.energy(eq.frames) for element in self.system.elements)
@@ -103,7 +94,7 @@ class Observer:
                 forces_N[i] = push
                 slides = mul(solved.T[i], d.tangent[i].rate) if i in d.tangent else None
                 losses.append(add(lost * rate, neg(slides)))
-        return {
+        terms: dict[str, list[Term]] = {
             'acceleration': [a[c] for c in self.system.coordinates],
             'gap': [jet.value for jet in d.normal],
             'closure': [jet.value for jet in d.relation],
@@ -122,6 +113,14 @@ class Observer:
             ],
             'normal_angle': self.system.normal_angles,
         }
+        if not d.rubs:
+            return terms
+        acts, parts = self.system.acting(solved), self.system.parts(solved)
+        terms['part'] = [s.flag for s in self.system.holding.values()]
+        found = {
+            name: list(hy.subs([dense(x) for x in group], parts)) for name, group in terms.items()
+        }
+        return found | {'residual': acts.residual}
 
     def _compiled(self, names: Sequence[str]) -> SwitchedFunction:
         """These terms as a function of what `_inputs` makes."""
@@ -145,6 +144,11 @@ class Observer:
         variables = [*symbols, *prescribed, *variables, *frames.outside.values()]
         return SwitchedFunction(frames, groups, variables)
 
+    @property
+    def _rubs(self) -> bool:
+        """Whether ideal joints have friction, with which all that holds is found at once."""
+        return bool(self.system.dynamics.rubs)
+
     @cached_property
     def _holding_rates(self) -> SwitchedFunction:
         return self._compiled(['holding_rate'])
@@ -156,7 +160,7 @@ class Observer:
         they hold, by projected Gauss-Seidel iteration.
         """
         flags, holds = self.system.holding_rows
-        if rows is None or not flags or not (held := rows[holds] > 0.0).any():
+        if rows is None or self._rubs or not flags or not (held := rows[holds] > 0.0).any():
             return rows
         columns = np.flatnonzero(held.any(axis=0))
         held, now, inputs = held[:, columns], rows[:, columns], inputs[:, columns]
@@ -186,7 +190,7 @@ class Observer:
 
     @cached_property
     def _observe(self) -> SwitchedFunction:
-        return self._compiled(list(self._terms)[: -len(_OF_TOUCHES)])
+        return self._compiled([*_OBSERVED, *(['residual'] if self._rubs else [])])
 
     @cached_property
     def _account(self) -> SwitchedFunction:
@@ -217,8 +221,13 @@ class Observer:
         """
         inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
         (
-            a, gap, _, N, T, friction, drive_torque, reaction, moment, energy,
+            a, gap, _, N, T, friction, drive_torque, reaction, moment, energy, *residual,
         ) = self._observe(inputs, self._with_parts(inputs, rows))  # fmt: skip
+        if residual and np.abs(residual[0]).max(initial=0.0) > _RUBBED:
+            raise RunError(
+                'friction in ideal joints does not follow from their forces: it nearly jams; '
+                'a smaller coefficient or radius runs'
+            )
         return Observation(
             q,
             v,
@@ -271,13 +280,15 @@ class Observer:
     ) -> Array:
         """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""
         inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        if self._rubs:
+            return self._compiled(['part'])(inputs, rows)[0]
         known = self._with_parts(inputs, rows)
         flags, _ = self.system.holding_rows
         return np.zeros((len(flags), q.shape[1])) if known is None else known[flags]
 
     @cached_property
     def _touch(self) -> SwitchedFunction:
-        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES[1:]])
+        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES])
 
     def touch(
         self,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -38,12 +39,19 @@ class Physics(Protocol):
         """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
 
     @property
+    def unknowns(self) -> Mapping[str, str]:
+        """Units of the loads whose sizes follow from the motion, by name."""
+
+    @property
     def displacements(self) -> tuple[str, ...]:
         """Names of the coordinates that are displacements."""
 
     @property
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
+
+    def strained(self, q: Array) -> dict[str, Array]:
+        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -79,6 +87,7 @@ class DynamicPhysics:
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
 
     has_forces = True
+    unknowns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, observer: Observer) -> None:
         self.observer = observer
@@ -88,6 +97,10 @@ class DynamicPhysics:
         self.driven = (*system.prescribed, *system.powered)
         self.displacements = system.mechanism.displacements
         self.clearances = tuple(gap.name for gap in system.gaps)
+
+    def strained(self, q: Array) -> dict[str, Array]:
+        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
+        return self.system.mechanism.strained(q)
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes

@@ -34,7 +34,9 @@ ROUNDING = 1e-13
 _COUNT = 12  # nodes: enough for a step of a Taylor method, a third of the radius of convergence
 _NODES = chebyshev_nodes(_COUNT)
 _FEW = chebyshev_nodes(5)  # to tell which intervals are worth a look
-_GLANCES = Nodes(tuple(_FEW.tolist()))
+GLANCES = Nodes(tuple(_FEW.tolist()))
+"""Where functions are looked at before it is known which intervals matter."""
+
 _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
 _GRID = np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T.copy()
 _BETWEEN = 1.0 / np.cos(np.pi / 16.0) - 1.0
@@ -187,7 +189,7 @@ class ExtremeSearch:
         start, end = curve.spans(since, np.inf)
         k = curve.locate(0.5 * (start + end))
         self.add(
-            lambda t: values(*curve.within(t)), start, end, lambda some: values(k[some], _GLANCES)
+            lambda t: values(*curve.within(t)), start, end, lambda some: values(k[some], GLANCES)
         )
 
     def add(

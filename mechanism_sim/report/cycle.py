@@ -15,8 +15,18 @@ _FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
 _COMPONENTS = ('x', 'y')
 
 
-def for_people(unit: str) -> tuple[str, float]:
-    """The unit in which people read a quantity, and by what its SI value is multiplied."""
+def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
+    """The unit in which people read a quantity, and by what its SI value is multiplied.
+
+    Parameters
+    ----------
+    size : largest of the values that are read together, in the SI unit; large forces are in kN,
+        small impulses in mN s
+    """
+    if unit == 'N' and size >= 1e4:
+        return 'kN', 1e-3
+    if unit == 'N s' and 0.0 < size < 1.0:
+        return 'mN s', 1e3
     return _FOR_PEOPLE.get(unit, (unit, 1.0))
 
 
@@ -89,6 +99,8 @@ def _drive(cycle: Cycle) -> Iterator[str]:
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
         power = 0.0  # what is given is taken back
     yield f'mean power of the drive {power:.6g} W'
+    if (efficiency := cycle.efficiency) is not None:
+        yield f'efficiency {efficiency:.6g}: the rest is friction in ideal joints'
 
 
 def to_json(cycle: Cycle) -> dict[str, object]:
@@ -102,7 +114,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         'start': float(cycle.t[0]),
         'end': float(cycle.t[-1]),
         'samples': len(cycle.t),
-        'units': {name: unit_of(machine, name) for name in cycle.table()},
+        'units': cycle.units(),
         'extremes': {
             name: {'least': _extreme(ends.least), 'greatest': _extreme(ends.greatest)}
             for name, ends in cycle.extremes().items()
@@ -113,6 +125,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         },
         'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},
         'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
+        'efficiency': cycle.efficiency if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
         'unbounded': sorted(cycle.unbounded),
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from mechanism_sim.report.cycle import for_people
 from mechanism_sim.strict_json import plain
 from mechanism_sim.study.lift_off import LiftOff
 from mechanism_sim.study.losses import Losses
@@ -16,11 +17,12 @@ from mechanism_sim.study.statistics import Statistics
 def periodic(response: Response) -> str:
     """A periodic response for people."""
     sizes = ', '.join(f'{abs(m):.4g}' for m in response.multipliers)
+    unit, scale = for_people('N s', response.impulse)
     return '\n'.join(
         [
             f'repeats every {response.period} revolutions, to {response.residual:.2g}; '
             f'{"stable" if response.stable else "unstable"}',
-            f'  {response.impacts} impacts, {response.impulse * 1e3:.6g} mN s in a period',
+            f'  {response.impacts} impacts, {scale * response.impulse:.6g} {unit} in a period',
             f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})',
         ]
     )
@@ -51,6 +53,10 @@ def statistics(found: Statistics) -> str:
         if math.isfinite(found.I_n)
         else '  no impacts'
     )
+    for m in found.measures:
+        unit, scale = for_people(m.unit, abs(m.mean))
+        value, half = scale * m.mean, scale * m.half_width
+        lines.append(f'  {m.name}  {value:.6g} +- {half:.2g} {unit}'.rstrip())
     return '\n'.join(lines)
 
 
@@ -61,7 +67,11 @@ def statistics_json(found: Statistics) -> dict[str, object]:
         'means': {
             m.name.replace(' ', '_'): {'mean': m.mean, 'half_width': m.half_width, 'unit': m.unit}
             for m in found.means
-        }
+        },
+        'measures': {
+            m.name: {'mean': plain(m.mean), 'half_width': plain(m.half_width), 'unit': m.unit}
+            for m in found.measures
+        },
     }
 
 

@@ -8,8 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from mechanism_sim import text_table
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.report.cycle import for_people
 from mechanism_sim.report.figures import check_picture, save
+from mechanism_sim.strict_json import plain
+from mechanism_sim.sweep.effects import effects, exceedances, measures_of
 from mechanism_sim.sweep.plan import REPEAT, Plan
 from mechanism_sim.sweep.row import Value
 from mechanism_sim.sweep.run import Summary, has_failed
@@ -28,17 +34,9 @@ _MOST_ROWS, _MOST_TICKS = 40, 8
 
 def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> str:
     """The outcome of a sweep for people: its figures if they are few, its failures, its table."""
-    lines = []
-    if len(rows) <= _MOST_ROWS:
-        lines += ['  run   impacts           impulse [mN s]        I_n [mN s]  swept']
+    lines = _few(plan, rows) if len(rows) <= _MOST_ROWS else []
+    lines += _spreads(plan, rows)
     failed = [(run, row) for run, row in zip(plan.runs, rows, strict=True) if has_failed(row)]
-    for run, row in zip(plan.runs, rows, strict=True):
-        if len(rows) > _MOST_ROWS or has_failed(row):
-            continue
-        figures = [_mean_text(row, name, scale) for name, scale, _ in _PANELS]
-        said = ', '.join(f'{k.rpartition(".")[2]} = {v}' for k, v in run.given.items())
-        again = f', repetition {run.values[REPEAT]}' if REPEAT in run.values else ''
-        lines.append(f'{run.index:5d}  {figures[1]}  {figures[0]}  {figures[2]}  {said}{again}')
     lines += [f'run {run.index} failed: {row["status"]}' for run, row in failed[:10]]
     if len(failed) > 10:
         lines.append(f'and {len(failed) - 10} more failed')
@@ -57,9 +55,122 @@ def render(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> st
     )
 
 
+def _few(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
+    """A line for each run: its measures, or its impacts, and what was swept."""
+    measures = [c for c in plan.own if c.name in _measure_names(plan)]
+    table: list[list[str]] = []
+    heads = ['run']
+    scale, unit = _of_impulses(rows)
+    if measures:
+        shown = [(c.name, *for_people(c.unit, _largest(rows, c.name))) for c in measures]
+        heads += [f'{name} [{u}]' if u else name for name, u, _ in shown]
+    else:
+        heads += ['impacts', f'impulse [{unit}]', f'I_n [{unit}]']
+    for run, row in zip(plan.runs, rows, strict=True):
+        if has_failed(row):
+            continue
+        if measures:
+            figures = [_text(_number(row, name) * by) for name, _, by in shown]
+        else:
+            figures = [
+                _mean_text(row, name, by)
+                for name, by in (('impacts', 1.0), ('impulse', scale), ('I_n', scale))
+            ]
+        said = ', '.join(
+            f'{k.rpartition(".")[2]} = {_given(v, plan.units.get(k, ""))}'
+            for k, v in run.given.items()
+        )
+        again = f', repetition {run.values[REPEAT]}' if REPEAT in run.values else ''
+        table.append([str(run.index), *figures, said + again])
+    left = len(heads)
+    return text_table.lines([[*heads, 'swept'], *table], [left]) if table else []
+
+
+def _given(value: Any, unit: str) -> str:
+    """A swept value as the file has it; of a design with the unit in which people read it."""
+    if not isinstance(value, float) or not unit:
+        return str(value)
+    shown, scale = for_people(unit)
+    return f'{scale * value:.6g} {shown}'
+
+
+def _largest(rows: Sequence[dict[str, Value]], name: str) -> float:
+    """The largest size of a figure in all rows."""
+    return max((abs(x) for row in rows if math.isfinite(x := _number(row, name))), default=0.0)
+
+
+def _of_impulses(rows: Sequence[dict[str, Value]]) -> tuple[float, str]:
+    """The scale and the unit in which impulses are read."""
+    large = max((abs(_number(row, 'impulse')) for row in rows), default=0.0)
+    return (1.0, 'N s') if large >= 1.0 else (1e3, 'mN s')
+
+
+def _measure_names(plan: Plan) -> set[str]:
+    return {text.partition(' = ')[0] for text in plan.measures}
+
+
+def _text(value: float) -> str:
+    return f'{value:.6g}' if math.isfinite(value) else 'none'
+
+
+def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
+    """How measures are distributed over the runs, what does it, and who exceeds limits."""
+    measures = [c for c in plan.own if c.name in _measure_names(plan)]
+    if not measures or len(rows) < 2:
+        return []
+    lines = []
+    table: list[list[str]] = [
+        ['', 'unit', 'least', '5 %', 'median', '95 %', 'greatest', 'mean', 'deviation']
+    ]
+    for c in measures:
+        y = np.array([_number(row, c.name) for row in rows])
+        y = y[np.isfinite(y)]
+        if len(y) > 1:
+            unit, scale = for_people(c.unit, float(np.abs(y).max()))
+            figures = [y.min(), *np.percentile(y, [5, 50, 95]), y.max(), y.mean(), y.std(ddof=1)]
+            table.append([c.name, unit, *(_text(scale * float(x)) for x in figures)])
+    lines += [f'measures over {len(rows)} runs', *text_table.lines(table, 2)]
+    found = effects(plan, rows)
+    if found:
+        units = {c.name: c.unit for c in measures}
+        indices = any(e.first for e in found)
+        heads = ['effect of', 'on', 'unit', 'effect', 'share of variance']
+        table = [heads + ['first index', 'total index'] * indices]
+        for e in found:
+            unit, scale = for_people(units.get(e.measure, ''), _largest(rows, e.measure))
+            share = f'{100.0 * e.share:.1f} %' if math.isfinite(e.share) else 'none'
+            row = [e.factor, e.measure, unit, _text(scale * e.effect), share]
+            if indices:
+                row += [
+                    f'{i[0]:.3f} ({i[1]:.2f} to {i[2]:.2f})' if i else ''
+                    for i in (e.first, e.total)
+                ]
+            table.append(row)
+        lines += ['main effects: greatest less least mean', *text_table.lines(table, 3)]
+    for x in exceedances(plan, rows):
+        unit = {c.name: c.unit for c in measures}[x.measure]
+        unit, scale = for_people(unit, _largest(rows, x.measure))
+        lines.append(
+            f'{x.measure} > {scale * x.limit:.6g} {unit}: {x.beyond} of {x.runs} runs, '
+            f'{100.0 * x.share:.1f} % (95 %: {100.0 * x.low:.1f} to {100.0 * x.high:.1f} %)'
+        )
+    return lines
+
+
+def to_json(summary: Summary, plan: Plan, rows: Sequence[dict[str, Value]]) -> dict[str, Any]:
+    """The outcome as JSON: the summary, and effects and shares of what was measured."""
+    if not plan.measures:
+        return dict(vars(summary))
+    return vars(summary) | {
+        'units': {c.name: c.unit for c in plan.own},
+        'effects': plain(effects(plan, rows)),
+        'exceedances': plain(exceedances(plan, rows)),
+    }
+
+
 def _mean_text(row: dict[str, Value], name: str, scale: float) -> str:
     mean, half = _number(row, name) * scale, _number(row, f'{name}_half_width') * scale
-    return f'{mean:8.4g} +- {half:<7.2g}' if math.isfinite(mean) else f'{"none":^19}'
+    return f'{mean:.4g} +- {half:<7.2g}' if math.isfinite(mean) else 'none'
 
 
 def _number(row: dict[str, Value], name: str) -> float:
@@ -172,3 +283,50 @@ def _ticks(axes: Axes, chart: Chart, plan: Plan) -> None:
         axes.set_xticks(list(said), [str(v) for v in said.values()], rotation=30, ha='right')
     else:
         axes.set_xlabel('SI')
+
+
+def draw_effects(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
+    """Draw main effects: a row for each measure, a column for each factor, means with errors.
+
+    Bars are two standard errors of a mean; the share is that of the variance which the factor
+    explains by itself, and the index that of Sobol where the design gives it.
+    """
+    import matplotlib as mpl  # noqa: PLC0415 - slow to import, and seldom needed
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    found = effects(plan, rows)
+    names = [n for n in measures_of(plan) if any(e.measure == n for e in found)]
+    factors = list(dict.fromkeys(e.factor for e in found))
+    if not names:
+        raise InputError(f'--effects {file}: nothing that is swept changes a measure')
+    units = {c.name: c.unit for c in plan.own}
+    style: dict[Any, Any] = {
+        'font.size': 8.0, 'axes.spines.top': False, 'axes.spines.right': False,
+        'svg.hashsalt': 'mechanism_sim',
+    }  # fmt: skip
+    with mpl.rc_context(style):
+        size = (1.2 + 2.1 * len(factors), 0.9 + 1.9 * len(names))
+        figure = Figure(figsize=size, layout='constrained')
+        panels = figure.subplots(len(names), len(factors), squeeze=False, sharey='row')
+        for e in found:
+            axes = panels[names.index(e.measure), factors.index(e.factor)]
+            unit, scale = for_people(units.get(e.measure, ''), _largest(rows, e.measure))
+            of, along = for_people(plan.units.get(e.factor, ''))
+            numbers = all(isinstance(level.x, float | int) for level in e.levels)
+            x = [along * float(level.x) if numbers else k for k, level in enumerate(e.levels)]
+            axes.errorbar(
+                x, [scale * level.mean for level in e.levels],
+                [2.0 * scale * level.error for level in e.levels],
+                color='k', marker='o', markersize=3.0, linewidth=1.0, capsize=2.0,
+            )  # fmt: skip
+            if not numbers:
+                axes.set_xticks(x, [str(level.x) for level in e.levels], rotation=30, ha='right')
+            said = f'{100.0 * e.share:.0f} %' if math.isfinite(e.share) else ''
+            said += f', $S_T$ = {e.total[0]:.2f}' if e.total else ''
+            axes.set_title(said, fontsize=7.0, color='0.3')
+            if e.factor == factors[0]:
+                axes.set_ylabel(f'{e.measure} [{unit}]' if unit else e.measure)
+            if e.measure == names[-1]:
+                short = '.'.join(e.factor.split('.')[-3:])
+                axes.set_xlabel(f'{short}\n[{of}]' if of else short)
+        save(figure, file)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Self
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
-from mechanism_sim import output
+from mechanism_sim import output, tables
 from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.solution import Piece
 
-SUFFIXES = ('.npz', '.csv', '.parquet')
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
 
 def check_output(file: str, option: str = '--output') -> None:
@@ -26,7 +28,7 @@ def check_output(file: str, option: str = '--output') -> None:
     ------
     InputError
     """
-    output.check_path(option, file, *SUFFIXES, new=True)
+    tables.check_file(option, file, new=True)
 
 
 def check_rate(rate: float | None) -> float:
@@ -41,15 +43,21 @@ def check_rate(rate: float | None) -> float:
     return rate
 
 
-def write(file: str, columns: Mapping[str, Array]) -> None:
+def write(
+    file: str, columns: Mapping[str, Array], units: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write columns (N,) of equal length as one table, see `check_output`.
+
+    Parameters
+    ----------
+    units : SI units by name, which go into the file where its format has a place for them
 
     Raises
     ------
     InputError
         If nothing can be written there.
     """
-    table, complete = _Table(Path(file)), False
+    table, complete = _Table(Path(file), units), False
     try:
         table.write(dict(columns))
         complete = True
@@ -60,9 +68,9 @@ def write(file: str, columns: Mapping[str, Array]) -> None:
 class Writer:
     """Writes the pieces of a run, sampled at an even rate.
 
-    Columns are those of `Solution.sample`. CSV and Parquet are written as the run goes on, `.npz`
-    at the end: that format needs all samples in memory. The file gets its name when it is
-    complete; a run that fails leaves none.
+    Columns are those of `Solution.sample`. CSV and Parquet are written as the run goes on, others
+    at the end: they need all samples in memory. The file gets its name when it is complete; a run
+    that fails leaves none.
 
     Parameters
     ----------
@@ -76,7 +84,8 @@ class Writer:
     """
 
     def __init__(self, file: str, rate: float) -> None:
-        self._table, self._rate = _Table(Path(file)), rate
+        self._units: dict[str, str] = {}
+        self._table, self._rate = _Table(Path(file), self._units), rate
         self._piece: Piece | None = None
         self._count = 0
 
@@ -112,18 +121,20 @@ class Writer:
     def _write(self, piece: Piece, t: Array) -> None:
         if t.size:
             self._count += len(t)
-            self._table.write(dict(piece.sample(t)))
+            columns = dict(piece.sample(t))
+            self._units.update((name, unit_of(piece, name)) for name in columns)
+            self._table.write(columns)
 
 
 class _Table:
     """A table under another name until it is complete."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, units: Mapping[str, str]) -> None:
         self._file = file
-        self._part = file.with_name(f'.{file.name}.part')
+        self._part = file.with_name(f'.{file.stem}.part{file.suffix}')
         with output.errors_as_sentences(file):
             self._part.touch()
-            self._sink = _SINKS[file.suffix](self._part)
+            self._sink = _SINKS.get(file.suffix, _Whole)(self._part, units)
 
     def write(self, columns: dict[str, Array]) -> None:
         with output.errors_as_sentences(self._file):
@@ -139,9 +150,11 @@ class _Table:
             self._part.unlink(missing_ok=True)
 
 
-class _Npz:
-    def __init__(self, path: Path) -> None:
-        self._path = path
+class _Whole:
+    """Formats that are written at the end."""
+
+    def __init__(self, path: Path, units: Mapping[str, str]) -> None:
+        self._path, self._units = path, units
         self._parts: list[dict[str, Array]] = []
 
     def write(self, columns: dict[str, Array]) -> None:
@@ -149,13 +162,15 @@ class _Npz:
 
     def close(self) -> None:
         names = self._parts[0] if self._parts else {}
-        joined = {name: np.concatenate([part[name] for part in self._parts]) for name in names}
-        with self._path.open('wb') as file:  # savez adds an ending to a name
-            np.savez(file, **joined)  # type: ignore[arg-type]
+        columns = [
+            tables.Column(n, np.concatenate([p[n] for p in self._parts]), self._units.get(n, ''))
+            for n in names
+        ]
+        tables.write(self._path, columns)
 
 
 class _Csv:
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, _: Mapping[str, str]) -> None:
         self._file = path.open('w', encoding='utf-8')
 
     def write(self, columns: dict[str, Array]) -> None:
@@ -170,22 +185,30 @@ class _Csv:
 class _Parquet:
     """Gathers rows to groups that are worth their overhead."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, units: Mapping[str, str]) -> None:
+        import pyarrow as pa  # noqa: PLC0415
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        self._pa, self._pq = pa, pq
+        self._path, self._units = path, units
         self._parts: list[pa.Table] = []
         self._rows = 0
         self._writer: pq.ParquetWriter | None = None
 
     def write(self, columns: dict[str, Array]) -> None:
-        self._parts.append(pa.table(columns))
+        fields = [
+            self._pa.field(n, self._pa.float64(), metadata={'unit': u} if u else None)
+            for n, u in ((name, self._units.get(name, '')) for name in columns)
+        ]
+        self._parts.append(self._pa.table(columns, schema=self._pa.schema(fields)))
         self._rows += len(columns['t'])
         if self._rows >= _ROW_GROUP:
             self._flush()
 
     def _flush(self) -> None:
-        table = pa.concat_tables(self._parts)
+        table = self._pa.concat_tables(self._parts)
         if self._writer is None:
-            self._writer = pq.ParquetWriter(self._path, table.schema)
+            self._writer = self._pq.ParquetWriter(self._path, table.schema)
         self._writer.write_table(table)
         self._parts, self._rows = [], 0
 
@@ -196,8 +219,7 @@ class _Parquet:
             self._writer.close()
 
 
-_SINKS: dict[str, Callable[[Path], _Npz | _Csv | _Parquet]] = {
-    '.npz': _Npz,
+_SINKS: dict[str, Callable[[Path, Mapping[str, str]], _Whole | _Csv | _Parquet]] = {
     '.csv': _Csv,
     '.parquet': _Parquet,
 }

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Prismatic, Revolute
+from mechanism_sim.scene.doubts import doubts
+from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.kinds import KINDS
@@ -15,6 +17,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
+from mechanism_sim.units import Measure
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -60,6 +63,7 @@ class Report:
     limits: list[str]  #: what stops the machine, or may: the first of its notes
     left_out: list[str]
     notes: list[str]
+    questions: list[str] = field(default_factory=list)  #: values about a thousand times off
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
@@ -96,8 +100,10 @@ def check(machine: Machine) -> Report:
             )
             continue
         friction = f', friction {c.friction:g}' if c.friction else ''
+        block = isinstance(pair, Prismatic)
+        kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
         gaps.append(
-            f'{joint}: pin in bushing, radial clearance {c.radial:g} m, '
+            f'{joint}: {kind} {c.radial:g} m{" to either side" if block else ""}, '
             f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}, start '
             f'{scene.start}'
         )
@@ -142,6 +148,7 @@ def check(machine: Machine) -> Report:
         [note for note in notes if isinstance(note, Limit)],
         left_out,
         notes,
+        doubts(machine),
     )
 
 
@@ -185,9 +192,13 @@ def _drive(machine: Machine, coordinate: str) -> str:
             f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '
             f'speed, from {begin:g} {pace}'
         )
+    given = machine.scene.drives.get(coordinate, machine.scene.drive)
+    effort = given.effort if given else None
+    shown = f'{effort.value:g} {force}' if isinstance(effort, Measure) else effort
+    with_effort = '' if effort is None else f', with {shown}'
     if len(laws) > 1:
-        return f'prescribed, a profile of speeds in {len(laws)} pieces'
-    return f'prescribed, {law.coefficients[1]:g} {pace}'
+        return f'prescribed, a profile of speeds in {len(laws)} pieces{with_effort}'
+    return f'prescribed, {law.coefficients[1]:g} {pace}{with_effort}'
 
 
 def _notes(machine: Machine) -> list[str]:
@@ -196,8 +207,14 @@ def _notes(machine: Machine) -> list[str]:
     notes = motion_notes(mechanism, start, machine.plan.laws)
     for joint in machine.plan.joints:
         notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
+    notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
+    notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
+    for load in machine.plan.unknowns(machine.plan.ideal):
+        notes.append(
+            f'{load.name}: its size [{load.unit}] follows from the motion and the efforts'
+        )
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes
@@ -206,6 +223,8 @@ def _notes(machine: Machine) -> list[str]:
 def render(report: Report) -> str:
     """The report as text for people."""
     lines = [f'{report.scene}: {report.title}']
+    if report.questions:
+        lines += ['questions', *(f'  {question}' for question in report.questions)]
     if report.limits:
         lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
     lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']

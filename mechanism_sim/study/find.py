@@ -11,42 +11,32 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.cycles.columns import unit_of
-from mechanism_sim.cycles.cycle import Cycle, cycle
-from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.cycles.cycle import cycle
+from mechanism_sim.cycles.measure_text import read
+from mechanism_sim.cycles.measures import Measurement
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.study.parameters import Parameter, parameters
-from mechanism_sim.units import to_si
+from mechanism_sim.units import to_si_like
 
-MEASURES: dict[str, Callable[[Cycle, str], float]] = {
-    'highest': lambda c, n: c.extremes()[n].greatest.value,
-    'lowest': lambda c, n: c.extremes()[n].least.value,
-    'largest': lambda c, n: max(-c.extremes()[n].least.value, c.extremes()[n].greatest.value),
-    'range': lambda c, n: c.extremes()[n].greatest.value - c.extremes()[n].least.value,
-    'mean': lambda c, n: c.mean(n),
-    'rms': lambda c, n: c.rms(n),
-}
-"""Figures of a column over a cycle; extremes are those of the motion, not of samples."""
-
-_GOAL = re.compile(r'\s*(\w+)\s*\(\s*([\w.]+)\s*\)\s*(?:=\s*(.+?)\s*)?')
+_GOAL = re.compile(r'(.+?)\s*(?<![<>=!])=(?!=)\s*([^=()]+)')
 _ROUNDING = 1e-12
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What a figure of a cycle shall be: a value in SI units, or as small as possible (None)."""
+    """What a measure of a cycle shall be: a value, or as small as possible (None).
 
-    measure: str
-    quantity: str
+    Attributes
+    ----------
+    name : the measure as it is written, or its name in the scene
+    """
+
+    name: str
     wanted: str | None = None
-
-    @property
-    def name(self) -> str:
-        """As it is written."""
-        return f'{self.measure}({self.quantity})'
 
 
 @dataclass(frozen=True)
@@ -82,7 +72,7 @@ class Finding:
 
 
 def read_goal(so_that: str | None, minimise: str | None) -> Goal:
-    """A goal as it is written: ``largest(reaction.pin.size) = 20 kN``, or without a value.
+    """A goal as it is written: ``largest(reaction.pin) = 20 kN``, or without a value.
 
     Raises
     ------
@@ -90,16 +80,16 @@ def read_goal(so_that: str | None, minimise: str | None) -> Goal:
         If it cannot be read.
     """
     if (so_that is None) == (minimise is None):
-        raise InputError("give one of --so-that 'MEASURE(QUANTITY) = VALUE' and --minimise")
-    text = so_that if so_that is not None else minimise
-    match = _GOAL.fullmatch(text or '')
-    if not match or match[1] not in MEASURES or (so_that is None) != (match[3] is None):
-        form = 'MEASURE(QUANTITY) = VALUE' if so_that is not None else 'MEASURE(QUANTITY)'
+        raise InputError("give one of --so-that 'MEASURE = VALUE' and --minimise")
+    if so_that is None:
+        return Goal(str(minimise).strip())
+    match = _GOAL.fullmatch(so_that.strip())
+    if not match:
         raise InputError(
-            f"'{text}' cannot be read: write {form}, as in 'largest(drive_torque) = 20 N m'; "
-            f'measures: {", ".join(MEASURES)}'
+            f"'{so_that}' cannot be read: write MEASURE = VALUE, as in "
+            "'largest(drive_torque) = 20 N m'"
         )
-    return Goal(match[1], match[2], match[3])
+    return Goal(match[1], match[2])
 
 
 def find(
@@ -119,7 +109,7 @@ def find(
     ----------
     vary : dotted path, lowest and highest value as in a scene file
     progress : told the number of cycles so far
-    how : arguments of `cycle`: ``duration`` [s], ``periods``, ``static``
+    how : arguments of `cycle`: ``duration`` [s], ``periods``
 
     Raises
     ------
@@ -130,6 +120,8 @@ def find(
     (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
     content, count = machine.scene.model_dump(), 0
     units: list[str] = []
+    text = machine.scene.measures.get(goal.name, goal.name)
+    taken = read(text, goal.name)
 
     def figure(place: float) -> float:
         nonlocal count
@@ -138,9 +130,12 @@ def find(
         one = cycle(changed, **how)
         count += 1
         progress(count)
-        name = _column(one, goal.quantity)
-        units.append(unit_of(one.machine, name))
-        return MEASURES[goal.measure](one, name)
+        limits = float(one.t[0]), float(one.t[-1])
+        measured = Measurement(changed, [taken], *limits)
+        measured.add(one.solution)
+        (found,) = measured.found()
+        units.append(found.unit)
+        return found.value
 
     ends = parameter.to_scale(parameter.low), parameter.to_scale(parameter.high)
     places: Array = np.linspace(ends[0], ends[1], samples)
@@ -168,22 +163,9 @@ def find(
     )
 
 
-def _column(one: Cycle, quantity: str) -> str:
-    """The column that a quantity names; that of its size if it is a vector."""
-    known = one.table()
-    if (size := f'{quantity}.size') in known:
-        return size
-    if quantity not in known:
-        raise InputError(
-            f"{one.machine.name}: a cycle has no '{quantity}'{nearest(quantity, known)}; "
-            f"'mechanism-sim cycle {one.machine.name} --json' has all columns"
-        )
-    return quantity
-
-
 def _quantity(text: str, unit: str) -> float:
     try:
-        return float(to_si(text, unit))
+        return to_si_like(text, unit)
     except ValueError as error:
         raise InputError(f'the wanted value {text} {error}') from error
 

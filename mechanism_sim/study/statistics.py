@@ -11,9 +11,14 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.measure_text import Measure
+from mechanism_sim.cycles.measures import Measurement, per_turn
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
+from mechanism_sim.hybrid.sampling import EnergyTerms
+from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.scene import Machine
 
 NAMES = ('impacts', 'impulse', 'losses of contact', 'share of flight', 'dissipated')
@@ -41,6 +46,7 @@ class Statistics:
     means: tuple[Mean, ...]
     I_n: float
     I_n_half_width: float
+    measures: tuple[Mean, ...] = ()
 
 
 class Tally:
@@ -120,8 +126,9 @@ def statistics(
     revolutions: int = 200,
     skip: int = 20,
     progress: Callable[[float, int], None] | None = None,
+    measures: Sequence[Measure] = (),
 ) -> Statistics:
-    """Figures per revolution of all loose joints together.
+    """Figures per revolution of all loose joints together, and measures of every revolution.
 
     The confidence intervals are those of 20 batch means: right if a batch is much longer than the
     memory of the motion. Flight counts each loose joint by itself.
@@ -142,12 +149,18 @@ def statistics(
             f'statistics need at least {BATCHES} revolutions more than the {skip} skipped'
         )
     run, T = machine.start(), machine.period
+    taken = Measurement(machine, per_turn(measures, skip)) if measures else None
+    audit, physics = Audit(machine.physics), machine.physics
     tally = Tally(np.arange(revolutions + 1.0) * T)
     impacts = 0
     for n in range(revolutions):
         run.advance((n + 1) * T)
         motion, struck, changes = run.drain()
         tally.add(motion, struck, changes)
+        if taken:
+            before = audit.drive_work, audit.dissipated
+            terms = EnergyTerms(audit.add(motion, struck), struck, *before)
+            taken.add(Piece(physics, motion, terms, struck, changes))
         impacts += len(struck)
         if progress:
             progress(run.time, impacts)
@@ -159,4 +172,8 @@ def statistics(
         for name, unit, column in zip(NAMES, UNITS, kept.T, strict=True)
     )
     I_n, half_width = ratio(kept[:, 1], kept[:, 0])
-    return Statistics(revolutions, skip, means, I_n, half_width)
+    own = tuple(
+        Mean(name, unit, *ratio(x, np.ones(len(x))))
+        for name, unit, x in (taken.found_each_turn() if taken else ())
+    )
+    return Statistics(revolutions, skip, means, I_n, half_width, own)

@@ -5,17 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.catalogue import config_folder, sweep_names
-from mechanism_sim.errors import InputError
+from mechanism_sim.cycles.measure_text import Measure as OwnMeasure
+from mechanism_sim.cycles.measure_text import read_all
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import (
@@ -27,9 +29,13 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import BATCHES
-from mechanism_sim.sweep.schema import SweepFile
+from mechanism_sim.sweep.figures import RESERVED, Column, own_columns
+from mechanism_sim.sweep.schema import DesignPart, SweepFile
 from mechanism_sim.sweep.windows import Windows
-from mechanism_sim.units import Measure, to_si
+from mechanism_sim.units import Measure, to_si, to_si_like, to_si_text
+
+if TYPE_CHECKING:
+    from mechanism_sim.sweep.design import Factor
 
 SCENE, REPEAT = 'scene', 'repeat'
 """Columns that are no values of a scene."""
@@ -87,6 +93,11 @@ class Plan:
     Attributes
     ----------
     columns : paths that are swept, in the order of the file
+    units : SI units of swept values by path, where they are known
+    own : figures of a row that depend on the scene: of its joints and drives, and measures
+    measures : as ``NAME = TEXT``
+    factors, design : of `vary`
+    limits : by measure, in its SI unit
     """
 
     name: str
@@ -96,6 +107,12 @@ class Plan:
     runs: tuple[Run, ...]
     bags: bool
     windows: Windows | None
+    units: Mapping[str, str] = field(default_factory=dict)
+    own: tuple[Column, ...] = ()
+    measures: tuple[str, ...] = ()
+    factors: tuple[Factor, ...] = ()
+    design: DesignPart | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -106,13 +123,18 @@ class Plan:
     def fingerprint(self) -> str:
         """Of what is to be computed, in a few letters."""
         content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
+        content += [self.measures] if self.measures else []
         if self.windows:  # what measures does not rule the motion, but the windows
             content += [vars(self.windows), [_measurement_keys(run.scene) for run in self.runs]]
         return _hash(content)
 
 
-def read_plan(name: str) -> Plan:
+def read_plan(name: str, measures: Sequence[str] = ()) -> Plan:
     """The sweep of a file, or of one that comes with the package.
+
+    Parameters
+    ----------
+    measures : more of them, as ``NAME = TEXT`` or ``TEXT``
 
     Raises
     ------
@@ -128,8 +150,17 @@ def read_plan(name: str) -> Plan:
     bases: dict[str, tuple[Path, dict[str, Any]]] = {}
     runs: list[Run] = []
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
-    for one, point in product(file.runs or [{}], product(*grid)):
-        given = {**one, **dict(point)}
+    taken = _measures(path.name, file, measures)
+    kept = tuple(f'{m.name} = {m.text}' if m.name != m.text else m.text for m in taken)
+    reads_sensors = any(
+        n.startswith('sensors.') for m in taken for f in m.figures for n in f.names
+    )
+    factors, drawn = _drawn(path.name, file)
+    own: dict[str, Column] = {}
+    limits: dict[str, float] = {}
+    measured: set[str] = set()
+    for one, point, values_drawn in product(file.runs or [{}], product(*grid), drawn):
+        given = {**one, **dict(point), **values_drawn}
         where = f'{path.name}: run {len(runs)}{_describe(given)}'
         try:
             scene = str(given.get(SCENE, file.scene))
@@ -146,6 +177,11 @@ def read_plan(name: str) -> Plan:
                         machine.start_of_crank[0] + repetition * file.nudge
                     )
                 nudged = machine.scene
+                if scene not in measured:
+                    measured.add(scene)
+                    for column in own_columns(machine, taken):
+                        own.setdefault(column.name, column)
+                    limits |= _limits(path.name, file, own)
                 span(machine, extent.revolutions, extent.duration)
                 if windows:
                     edges, skipped = extent.edges(machine)
@@ -155,11 +191,79 @@ def read_plan(name: str) -> Plan:
                 values |= {SCENE: base.stem} if SCENE in columns else {}
                 values |= {REPEAT: repetition} if REPEAT in columns else {}
                 ordered = {c: values[c] for c in columns}
-                key = _hash([machine.fingerprint, machine.level.value, vars(extent)])
+                ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
+                ruling += [list(kept)] if kept else []
+                ruling += [_measurement_keys(nudged)] if reads_sensors else []
+                key = _hash(ruling)
                 runs.append(Run(len(runs), base.stem, nudged, ordered, given, key))
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
-    return Plan(path.stem, file.title, extent, columns, tuple(runs), file.bags, windows)
+    units = _units(columns, runs) | {f.path: f.unit for f in factors if f.unit}
+    design = file.design if factors else None
+    return Plan(
+        path.stem, file.title, extent, columns, tuple(runs), file.bags, windows, units,
+        tuple(own.values()), kept, tuple(factors), design, limits,
+    )  # fmt: skip
+
+
+def _measures(file: str, sweep: SweepFile, more: Sequence[str]) -> list[OwnMeasure]:
+    """All measures, those of the command line last."""
+    found = [*read_all(sweep.measures, f'{file}: measures'), *read_all([*more], '--measure')]
+    names = [m.name for m in found]
+    for name in names:
+        if names.count(name) > 1 or name in RESERVED:
+            raise InputError(f"{file}: a column '{name}' is there already: choose another name")
+    for name in sweep.limits:
+        if name not in names:
+            raise InputError(
+                f'{file}: limits.{name}: there is no such measure{nearest(name, names)}; '
+                f'measures: {", ".join(names) or "none"}'
+            )
+    return found
+
+
+def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, float]]]:
+    """The factors of `vary`, and their values in each run; one run without any."""
+    if not sweep.vary:
+        if sweep.design != DesignPart():
+            raise InputError(f"{file}: 'design' needs 'vary', which says what varies")
+        return [], [{}]
+    from mechanism_sim.sweep import design  # noqa: PLC0415 - statistics are slow to import
+
+    try:
+        factors = [design.factor(path, given) for path, given in sweep.vary.items()]
+        how = sweep.design
+        rows = design.points(factors, how.kind, how.samples, how.seed)
+    except InputError as error:
+        raise InputError(f'{file}: {error}') from error
+    paths = [f.path for f in factors]
+    return factors, [dict(zip(paths, row, strict=True)) for row in rows.tolist()]
+
+
+def _limits(file: str, sweep: SweepFile, own: Mapping[str, Column]) -> dict[str, float]:
+    """The limits in the units of their measures."""
+    found = {}
+    for name, text in sweep.limits.items():
+        try:
+            found[name] = to_si_like(text, own[name].unit)
+        except ValueError as error:
+            raise InputError(f'{file}: limits.{name} = {text!r} {error}') from error
+    return found
+
+
+def _units(columns: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
+    """Units of swept values as they are written: those on which all runs agree."""
+    found: dict[str, str] = {}
+    for column in columns:
+        units = set()
+        for run in runs:
+            try:
+                units.add(to_si_text(run.given.get(column)).unit)
+            except ValueError:
+                units.add('')
+        if len(units) == 1 and (unit := units.pop()):
+            found[column] = unit
+    return found
 
 
 def _extent(file: str, sweep: SweepFile) -> Extent:
@@ -180,12 +284,12 @@ def _extent(file: str, sweep: SweepFile) -> Extent:
 def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
     """What is swept; a path may stand in one place of the file only."""
     listed = dict.fromkeys(key for one in sweep.runs for key in one)
-    places = {'set': sweep.set, 'grid': sweep.grid, 'runs': listed}
-    for a, b in (('set', 'grid'), ('set', 'runs'), ('grid', 'runs')):
+    places = {'set': sweep.set, 'grid': sweep.grid, 'runs': listed, 'vary': sweep.vary}
+    for a, b in combinations(places, 2):
         for key in places[a]:
             if key in places[b]:
                 raise InputError(f"{file}: '{key}' stands in both '{a}' and '{b}': keep one")
-    swept = (*listed, *sweep.grid)
+    swept = (*listed, *sweep.grid, *sweep.vary)
     everywhere = SCENE in sweep.grid or (sweep.runs and all(SCENE in one for one in sweep.runs))
     if SCENE in sweep.set or (sweep.scene is None and not everywhere):
         raise InputError(

@@ -7,63 +7,33 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.measures import Measurement
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peaks import LoadPeaks
+from mechanism_sim.hybrid.sampling import EnergyTerms
+from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import Tally, ratio
 from mechanism_sim.sweep.bags import RunBag
+from mechanism_sim.sweep.figures import FIGURES
 from mechanism_sim.sweep.file_errors import FileError
 from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.shards import Channels, Shard, ShardWriter
+
+if TYPE_CHECKING:
+    from mechanism_sim.sweep.shards import Channels, Shard, ShardWriter
 
 Value = float | int | str | None
 _BATCH = 2048
 DONE = 'done'
-
-
-class Column(NamedTuple):
-    """A figure of a row."""
-
-    name: str
-    unit: str
-    meaning: str
-
-
-MEANS = (
-    Column('impacts', '', 'impacts per revolution'),
-    Column('impulse', 'N s', 'sum of normal impulses per revolution'),
-    Column('losses_of_contact', '', 'losses of contact per revolution'),
-    Column('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
-    Column('dissipated', 'J', 'energy dissipated per revolution'),
-    Column('I_n', 'N s', 'normal impulse per impact'),
-)
-"""Figures with a confidence interval: those of `Tally.table`, and the ratio of two of them."""
-
-FIGURES = (
-    *(
-        column
-        for mean in MEANS
-        for column in (
-            mean,
-            Column(f'{mean.name}_half_width', mean.unit, 'half of its 95 % confidence interval'),
-        )
-    ),
-    Column('revolutions', '', 'of the crank that these figures are made of'),
-    Column('largest_impulse', 'N s', 'of an impact'),
-    Column('largest_force', 'N', 'in any joint, between impacts'),
-    Column('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
-    Column('energy_residual', 'J', 'what the energy balance leaves over, whole run'),
-)
-"""Numbers of a row, besides its steps, its digest and its status."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +49,7 @@ class Task:
     extent: Extent
     bag: Path | None = None
     shards: tuple[Shard, ...] = ()
+    measures: tuple[str, ...] = ()
 
 
 class RunResult(NamedTuple):
@@ -114,13 +85,15 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     audit, tally, digest = Audit(physics), Tally(edges), MotionDigest()
     crank = np.full(len(edges), math.nan)
     largest = 0.0
+    struck: dict[str, list[float]] = {joint: [] for joint in physics.clearances}
+    taken = Measurement(machine, task.measures, edges[skip]) if task.measures else None
     run = machine.start()
     with ExitStack() as files:
         bag = files.enter_context(RunBag(task.bag, machine, edges[-1])) if task.bag else None
         channels: Channels = {}
+        writers = _writers(task)
         cut = [
-            files.enter_context(ShardWriter(s, task.name, edges[skip], channels))
-            for s in task.shards
+            files.enter_context(write(s, task.name, edges[skip], channels)) for write, s in writers
         ]
         while run.time < edges[-1]:
             run.advance(edges[-1], final=True, most=_BATCH)
@@ -129,13 +102,20 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
                 bag.add(motion, impacts, changes)
             for shard in cut:
                 shard.add(motion)
+            before = audit.drive_work, audit.dissipated
             work = audit.add(motion, impacts)
+            if taken:
+                terms = EnergyTerms(work, impacts, *before)
+                taken.add(Piece(physics, motion, terms, impacts, changes))
             audit.judge(machine.allowed_penetration)
             peaks.add(motion)
             tally.add(motion, impacts, changes, work.friction)
             _follow(crank, edges, motion, physics.coordinates.index(machine.main))
             digest.add(motion, impacts)
-            largest = max([largest, *(i.normal_impulse for i in impacts if i.t >= edges[skip])])
+            for i in impacts:
+                if i.t >= edges[skip]:
+                    largest = max(largest, i.normal_impulse)
+                    struck[i.joint].append(i.normal_impulse)
         for shard in cut:
             shard.finish()
     turned = np.abs(np.diff(crank))[skip:] / (2.0 * np.pi)
@@ -151,7 +131,22 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
         column.name: float(x) if math.isfinite(x) else None
         for column, x in zip(FIGURES, figures, strict=True)
     }
+    own = {f'largest_force.{joint}': peak.value for joint, peak in peaks.forces.items()}
+    own |= {f'largest_torque.{c}': peak.value for c, peak in peaks.torques.items()}
+    own |= {f'impacts.{joint}': float(len(x)) for joint, x in struck.items()}
+    own |= {f'largest_impulse.{joint}': max(x, default=0.0) for joint, x in struck.items()}
+    own |= {m.name: m.value for m in (taken.found() if taken else ())}
+    row |= {name: float(x) if math.isfinite(x) else None for name, x in own.items()}
     return row | {'steps': run.steps, 'digest': digest.hexdigest(), 'status': DONE}
+
+
+def _writers(task: Task) -> list[tuple[type[ShardWriter], Shard]]:
+    """What writes the windows of a run; most have none."""
+    if not task.shards:
+        return []
+    from mechanism_sim.sweep.shards import ShardWriter  # noqa: PLC0415 - seldom needed
+
+    return [(ShardWriter, shard) for shard in task.shards]
 
 
 def _follow(crank: Array, edges: Array, motion: Motion, index: int) -> None:

@@ -21,6 +21,14 @@ class WindowsPart(Part):
     type: Literal['float32', 'float64'] = 'float32'  #: of the samples in the file
 
 
+class DesignPart(Part):
+    """Which values the factors of `vary` take."""
+
+    kind: Literal['latin_hypercube', 'sobol', 'random', 'sobol_indices'] = 'latin_hypercube'
+    samples: Annotated[int, Field(strict=True, ge=2, le=1_000_000)] = 100  #: machines
+    seed: Annotated[int, Field(strict=True, ge=0)] = 1  #: another one, another draw
+
+
 class SweepFile(Part):
     """A sweep: scenes to run, and for how long.
 
@@ -33,6 +41,10 @@ class SweepFile(Part):
     set: dict[str, Any] = Field({})  #: overrides of every run
     grid: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field({})  #: all combinations
     runs: list[dict[str, Any]] = Field([])  #: each one combined with the grid
+    vary: dict[str, Any] = Field({})  #: a distribution by path, see `mechanism_sim.sweep.design`
+    design: DesignPart = DesignPart()
+    measures: dict[str, str] = Field({})  #: figures of every run, by the name of their column
+    limits: dict[str, str | float] = Field({})  #: by measure; which share of runs exceeds it
     repeat: Count = 1  #: how often each of them is run
     nudge: Angle = 1e-6  #: by how much more the crank's start is turned at every repetition
     revolutions: Count | None = None

@@ -21,9 +21,10 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sweep.file_errors import file_errors
-from mechanism_sim.sweep.labels import column, label_columns
+from mechanism_sim.sweep.labels import label_columns
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.windows import Cutter, Windows
+from mechanism_sim.tables import field_type
 
 SIGNAL = 'signal'
 _ROWS = 256  # of a row group
@@ -59,24 +60,30 @@ def shards(plan: Plan, folder: Path) -> dict[int, Shard]:
     columns, size = label_columns(plan), plan.windows.samples
     kind = pa.list_(pa.from_numpy_dtype(np.dtype(plan.windows.type)), size)
     fields = [
-        *(field for field, _ in columns),
-        column('sensor', pa.string()),
-        column('window', pa.int32(), '', 'number within the run and sensor'),
-        column('start', pa.float64(), 's', 'when the first sample is due'),
-        column('crank_angle', pa.float64(), 'rad', 'of the main drive at the start, 0 to 2 pi'),
-        column('crank_speed', pa.float64(), 'rad/s', 'of the main drive at the start'),
-        column('sample_rate', pa.float64(), 'Hz'),
-        column('quantity', pa.string(), '', 'acceleration [m/s^2] or what it was integrated to'),
-        column('seed', pa.uint32(), '', 'of the noise of this run'),
-        column(SIGNAL, kind, 'SI', f'{size} consecutive samples'),
+        *(_field(c.name, field_type(pa, c.values) or pa.string(), c.unit) for c in columns),
+        _field('sensor', pa.string()),
+        _field('window', pa.int32(), '', 'number within the run and sensor'),
+        _field('start', pa.float64(), 's', 'when the first sample is due'),
+        _field('crank_angle', pa.float64(), 'rad', 'of the main drive at the start, 0 to 2 pi'),
+        _field('crank_speed', pa.float64(), 'rad/s', 'of the main drive at the start'),
+        _field('sample_rate', pa.float64(), 'Hz'),
+        _field('quantity', pa.string(), '', 'acceleration [m/s^2] or what it was integrated to'),
+        _field('seed', pa.uint32(), '', 'of the noise of this run'),
+        _field(SIGNAL, kind, 'SI', f'{size} consecutive samples'),
     ]
     schema = pa.schema(fields, {'sweep': plan.name, 'title': plan.title})
 
     def shard(run: Run, windows: Windows) -> Shard:
-        labels = {field.name: values[run.index] for field, values in columns}
+        labels = {c.name: c.values[run.index] for c in columns}
         return Shard(folder / name_of(run), run.scene, windows, labels, schema)
 
     return {run.index: shard(run, plan.windows) for run in plan.runs}
+
+
+def _field(name: str, kind: Any, unit: str = '', meaning: str = '') -> Any:
+    """A field of a table, with its unit and what it means as metadata."""
+    about = {k: v for k, v in (('unit', unit), ('meaning', meaning)) if v}
+    return pa.field(name, kind, metadata=about or None)
 
 
 def name_of(run: Run) -> str:

@@ -11,16 +11,15 @@ import os
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import Any, Self
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from mechanism_sim import output, strict_json
+from mechanism_sim import output, strict_json, tables
 from mechanism_sim.errors import InputError
-from mechanism_sim.sweep.labels import column, label_columns
+from mechanism_sim.sweep.figures import FIGURES
+from mechanism_sim.sweep.labels import label_columns
 from mechanism_sim.sweep.plan import Plan
-from mechanism_sim.sweep.row import FIGURES, RunResult, Value
+from mechanism_sim.sweep.row import RunResult, Value
+from mechanism_sim.tables import Column
 
 _RULING = ('mechanism_sim', 'heyoka', 'numpy')
 """Packages whose version may change the last digit, and with it the impacts of a long run."""
@@ -125,26 +124,18 @@ def journal_of(table: Path) -> Path:
 def write_table(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> None:
     """Write the table, a row for each run in the order of the plan, all at once.
 
-    Columns: ``run``, the swept values, the figures of `FIGURES`, ``steps``, ``digest``,
-    ``status``. Units and meanings are metadata of the columns.
+    Columns: ``run``, the swept values, the figures of `FIGURES`, those of the scene's own joints,
+    drives and measures, ``steps``, ``digest``, ``status``, with units and meanings.
 
     Raises
     ------
     InputError
         If it cannot be written.
     """
-    columns = label_columns(plan)
-    results = [column(c.name, pa.float64(), c.unit, c.meaning) for c in FIGURES]
-    results += [column('steps', pa.int64()), column('digest', pa.string())]
-    results.append(column('status', pa.string()))
-    columns += [(field, [row.get(field.name) for row in rows]) for field in results]
-    schema = pa.schema([field for field, _ in columns], {'sweep': plan.name, 'title': plan.title})
-    table = pa.table([pa.array(v, f.type) for f, v in columns], schema=schema)
-    with output.beside(file) as part, part.open('wb') as stream:
-        pq.write_table(table, stream)
-        _to_disk(stream)
-
-
-def _to_disk(stream: IO[bytes]) -> None:
-    stream.flush()
-    os.fsync(stream.fileno())
+    figures = [
+        Column(c.name, [row.get(c.name) for row in rows], c.unit, c.meaning)
+        for c in (*FIGURES, *plan.own)
+    ]
+    last = [Column(n, [row.get(n) for row in rows]) for n in ('steps', 'digest', 'status')]
+    about = {'sweep': plan.name, 'title': plan.title}
+    tables.write(file, [*label_columns(plan), *figures, *last], about)

@@ -50,6 +50,7 @@ def motion(course: Course) -> Section:
                 Curve(f'{kind}.{c}', c, own.get(c, i))
                 for i, c in enumerate(physics.coordinates)
                 if (c in physics.displacements) == straight
+                and c not in machine.mechanism.deformations
             ]
             if kind == 'position' and course.turns:
                 curves = [c for c in curves if c.label != machine.main]
@@ -71,6 +72,23 @@ def motion(course: Course) -> Section:
 def _varies(course: Course, curve: Curve) -> bool:
     values = course.detail.lines[curve.column].values
     return bool(np.ptp(values) > _NOTHING * np.abs(values).max())
+
+
+def elastic(course: Course) -> Section | None:
+    """Deflection and stress of elastic links."""
+    beams = course.record.machine.mechanism.beams
+    charts = []
+    for kind, words, unit in (('deflection', 'deflection', 'm'), ('stress', 'stress', 'Pa')):
+        curves = [
+            Curve(f'{kind}.{link}', link, i)
+            for i, (link, beam) in enumerate(beams.items())
+            if kind == 'deflection' or beam.fibre is not None
+        ]
+        if curves and above_rounding(course, curves, unit):
+            title = 'Deflection in the middle' if kind == 'deflection' else 'Largest stress'
+            charts.append(over_drive(course, f'elastic-{kind}', title, curves, words, unit))
+    text = 'Deflection is across the link; stress is that at the outer fibres.'
+    return Section('elastic', 'Elastic links', text, tuple(charts)) if charts else None
 
 
 def forces(course: Course) -> Section | None:

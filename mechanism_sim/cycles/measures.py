@@ -1,0 +1,313 @@
+"""Measures of a run, taken from its motion piece by piece.
+
+Extremes are those of the motion (`mechanism_sim.numerics.extremes`), integrals and means are
+quadratures over every step of the integrator. What has neither, percentiles and shares of time, is
+counted at the nodes of those quadratures, and says of how many instants it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.cycles.measure_series import EXACT, Series, Turns
+from mechanism_sim.cycles.measure_tally import Tally, speed_of, unit_of_figure
+from mechanism_sim.cycles.measure_text import Bound, Figure, Measure, Value, as_float, read_all
+from mechanism_sim.cycles.quantities import Quantities
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.scene import Machine, stream
+from mechanism_sim.units import product
+
+
+class Measured(NamedTuple):
+    """What a measure is.
+
+    Attributes
+    ----------
+    value : in `unit`; not a number where there is nothing to take it from
+    text : the measure as it is written
+    resolution : `EXACT`, or of how many instants or samples
+    """
+
+    name: str
+    value: float
+    unit: str
+    text: str
+    resolution: str
+
+
+class Measurement:
+    """Takes measures of a run that comes in pieces, from its start on.
+
+    Parameters
+    ----------
+    measures : as they are written, by name or as a list, or read already
+    since, until : the window [s] of figures that name none
+
+    Raises
+    ------
+    InputError
+        If a measure cannot be read, or is of a quantity that the machine does not have.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        measures: dict[str, str] | Sequence[str] | Sequence[Measure],
+        since: float = 0.0,
+        until: float = math.inf,
+        where: str = 'measures',
+    ) -> None:
+        given = list(measures) if not isinstance(measures, dict) else measures
+        self.measures: list[Measure] = (
+            given  # type: ignore[assignment]
+            if isinstance(given, list) and all(isinstance(m, Measure) for m in given)
+            else read_all(given, where)  # type: ignore[arg-type]
+        )
+        self._machine = machine
+        figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
+        names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
+        self._quantities = Quantities(machine, names)
+        self._series = Series(machine, [f for f in figures if f.of_events])
+        self._turns = Turns(machine)
+        limits = Bound(since), Bound(until)
+        self._windows: dict[tuple[Bound, Bound, bool], Window] = {}
+        self._figures: dict[Figure, Window] = {}
+        for f in figures:
+            key = f.since or limits[0], f.until or limits[1], f.per_revolution
+            turns = f.per_revolution or key[0].revolutions or key[1].revolutions
+            if turns and machine.main in machine.mechanism.displacements:
+                raise InputError(
+                    f'{f.function}({f.argument}): {machine.main} is driven straight, it makes no '
+                    'revolutions'
+                )
+            window = self._windows.setdefault(key, Window(self._turns, *key))
+            window.figures.append(f)
+            self._figures[f] = window
+        for window in self._windows.values():
+            window.open(self._quantities, machine, self._series)
+        self.units()  # what cannot be added fails before anything runs
+
+    def units(self) -> dict[str, str]:
+        """The SI unit of every measure by its name.
+
+        Raises
+        ------
+        InputError
+            If one adds what cannot be added.
+        """
+        return {m.name: m.value(lambda f: Value(1.0, self._unit(f))).unit for m in self.measures}
+
+    def _unit(self, f: Figure) -> str:
+        """The unit of a figure."""
+        if f.function in ('count', 'share'):
+            return ''
+        if f.function == 'work':
+            return 'J'
+        unit = self._series.unit(f) if f.of_events else unit_of_figure(self._quantities, f)
+        return product(unit, 's') if f.function == 'integral' else unit
+
+    def add(self, piece: Piece) -> None:
+        """Enter the piece that follows."""
+        if not len(piece.motion):
+            return
+        self._series.add(piece)
+        self._turns.add(piece)
+        for window in self._windows.values():
+            window.add(piece)
+
+    def found(self) -> list[Measured]:
+        """The measures of what was entered; to be called once, at the end."""
+        self._series.finish()
+        for window in self._windows.values():
+            window.finish(self._turns.end)
+        results: dict[Figure, tuple[Value, str]] = {
+            f: window.result(f) for f, window in self._figures.items()
+        }
+        out = []
+        for measure in self.measures:
+            value = measure.value(lambda f: results[f][0])
+            said = dict.fromkeys(results[f][1] for f in measure.figures)
+            resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
+            x = as_float(value.x)
+            out.append(Measured(measure.name, x, value.unit, measure.text, resolution))
+        return out
+
+    def found_each_turn(self) -> list[tuple[str, str, Array]]:
+        """Name, unit and values (n,) in n whole revolutions; of measures by `per_turn` only."""
+        self._series.finish()
+        results = {f: window.each_turn(f) for f, window in self._figures.items()}
+        out = []
+        for m in self.measures:
+            turns = zip(*(results[f] for f in m.figures), strict=True)
+            values = [
+                m.value(dict(zip(m.figures, [v for v, _ in turn], strict=True)).__getitem__)
+                for turn in turns
+            ]
+            unit = values[0].unit if values else ''
+            out.append((m.name, unit, np.array([as_float(v.x) for v in values])))
+        return out
+
+
+def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
+    """Measures of every revolution after some that are left out.
+
+    Raises
+    ------
+    InputError
+        If a measure has a window of its own.
+    """
+    found = []
+    for m in measures:
+        if any(f.since or f.until for f in m.figures):
+            raise InputError(
+                f"'{m.text}': a window does not apply to statistics, which are of every revolution"
+            )
+        figures = tuple(
+            replace(f, since=Bound(float(skip), True), per_revolution=True) for f in m.figures
+        )
+        found.append(replace(m, figures=figures))
+    return found
+
+
+def measure(
+    machine: Machine,
+    pieces: Iterable[Piece] | Piece,
+    *texts: str,
+    since: float = 0.0,
+    until: float = math.inf,
+) -> list[Measured]:
+    """Measures of a run of a machine, as ``measure(machine, solution, 'rms(drive_torque)')``.
+
+    Parameters
+    ----------
+    pieces : a `Solution`, or a `stream`
+    texts : the measures; those of the scene without any
+    since, until : the window [s] of figures that name none
+
+    Raises
+    ------
+    InputError
+        As `Measurement`.
+    """
+    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), since, until)
+    for piece in [pieces] if isinstance(pieces, Piece) else pieces:
+        taken.add(piece)
+    return taken.found()
+
+
+def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], where: str) -> None:
+    """Refuse measures that cannot be taken of a machine.
+
+    Raises
+    ------
+    InputError
+    """
+    if measures:
+        Measurement(machine, measures, where=where)
+
+
+def run_measures(
+    machine: Machine, measures: Sequence[str] | Sequence[Measure], **length: Any
+) -> list[Measured]:
+    """Measures of a fresh run; `length` as for `mechanism_sim.stream`."""
+    taken = Measurement(machine, measures)
+    for piece in stream(machine, **length):
+        taken.add(piece)
+    return taken.found()
+
+
+def _names_of(machine: Machine, f: Figure) -> list[str]:
+    """The names in a figure, and what its work is made of."""
+    return [*f.names, speed_of(machine, f)] if f.function == 'work' else [*f.names]
+
+
+class Window:
+    """The figures of one window, or of each whole revolution within it."""
+
+    def __init__(self, turns: Turns, since: Bound, until: Bound, each_turn: bool) -> None:
+        self.figures: list[Figure] = []
+        self._turns, self._since, self._until = turns, since, until
+        self._each_turn = each_turn
+        self._tallies: list[Tally] = []
+        self._ends: list[float] = []
+        self._turn = 0
+
+    def open(self, quantities: Quantities, machine: Machine, series: Series) -> None:
+        """Make ready for these figures."""
+        self._series = series
+        timed = [f for f in self.figures if not f.of_events]
+        self._new: Callable[[], Tally] = lambda: Tally(machine, quantities, timed)
+        self._tally = self._new()
+
+    def add(self, piece: Piece) -> None:
+        """Enter a piece."""
+        since, until = self._turns.time(self._since), self._turns.time(self._until)
+        edges = self._turns.edges
+        if not self._each_turn:
+            self._tally.add(piece, since, until)
+            return
+        while True:
+            begin = edges[self._turn]
+            over = self._turn + 1 < len(edges)
+            end = edges[self._turn + 1] if over else math.inf
+            slack = 1e-9 * (abs(begin) + 1e-3)
+            counts = begin >= since - slack and (end <= until + slack or not over)
+            if counts:
+                self._tally.add(piece, begin, end)
+            if not over:
+                return
+            if counts:
+                self._tallies.append(self._tally)
+                self._ends += [begin, end]
+                self._tally = self._new()
+            self._turn += 1
+
+    def finish(self, end: float) -> None:
+        """Nothing more comes; the run ends at `end` [s]."""
+        self._last = end
+
+    def result(self, f: Figure) -> tuple[Value, str]:
+        """The value of a figure, and its resolution."""
+        if not self._each_turn:
+            since, until = self._turns.time(self._since), self._turns.time(self._until)
+            if f.of_events:
+                return self._of_events(f, since, min(until, math.inf), last=True)
+            return self._tally.result(f)
+        parts = self.each_turn(f)
+        if not parts:
+            unit = self._tally.result(f)[0].unit if not f.of_events else self._series.unit(f)
+            return Value(math.nan, unit), 'no whole revolution'
+        mean = float(np.mean([as_float(v.x) for v, _ in parts]))
+        return Value(mean, parts[0][0].unit), parts[0][1]
+
+    def each_turn(self, f: Figure) -> list[tuple[Value, str]]:
+        """The values of a figure in every whole revolution, and their resolutions."""
+        if f.of_events:
+            spans = list(zip(self._ends[::2], self._ends[1::2], strict=True))
+            return [self._of_events(f, a, b, last=b == spans[-1][1]) for a, b in spans]
+        return [tally.result(f) for tally in self._tallies]
+
+    def _of_events(self, f: Figure, since: float, until: float, last: bool) -> tuple[Value, str]:
+        _, x = self._series.values(f, since, until, last)
+        unit, note = self._series.unit(f), self._series.note(f, len(x))
+        if f.function == 'count':
+            conditions = any(c in f.argument for c in '<>')
+            return Value(float(np.count_nonzero(x) if conditions else len(x))), note
+        if f.function == 'sum':
+            return Value(float(x.sum()), unit), note
+        if not len(x):
+            return Value(math.nan, unit), 'there are none'
+        if f.function == 'percentile':
+            return Value(float(np.percentile(x, f.percent or 0.0)), unit), note
+        simple = {
+            'highest': x.max(), 'lowest': x.min(), 'largest': np.abs(x).max(),
+            'range': np.ptp(x), 'mean': x.mean(), 'rms': math.sqrt((x**2).mean()),
+        }  # fmt: skip
+        return Value(float(simple[f.function]), unit), note

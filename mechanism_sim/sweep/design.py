@@ -1,0 +1,136 @@
+"""Designs of sweeps: which values factors take, each from its own distribution.
+
+Points of the unit cube come from `scipy.stats.qmc`; the quantile function of each distribution
+makes values of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, quoted
+from mechanism_sim.units import alike, product, to_si_text
+
+LATIN_HYPERCUBE, SOBOL, RANDOM, INDICES = 'latin_hypercube', 'sobol', 'random', 'sobol_indices'
+KINDS = {
+    LATIN_HYPERCUBE: 'every factor evenly in as many classes as there are samples',
+    SOBOL: "Sobol's sequence, scrambled",
+    RANDOM: 'independent draws, as machines come from the workshop',
+    INDICES: 'samples times (factors + 2) runs, for indices of Sobol, first and total',
+}
+SIGMAS = 3.0
+"""Standard deviations in T of `A +- T`, which is normal and cut off at A - T and A + T."""
+
+_TOLERANCE = re.compile(r'\s*(.+?)\s*(?:\+-|\+/-|±)\s*(.+?)\s*')
+_FORMS = (
+    "[LOW, HIGH] (uniform), 'A +- T' (normal, T is three standard deviations), "
+    '{normal: [MEAN, DEVIATION]}, {uniform: [LOW, HIGH]} or {triangular: [LOW, MODE, HIGH]}'
+)
+
+
+class Factor(NamedTuple):
+    """What is varied.
+
+    Attributes
+    ----------
+    path : dotted
+    text : its distribution in words
+    distribution : frozen, of `scipy.stats`, in SI units
+    """
+
+    path: str
+    text: str
+    unit: str
+    distribution: Any
+
+
+def factor(path: str, given: Any) -> Factor:
+    """A factor as a sweep file has it.
+
+    Raises
+    ------
+    InputError
+        If its distribution cannot be read.
+    """
+    stats = scipy.stats
+    kind, values = 'uniform', given
+    if isinstance(given, str) and (match := _TOLERANCE.fullmatch(given)):
+        kind, values = 'tolerance', [match[1], match[2]]
+        if match[1].replace('.', '').lstrip('-+').isdigit():  # 220 +- 0.2 mm
+            values = [f'{match[1]} {match[2].lstrip("0123456789.eE+-")}', match[2]]
+    elif isinstance(given, Mapping) and len(given) == 1:
+        ((kind, values),) = given.items()
+    count = {'uniform': 2, 'normal': 2, 'tolerance': 2, 'triangular': 3}.get(kind)
+    if not isinstance(values, list | tuple) or len(values) != count:
+        raise InputError(f'vary.{path}: {quoted(given)} is no distribution: write {_FORMS}')
+    numbers, units = [], []
+    for value in values:
+        try:
+            number, unit = to_si_text(value)
+        except ValueError as error:
+            raise InputError(f'vary.{path}: {quoted(value)} {error}') from error
+        numbers.append(number)
+        units.append(unit)
+    if not all(alike(units[0], unit) for unit in units):
+        raise InputError(f'vary.{path}: {quoted(given)} mixes units: {", ".join(units)}')
+    a, b = numbers[0], numbers[-1]
+    if kind in ('normal', 'tolerance'):
+        if b <= 0.0:
+            raise InputError(f'vary.{path}: {quoted(given)}: the deviation must be positive')
+        found = (
+            stats.norm(a, b)
+            if kind == 'normal'
+            else stats.truncnorm(-SIGMAS, SIGMAS, a, b / SIGMAS)
+        )
+    else:
+        if not a < b or not all(a <= x <= b for x in numbers):
+            raise InputError(f'vary.{path}: {quoted(given)}: the values must rise')
+        shape = (numbers[1] - a) / (b - a)
+        found = stats.uniform(a, b - a) if kind == 'uniform' else stats.triang(shape, a, b - a)
+    text = given if isinstance(given, str) else f'{kind} {", ".join(map(str, values))}'
+    return Factor(path, text, product(units[0], ''), found)
+
+
+def points(factors: list[Factor], kind: str, samples: int, seed: int) -> Array:
+    """Values (N, d) of d factors in SI units.
+
+    Of `INDICES` there are the n points A, then B, then for each factor A with that one from B
+    (Saltelli et al., Computer Physics Communications 181 (2010) 259-270).
+
+    Raises
+    ------
+    InputError
+        If there are too few samples.
+    """
+    qmc, d = scipy.stats.qmc, len(factors)
+    if kind == INDICES and samples & (samples - 1):
+        raise InputError(f'design: samples = {samples} must be a power of 2 for {INDICES}')
+    width = 2 * d if kind == INDICES else d
+    rng = np.random.default_rng(seed)
+    if kind == LATIN_HYPERCUBE:
+        cube = qmc.LatinHypercube(width, rng=rng).random(samples)
+    elif kind == RANDOM:
+        cube = rng.random((samples, width))
+    else:
+        sequence = qmc.Sobol(width, rng=rng)
+        cube = sequence.random(1 << (samples - 1).bit_length())[:samples]
+
+    def values(part: Array) -> Array:
+        columns = [f.distribution.ppf(u) for f, u in zip(factors, part.T, strict=True)]
+        return np.column_stack(columns)
+
+    if kind != INDICES:
+        return values(cube)
+    a, b = values(cube[:, :d]), values(cube[:, d:])
+    pages = [a, b]
+    for i in range(d):
+        page = a.copy()
+        page[:, i] = b[:, i]
+        pages.append(page)
+    return np.concatenate(pages)

@@ -1,0 +1,81 @@
+"""The figures of a row: those of every run, and those of its joints, drives and measures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from mechanism_sim.cycles.measure_text import Measure
+from mechanism_sim.cycles.measures import Measurement
+from mechanism_sim.scene import Machine
+
+
+class Column(NamedTuple):
+    """A figure of a row."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+MEANS = (
+    Column('impacts', '', 'impacts per revolution'),
+    Column('impulse', 'N s', 'sum of normal impulses per revolution'),
+    Column('losses_of_contact', '', 'losses of contact per revolution'),
+    Column('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
+    Column('dissipated', 'J', 'energy dissipated per revolution'),
+    Column('I_n', 'N s', 'normal impulse per impact'),
+)
+"""Figures with a confidence interval: those of `Tally.table`, and the ratio of two of them."""
+
+FIGURES = (
+    *(
+        column
+        for mean in MEANS
+        for column in (
+            mean,
+            Column(f'{mean.name}_half_width', mean.unit, 'half of its 95 % confidence interval'),
+        )
+    ),
+    Column('revolutions', '', 'of the crank that these figures are made of'),
+    Column('largest_impulse', 'N s', 'of an impact'),
+    Column('largest_force', 'N', 'in any joint, between impacts'),
+    Column('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
+    Column('energy_residual', 'J', 'what the energy balance leaves over, whole run'),
+)
+"""Numbers of a row, besides its steps, its digest and its status."""
+
+RESERVED = {*(c.name for c in FIGURES), 'run', 'steps', 'digest', 'status'}
+
+
+def own_columns(machine: Machine, measures: Sequence[Measure] = ()) -> list[Column]:
+    """Figures that a machine has beside `FIGURES`: of joints and drives, and measures.
+
+    Raises
+    ------
+    InputError
+        If a measure is of what the machine does not have.
+    """
+    physics, found = machine.physics, []
+    if physics.has_forces:
+        found += [
+            Column(f'largest_force.{joint}', 'N', 'in this joint, between impacts')
+            for joint in physics.joints
+        ]
+        found += [
+            Column(
+                f'largest_torque.{c}',
+                'N' if c in physics.displacements else 'N m',
+                'of this drive, between impacts, with its sign',
+            )
+            for c in physics.driven
+        ]
+    for joint in physics.clearances:
+        found += [
+            Column(f'impacts.{joint}', '', 'in this joint, in the whole window'),
+            Column(f'largest_impulse.{joint}', 'N s', 'of an impact in this joint'),
+        ]
+    if measures:
+        units = Measurement(machine, measures).units()
+        found += [Column(m.name, units[m.name], m.text) for m in measures]
+    return found

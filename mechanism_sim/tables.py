@@ -1,0 +1,285 @@
+"""Tables in files: the ending says the format, and every column has its unit and its meaning."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim import output
+from mechanism_sim.errors import InputError
+
+ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
+
+_NEEDS = {'.parquet': 'pyarrow', '.xlsx': 'openpyxl'}
+_WIDEST, _MOST_ROWS = 40, 1_048_575  # of a sheet, without its heading
+_NAME_OF_MATLAB = 63  # characters
+_SHOWN_COLUMNS, _SHOWN_ROWS = 12, 5  # in a notebook; rows at either end
+
+
+class Column(NamedTuple):
+    """A column: its values (N,), numbers or texts, None where there is none."""
+
+    name: str
+    values: Sequence[Any] | NDArray[Any]
+    unit: str = ''
+    meaning: str = ''
+
+    @property
+    def heading(self) -> str:
+        """Name and unit, as people read them and as tables of scenes are read."""
+        return f'{self.name} [{self.unit}]' if self.unit else self.name
+
+
+class Table(dict[str, NDArray[Any]]):
+    """Columns (N,) by name, with their units, that notebooks show in a few lines.
+
+    Attributes
+    ----------
+    units : SI units by name; empty for numbers
+    """
+
+    def __init__(
+        self, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(columns)
+        self.units = dict(units or {})
+
+    def __repr__(self) -> str:
+        rows = len(next(iter(self.values()), ()))
+        names = ', '.join(self._headings()[:_SHOWN_COLUMNS])
+        more = ', ...' if len(self) > _SHOWN_COLUMNS else ''
+        return f'<Table of {rows} rows and {len(self)} columns: {names}{more}>'
+
+    def _headings(self) -> list[str]:
+        return [f'{n} [{u}]' if (u := self.units.get(n)) else n for n in self]
+
+    def _repr_html_(self) -> str:
+        """The first and the last rows of the first columns."""
+        names = list(self)[:_SHOWN_COLUMNS]
+        rows = len(next(iter(self.values()), ()))
+        kept = range(rows)
+        if rows > 2 * _SHOWN_ROWS:
+            kept = [*range(_SHOWN_ROWS), *range(rows - _SHOWN_ROWS, rows)]  # type: ignore[assignment]
+        head = ''.join(f'<th>{escape(h)}</th>' for h in self._headings()[:_SHOWN_COLUMNS])
+        lines = [f'<tr>{head}</tr>']
+        for k, row in enumerate(kept):
+            if k == _SHOWN_ROWS and rows > 2 * _SHOWN_ROWS:
+                lines.append(f'<tr><td colspan="{len(names)}">...</td></tr>')
+            cells = ''.join(f'<td>{escape(_short(self[n][row]))}</td>' for n in names)
+            lines.append(f'<tr>{cells}</tr>')
+        more = len(self) - len(names)
+        note = f', {more} of them not shown' if more else ''
+        return f'<table>{"".join(lines)}</table><p>{rows} rows, {len(self)} columns{note}</p>'
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame`; its ``attrs['units']`` are the units.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+        """
+        frame = _library('pandas').DataFrame(dict(self))
+        frame.attrs['units'] = dict(self.units)
+        return frame
+
+    def to_polars(self) -> Any:
+        """A `polars.DataFrame`.
+
+        Raises
+        ------
+        InputError
+            If polars is not installed.
+        """
+        return _library('polars').DataFrame(dict(self))
+
+
+def _short(value: Any) -> str:
+    return f'{value:.6g}' if isinstance(value, float | np.floating) else str(value)
+
+
+def _library(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        raise InputError(f"this needs the package '{name}': pip install {name}") from error
+
+
+def default_ending() -> str:
+    """Parquet where its library is installed, else CSV."""
+    return '.parquet' if _installed('pyarrow') else '.csv'
+
+
+def _installed(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def check_file(option: str, file: Path | str, *endings: str, new: bool = False) -> Path:
+    """A file for a table, checked before anything is computed: its ending, and what it takes.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, or a library for it is not installed.
+    """
+    path = output.check_path(option, file, *(endings or ENDINGS), new=new)
+    needed = _NEEDS.get(path.suffix)
+    if needed and not _installed(needed):
+        raise InputError(
+            f"{option} {file}: {path.suffix} needs the package '{needed}': "
+            "pip install 'mechanism_sim[tables]', or write .csv"
+        )
+    return path
+
+
+def write(file: Path, columns: Sequence[Column], about: dict[str, str] | None = None) -> None:
+    """Write columns of equal length as one file, all at once.
+
+    Parameters
+    ----------
+    about : texts that belong to the whole table
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    with output.beside(file) as part:
+        {
+            '.parquet': _parquet,
+            '.csv': _csv,
+            '.xlsx': _xlsx,
+            '.mat': _mat,
+            '.npz': _npz,
+        }[file.suffix](part, columns, about or {})
+        with part.open('rb+') as stream:
+            os.fsync(stream.fileno())
+
+
+def _parquet(path: Path, columns: Sequence[Column], about: dict[str, str]) -> None:
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    fields, arrays = [], []
+    for c in columns:
+        told = {k: v for k, v in (('unit', c.unit), ('meaning', c.meaning)) if v}
+        array = pa.array(c.values, field_type(pa, c.values))
+        fields.append(pa.field(c.name, array.type, metadata=told or None))
+        arrays.append(array)
+    pq.write_table(pa.table(arrays, schema=pa.schema(fields, about)), path)
+
+
+def field_type(pa: Any, values: Sequence[Any] | NDArray[Any]) -> Any:
+    """The type of Arrow for a column: that of its values; of one without any, a number."""
+    if isinstance(values, np.ndarray):
+        return None
+    kinds = {type(v) for v in values if v is not None}
+    if kinds == {bool}:
+        return pa.bool_()
+    if kinds == {int}:
+        return pa.int64()
+    if kinds <= {float, int}:
+        return pa.float64()
+    return pa.string()
+
+
+def _csv(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
+    import csv  # noqa: PLC0415
+
+    with path.open('w', encoding='utf-8', newline='') as file:
+        writer = csv.writer(file)
+        writer.writerow([c.heading for c in columns])
+        writer.writerows(zip(*(map(_cell, c.values) for c in columns), strict=True))
+
+
+def _cell(value: Any) -> Any:
+    """A value as a cell of a text or of a sheet; empty where there is no number."""
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else ''
+    if isinstance(value, np.generic):
+        return value.item()
+    return '' if value is None else value
+
+
+def _xlsx(path: Path, columns: Sequence[Column], about: dict[str, str]) -> None:
+    """A sheet with the table, and one that says what its columns are."""
+    from openpyxl import Workbook  # noqa: PLC0415
+    from openpyxl.styles import Alignment, Font  # noqa: PLC0415
+
+    rows = len(columns[0].values) if columns else 0
+    if rows > _MOST_ROWS:
+        raise InputError(
+            f"'{path.name}': a sheet holds {_MOST_ROWS} rows, and these are {rows}: write "
+            '.parquet or .csv instead'
+        )
+    book = Workbook()
+    sheet = book.active
+    sheet.title = 'table'
+    sheet.append([c.heading for c in columns])
+    for row in zip(*(map(_cell, c.values) for c in columns), strict=True):
+        sheet.append([None if cell == '' else cell for cell in row])
+    sheet.freeze_panes = 'B2'
+    named = book.create_sheet('columns')
+    named.append(['column', 'unit', 'meaning'])
+    for c in columns:
+        named.append([c.name, c.unit, c.meaning])
+    for key, text in about.items():
+        named.append([key, '', text])
+    for each in (sheet, named):
+        for cell in each[1]:
+            cell.font, cell.alignment = Font(bold=True), Alignment(wrap_text=True, vertical='top')
+        for cells in each.columns:
+            longest = max(len(str(cell.value)) for cell in cells[:50] if cell.value is not None)
+            width = longest if each is named else min(longest, 14 + len(str(cells[0].value)) // 3)
+            each.column_dimensions[cells[0].column_letter].width = min(width + 2, _WIDEST)
+    book.save(path)
+
+
+def _mat(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
+    """A variable for each column, and structures with the units and the names of all."""
+    import scipy  # noqa: PLC0415
+
+    names = _identifiers([c.name for c in columns])
+    data: dict[str, Any] = {}
+    for name, c in zip(names, columns, strict=True):
+        numbers = all(v is None or isinstance(v, int | float | np.number) for v in c.values)
+        data[name] = (
+            np.array([np.nan if v is None else v for v in c.values], float)[:, None]
+            if numbers
+            else np.array([str(_cell(v)) for v in c.values], object)[:, None]
+        )
+    data['units'] = dict(zip(names, [c.unit for c in columns], strict=True))
+    data['names'] = dict(zip(names, [c.name for c in columns], strict=True))
+    scipy.io.savemat(path, data, appendmat=False, long_field_names=True, oned_as='column')
+
+
+def _identifiers(names: Sequence[str]) -> list[str]:
+    """Names as MATLAB allows them: letters, digits and underscores, each once."""
+    found: list[str] = []
+    for name in names:
+        plain = re.sub(r'\W+', '_', name).strip('_')[:_NAME_OF_MATLAB]
+        plain = plain if plain[:1].isalpha() else f'x_{plain}'[:_NAME_OF_MATLAB]
+        number, one = 2, plain
+        while one in found or one in ('units', 'names'):
+            one = f'{plain[: _NAME_OF_MATLAB - 3]}_{number}'
+            number += 1
+        found.append(one)
+    return found
+
+
+def _npz(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
+    with path.open('wb') as file:  # savez adds an ending to a name
+        np.savez(file, **{c.name: np.asarray(c.values) for c in columns})  # type: ignore[arg-type]

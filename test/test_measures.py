@@ -1,0 +1,220 @@
+"""Measures: figures of a run by a second route, units, windows, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from four_bars import loose
+
+import mechanism_sim as ms
+from mechanism_sim.cycles.cycle import cycle
+from mechanism_sim.cycles.measure_text import read
+from mechanism_sim.cycles.measures import EXACT, Measurement, measure
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.hybrid.sampling import EnergyTerms
+from mechanism_sim.hybrid.solution import Piece
+from mechanism_sim.units import alike, product, read_common
+
+FINE = 20_001
+
+
+@pytest.fixture(scope='module')
+def nominal():
+    machine = ms.load_scene('four_bar_nominal')
+    return machine, ms.simulate(machine, revolutions=2)
+
+
+@pytest.fixture(scope='module')
+def rattling():
+    machine = loose(0.5, 'seated')
+    return machine, ms.simulate(machine, revolutions=4)
+
+
+def one(pair, text, **window):
+    (found,) = measure(*pair, text, **window)
+    return found
+
+
+def trapezoid(y, t):
+    return float(((y[1:] + y[:-1]) * np.diff(t)).sum() / 2.0)
+
+
+def test_figures_over_time_agree_with_fine_sampling(nominal):
+    _, solution = nominal
+    t = np.linspace(0.0, solution.duration, FINE)
+    seen = solution.sample(t)
+    force = np.hypot(seen['reaction.coupler_rocker.x'], seen['reaction.coupler_rocker.y'])
+    torque, speed = seen['drive_torque'], seen['velocity.crank']
+    for text, expected in (
+        ('largest(reaction.coupler_rocker)', force.max()),
+        ('lowest(reaction.coupler_rocker)', force.min()),
+        ('highest(drive_torque)', torque.max()),
+        ('largest(drive_torque)', np.abs(torque).max()),
+        ('range(drive_torque)', np.ptp(torque)),
+        ('mean(reaction.coupler_rocker)', trapezoid(force, t) / t[-1]),
+        ('rms(drive_torque)', math.sqrt(trapezoid(torque**2, t) / t[-1])),
+        ('integral(abs(drive_torque * velocity.crank))', trapezoid(abs(torque * speed), t)),
+        ('percentile(reaction.coupler_rocker, 90)', np.percentile(force, 90)),
+        ('share(reaction.coupler_rocker > 8 N)', (force > 8.0).mean()),
+        ('initial(position.rocker)', seen['position.rocker'][0]),
+        ('change(position.crank)', 4.0 * math.pi),
+    ):
+        assert one(nominal, text).value == pytest.approx(expected, rel=1e-3, abs=1e-9), text
+
+
+def test_extremes_are_those_of_the_motion_to_rounding(nominal):
+    """A cycle finds the same by itself; sampling gets there from below only."""
+    machine, _ = nominal
+    ends = cycle(machine).extremes()['reaction.coupler_rocker.size']
+    found = one(nominal, 'largest(reaction.coupler_rocker)')
+    assert found.value == pytest.approx(ends.greatest.value, rel=1e-11)
+    assert found.resolution == EXACT
+
+
+def test_energy_work_and_power_agree(rattling):
+    """Three routes to the drive's work, of which one counts impacts by itself."""
+    _, solution = rattling
+    work = one(rattling, 'work(drive_torque)').value
+    assert work == pytest.approx(solution.energy.drive_work, rel=1e-9)
+    assert one(rattling, 'change(energy.drive_work)').value == pytest.approx(work, rel=1e-7)
+    between = sum(i.drive_work for i in solution.impacts)
+    assert one(rattling, 'integral(drive_power)').value == pytest.approx(work - between, rel=1e-9)
+
+
+def test_events_are_counted_and_summed(rattling):
+    machine, solution = rattling
+    joint, T = 'coupler_rocker', machine.period
+    late = [i for i in solution.impacts if i.t >= 2 * T]
+    for text, expected in (
+        ('count(impacts.coupler_rocker)', len(solution.impacts)),
+        ('count(impacts, from 2 revolutions)', len(late)),
+        (f'count(impacts, from {2 * T!r} s)', len(late)),
+        ('sum(impacts.energy_loss)', sum(i.energy_loss for i in solution.impacts)),
+        ('largest(impacts.normal_impulse)', max(i.normal_impulse for i in solution.impacts)),
+        ('count(impacts, per revolution)', len(solution.impacts) / 4.0),
+        (
+            'count(impacts.approach_speed > 0.1 m/s)',
+            sum(i.approach_speed > 0.1 for i in solution.impacts),
+        ),
+    ):
+        assert one(rattling, text).value == pytest.approx(expected, rel=1e-12), text
+    flying = one(rattling, f'share(closed.{joint})').value
+    t = np.linspace(0.0, solution.duration, FINE)
+    assert flying == pytest.approx(solution.sample(t)[f'closed.{joint}'].mean(), abs=1e-3)
+
+
+def test_pieces_of_a_run_give_what_the_whole_gives(rattling):
+    machine, solution = rattling
+    texts = (
+        'largest(reaction.coupler_rocker)', 'rms(drive_torque, per revolution)',
+        'count(impacts, from 1 revolution to 3 revolutions)', 'integral(drive_power, to 0.3 s)',
+    )  # fmt: skip
+    whole = measure(machine, solution, *texts)
+    taken, run = Measurement(machine, texts), machine.start()
+    end = solution.duration
+
+    audit = Audit(machine.physics)
+    while run.time < end:
+        run.advance(end, final=True, most=37)
+        motion, impacts, changes = run.drain()
+        terms = EnergyTerms(audit.add(motion, impacts), impacts)
+        taken.add(Piece(machine.physics, motion, terms, impacts, changes))
+    for a, b in zip(taken.found(), whole, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-10), a.text
+
+
+def test_turns_of_a_drive_that_is_not_steady_are_found():
+    """A free crank without forces keeps its speed, so its turns are known."""
+    machine = ms.load_scene(
+        'four_bar_governed',
+        {'drive.torque.per_speed': '0 N m s/rad', 'drive.flywheel': '1000 kg m^2'},
+    )
+    solution = ms.simulate(machine, duration=1.3)
+    found = one((machine, solution), 'change(position.crank, per revolution)')
+    assert found.value == pytest.approx(2.0 * math.pi, rel=1e-9)
+    until = one((machine, solution), 'change(position.crank, from 1 revolution to 3 revolutions)')
+    assert until.value == pytest.approx(4.0 * math.pi, rel=1e-9)
+
+
+def test_units_follow_from_the_expression(nominal):
+    for text, unit in (
+        ('largest(reaction.coupler_rocker)', 'N'),
+        ('mean(drive_torque * velocity.crank)', 'W'),
+        ('integral(reaction.coupler_rocker)', 'N s'),
+        ('rms(reaction.coupler_rocker**2)', 'N^2'),
+        ('rms(sqrt(reaction.coupler_rocker**2))', 'N'),
+        ('largest(drive_torque) / largest(reaction.coupler_rocker)', 'm'),
+        ('largest(velocity.crank)', 'rad/s'),
+        ('largest(drive_torque) / mean(drive_torque)', ''),
+        ('share(drive_torque > 0 N m)', ''),
+    ):
+        assert one(nominal, text).unit == unit, text
+    assert product('J', 's', -1) == 'W'
+    assert read_common('1', 'kN mm') == (1.0, 'N m')
+    assert alike('N m', 'J')
+    assert not alike('N', 'm')
+
+
+def test_a_motor_is_seen_behind_its_gear():
+    machine = ms.load_scene('toggle_press')
+    solution = ms.simulate(machine, duration=0.02)
+    torque = one((machine, solution), 'mean(drive_torque) / mean(motor.torque)').value
+    speed = one((machine, solution), 'mean(motor.speed) / mean(velocity.crank)').value
+    assert (torque, speed) == pytest.approx((12.5, 12.5))
+
+
+def test_sensors_are_measured_by_their_samples():
+    machine = loose(0.5, 'seated')
+    solution = ms.simulate(machine, revolutions=1)
+    (name,) = machine.scene.sensors
+    channel = machine.channel(name)
+    channel.take(solution.motion)
+    samples = np.concatenate([b.samples for b in channel.blocks(final=True)])
+    found = one((machine, solution), f'rms(sensors.{name})')
+    assert found.value == pytest.approx(math.sqrt((samples**2).mean()))
+    assert found.unit == 'm/s^2'
+    assert found.resolution == f'of {len(samples)} samples at 10000 Hz'
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('largest(reaction.couper_rocker)', "did you mean 'reaction.coupler_rocker'"),
+        ('larges(drive_torque)', "did you mean 'largest'"),
+        ('drive_torque', "write for example 'largest"),
+        ('largest(drive_torque + position.rocker)', 'no like units'),
+        ('largest(drive_torque) + largest(position.rocker)', 'no like units'),
+        ('rms(drive_torque, from 2)', 'needs a unit'),
+        ('rms(drive_torque, from 2 m)', "not a unit of 's'"),
+        ('rms(drive_torque, per second)', 'per revolution only'),
+        ('rms(drive_torque, speed=3)', 'each once'),
+        ('rms(drive_torque, from 1 s, from 2 s)', 'each once'),
+        ('count(drive_torque)', 'must be of events'),
+        ('integral(impacts)', 'events have'),
+        ('largest(impacts.pin)', 'loose joints: none'),
+        ('rms(sensors.here)', 'has no sensor'),
+        ('percentile(drive_torque, 101)', 'from 0 to 100'),
+        ('work(position.rocker)', 'it is of drive_torque'),
+        ('largest(motor.torque)', 'is no motor'),
+        ('largest(', 'never closed'),
+        ('largest(drive_torque[0])', 'is not made of'),
+        ('__import__("os").system("true")', 'is no'),
+        ('3', 'has no figure'),
+        ('largest(3)', 'names no quantity'),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_measured_is_refused_in_one_sentence(nominal, text, said):
+    with pytest.raises(InputError, match=said) as refused:
+        measure(*nominal, text)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_windows_and_names_are_read():
+    m = read('rms(motor.torque, from 2 s to 300 ms) / 2')
+    (figure,) = m.figures
+    assert (figure.since, figure.until) == ((2.0, False), (0.3, False))
+    assert read('count(impacts.pin, per revolution)').figures[0].per_revolution
+    assert read('percentile(x, 95, from 3 rev)').figures[0].percent == 95
