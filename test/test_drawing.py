@@ -14,6 +14,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.shapes import encloses
 from mechanism_sim.export.skeleton import Skeleton, skeleton_of
+from mechanism_sim.linkages.indexing import Geneva, SlottedRack
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.planar.mechanism import GROUND, Body, Mechanism, Prismatic, Revolute
 from mechanism_sim.report import drawing, figures
@@ -177,6 +178,26 @@ def test_a_pin_that_indexes_is_in_a_slot_while_something_moves(scene):
             (wheel,) = (skeleton.placed(driven, s.outline, poses[k : k + 1])[0] for s in slots)
             edge = skeleton.placed('crank', disc.outline, poses[k : k + 1])[0]
             assert not any(encloses(wheel, point) for point in edge)
+
+
+@pytest.mark.parametrize('scene', ['geneva', 'linear_intermittent'])
+def test_slots_are_as_deep_as_the_pin_goes_however_short_the_run(scene):
+    """Also of an instant at which the pin is in none: the depth follows from the distances."""
+    found = ms.cycle(ms.load_scene(scene), samples=60)
+    q = found.solution.samples(found.t).observed.position
+    (pair,) = (j for j in found.machine.mechanism.joints if isinstance(j, Geneva | SlottedRack))
+    for k in (0, 17, 31, 48):
+        skeleton = skeleton_of(found.machine, q[:, k : k + 1])
+        if scene == 'linear_intermittent':
+            for slot in shapes(skeleton, 'slot'):
+                long = np.hypot(*np.ptp(slot.outline, axis=0))
+                assert long == pytest.approx(0.5 * pair.pitch + 3.0 * skeleton.symbol)
+            continue
+        (wheel,) = (s for s in shapes(skeleton, 'wheel') if s.link == pair.second)
+        radii = np.hypot(*(wheel.outline - pair.on_second).T)
+        crank = math.sqrt(pair.distance**2 - pair.entry**2)
+        assert radii.max() == pytest.approx(pair.entry, rel=1e-3)
+        assert radii.min() == pytest.approx(pair.distance - crank, abs=skeleton.symbol)
 
 
 def test_from_python_in_one_line():

@@ -14,7 +14,7 @@ from matplotlib.path import Path as Outline
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cycles.cycle import instant
-from mechanism_sim.export.palette import LINKS, PAPER, rgb
+from mechanism_sim.export.palette import DARK, LINKS, PAPER, rgb
 from mechanism_sim.export.shapes import OPEN, area, circle, simplified
 from mechanism_sim.export.skeleton import scale_bar, skeleton_of
 from mechanism_sim.export.stage import stage_of
@@ -233,8 +233,9 @@ def test_the_measure_of_distance_is_that_of_its_authors():
 
 
 @pytest.mark.parametrize('vision', SEEN)
-def test_colours_of_links_are_told_apart_by_every_vision(vision):
-    seen = [lab(np.array(SEEN[vision]) @ linear(shade)) for shade in LINKS]
+@pytest.mark.parametrize('shades', [LINKS, DARK], ids=['paper', 'dark'])
+def test_colours_of_links_are_told_apart_by_every_vision(shades, vision):
+    seen = [lab(np.array(SEEN[vision]) @ linear(shade)) for shade in shades]
     assert min(distance(*pair) for pair in combinations(seen, 2)) > 18.0
 
 
@@ -243,6 +244,9 @@ def test_colours_of_links_stand_out_from_paper():
     light = {shade: float(TO_XYZ[1] @ linear(shade)) for shade in (*LINKS, PAPER)}
     for shade in LINKS:
         assert (light[PAPER] + 0.05) / (light[shade] + 0.05) >= 3.0
+    night = float(TO_XYZ[1] @ linear('#15191e'))
+    for shade in DARK:
+        assert (float(TO_XYZ[1] @ linear(shade)) + 0.05) / (night + 0.05) >= 3.0
 
 
 @given(st.floats(1e-5, 1e4))

@@ -110,10 +110,11 @@ def _around(points: Array) -> Array:
     return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])
 
 
-def inside(hull: Array, point: Array) -> bool:
-    """Whether a point (2,) is within a convex polygon (k, 2) that turns counterclockwise."""
+def inside(hull: Array, point: Array, spare: float) -> bool:
+    """Whether a point (2,) is within a convex polygon (k, 2), counterclockwise, or so near [m]."""
     way, to = np.roll(hull, -1, axis=0) - hull, point - hull
-    return bool((way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0] >= 0.0).all())
+    off = way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
+    return bool((off >= -spare * np.hypot(*way.T)).all())
 
 
 def _turned(curves: tuple[Array, ...]) -> tuple[Array, ...]:

@@ -244,7 +244,7 @@ class Skeleton:
     def _covered(self, link: str, points: Array) -> bool:
         """Whether a wheel or a slider of a link shows all of some points (k, 2) of it."""
         shown = [s.hull for s in self.shapes if s.link == link and s.kind in _BODIES]
-        return all(any(inside(hull, at) for hull in shown) for at in points)
+        return all(any(inside(hull, at, 0.5 * self.symbol) for hull in shown) for at in points)
 
     def _arrow(self, drive: str, sense: float, places: Sequence[Place]) -> None:
         """Beside the joint that carries what is driven."""

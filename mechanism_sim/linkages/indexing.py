@@ -89,20 +89,17 @@ class Geneva(HigherPair):
         """A pin and a locking disc, and a wheel: open slots, between them hollows for the disc."""
         pin, d, mouth, n = (self.first, self.on_first), self.distance, self.entry, self.slots
         draft.pin(pin, self.name)
-        away = complex_of(draft.within(self.second, pin).T - self.on_second)
-        inside = np.abs(away) < mouth * (1.0 + 1e-9)
-        turn = float(np.angle((away[inside] ** n).sum())) / n
         crank = math.sqrt(d * d - mouth * mouth)
         hollow = 0.5 * (crank + d - mouth)
         half = SLOT * draft.symbol
-        bottom = float(np.abs(away).min()) + half * np.exp(1j * np.linspace(1.5, 0.5, 13) * np.pi)
+        bottom = d - crank + half * np.exp(1j * np.linspace(1.5, 0.5, 13) * np.pi)
         edge = math.asin(min(half / mouth, 1.0))
         aside = np.linspace(edge - math.pi / n, math.pi / n - edge, 49)
         across = d * np.sin(aside)
         depth = d * np.cos(aside) - np.sqrt(np.maximum(hollow**2 - across**2, 0.0))
         radii = np.where(np.abs(across) < hollow, np.minimum(depth, mouth), mouth)
         rim = radii * np.exp(1j * (aside + math.pi / n))
-        sectors = np.exp(1j * (turn + 2.0 * math.pi * np.arange(n) / n))
+        sectors = np.exp(2j * math.pi * np.arange(n) / n)
         wheel = np.outer(sectors, np.concatenate([bottom, rim])).ravel()
         draft.add('wheel', self.second, points_of(wheel) + self.on_second)
         # the disc holds the wheel as soon as the pin has left it
@@ -168,11 +165,11 @@ class SlottedRack(HigherPair):
         along, across = (np.array(rotate((1.0, 0.0), axis + a)) for a in (0.0, 0.5 * math.pi))
         from_centre = draft.at(place) - np.array(self.centre)[:, None]
         driven = rotate((1.0, 0.0), self.axis + 0.5 * math.pi) @ from_centre <= 0.0
-        away = (pin - base[:, None])[:, driven]
-        slots = np.round(along @ away / self.pitch).astype(int) if driven.any() else np.zeros(1)
-        ends = across @ away if driven.any() else np.zeros(1)
+        away = (pin - base[:, None])[:, driven if driven.any() else slice(None)]
+        slots = np.round(along @ away / self.pitch).astype(int)
+        middle = float(across @ (draft.within(link, (GROUND, self.centre))[:, 0] - base))
         spare = 1.5 * draft.symbol
-        low, high = float(ends.min()) - spare, float(ends.max()) + spare
+        low, high = middle - 0.5 * self.pitch - spare, middle + spare
         for k in range(int(slots.min()) - 1, int(slots.max()) + 2):
             foot = base + k * self.pitch * along
             line = np.array([foot + s * across for s in (low, high)])
