@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.cycle import cycle
+from mechanism_sim.cycles.points import Poses
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.equations import Equations
@@ -51,12 +52,16 @@ def arm(speed=0.0, gravity=(0.0, 0.0), loads=None, **elastic):
     )
 
 
-def column(thrust=0.0, **elastic):
+def column(thrust=0.0, load=None, masses=None, **elastic):
     """A beam between a held crank and a slider in line with it, under a force along it."""
     return scene(
         links={
             'crank': {'length': 0.1, 'mass': 1.0, 'inertia': 0.01},
-            'rod': {'length': L, 'elastic': {**SECTION, **elastic}},
+            'rod': {
+                'length': L,
+                'points': {'middle': [L / 2, 0.0]},
+                'elastic': {**SECTION, **elastic},
+            },
             'slider': {'mass': 0.2},
         },
         joints={
@@ -65,7 +70,8 @@ def column(thrust=0.0, **elastic):
             'c': {'revolute': ['rod.end', 'slider']},
             'd': {'prismatic': ['ground', 'slider']},
         },
-        loads={'thrust': {'force': [-thrust, 0.0], 'at': 'slider'}},
+        loads={'thrust': load or {'force': [-thrust, 0.0], 'at': 'slider'}},
+        masses=masses or {},
         drive={'coordinate': 'crank', 'speed': 0.0},
         guess={'slider': 0.1 + L},
     )
@@ -136,6 +142,19 @@ def test_modes_bend_under_weight_as_statics_says():
     assert tip == pytest.approx(-RHO * 9.81 * L**4 / (8.0 * EI), rel=1e-4)
 
 
+def test_a_mass_and_a_moment_act_where_they_are():
+    lump = 0.07
+    found = frequencies(column(masses={'boss': {'at': 'rod.middle', 'mass': lump}}, modes=1))
+    softer = np.sqrt(1.0 / (1.0 + lump / (0.5 * RHO * L)))
+    assert found[0] == pytest.approx(hertz(PINNED[0]) * softer, rel=1e-9)
+    # a moment M at one end bends the middle by M L^2/(16 EI)
+    moment = 1e-3
+    machine = column(load={'torque': moment, 'at': 'rod'}, functions='polynomial', modes=2)
+    middle = machine.mechanism.beams['rod'].deflection(L / 2)
+    q = linearised(machine).at.q[3:]
+    assert middle @ q == pytest.approx(moment * L**2 / (16.0 * EI), rel=1e-6)
+
+
 def test_thrust_softens_a_beam_until_it_buckles():
     """Euler: ``w^2 = w0^2 (1 - P/P_cr)`` of the first mode, ``P_cr = pi^2 EI/L^2``."""
     critical = np.pi**2 * EI / L**2
@@ -182,7 +201,8 @@ def test_damping_is_what_is_asked_for():
 
 def stretching_slider_crank(**more):
     """The scene with the rod of the IVP test set, which stretches, too, and its start."""
-    linear = {'links.rod.elastic.stretch': 2, 'links.rod.elastic.foreshortening': False, **more}
+    linear = {'links.rod.elastic.stretch': 2, 'links.rod.elastic.foreshortening': False,
+              'initial': None, **more}  # fmt: skip
     machine = ms.load_scene('elastic_slider_crank', linear)
     nodes = elongations(machine)
     q, v = (np.linalg.solve(nodes, simeon.START[part]) for part in (slice(5, 7), slice(12, 14)))
@@ -190,8 +210,8 @@ def stretching_slider_crank(**more):
     names = 'rod.stretch1', 'rod.stretch2'
     return ms.load_scene('elastic_slider_crank', {
         **linear,
-        'initial.position': dict(zip(names, q.tolist(), strict=True)),
-        'initial.velocity': bends | dict(zip(names, v.tolist(), strict=True)),
+        'initial': {'position': dict(zip(names, q.tolist(), strict=True)),
+                    'velocity': bends | dict(zip(names, v.tolist(), strict=True))},
     })  # fmt: skip
 
 
@@ -454,6 +474,45 @@ def effective_mass(machine):
     return 1.0 / (across @ np.linalg.solve(M, across))
 
 
+def test_a_smooth_start_leaves_hardly_any_vibration():
+    """Against Simeon's start on the smooth motion, and against the straight start."""
+    linear = {'links.rod.elastic.stretch': 2, 'links.rod.elastic.foreshortening': False}
+    machine = ms.load_scene('elastic_slider_crank', linear)
+    state = machine.initial_state()
+    v = dict(zip(machine.system.free, state.v, strict=True))
+    q = dict(zip(machine.system.free, state.q, strict=True))
+    # he goes a step further: (150/1277)^2 of the deflection is left
+    assert v['rod.bend1'] == pytest.approx(simeon.START[10], rel=5e-3)
+    assert v['rod.bend2'] == pytest.approx(simeon.START[11], rel=5e-3)
+    stretched = elongations(machine) @ [q['rod.stretch1'], q['rod.stretch2']]
+    assert stretched == pytest.approx(simeon.START[5:7], rel=0.01)
+    t, swings = np.linspace(0.0, 0.04, 400), []
+    for start in ('straight', 'smooth'):
+        machine = ms.load_scene('elastic_slider_crank', {'initial.elastic': start})
+        x = ms.simulate(machine, duration=0.04).sample(t)['acceleration.rod.bend1']
+        swings.append(np.abs(np.diff(x, 2)).max())
+    assert swings[1] < 0.35 * swings[0]
+
+
+def test_a_smooth_start_of_a_loose_machine_hangs_bent():
+    """At rest under its weight: what the statics of both links bend, with the pin on its seat."""
+    machine = ms.load_scene('four_bar_elastic', {'drive.speed': '0 rad/s', 'solver.rtol': 1e-9})
+    solution = ms.simulate(machine, duration=0.02)
+    x = solution.sample(np.linspace(0.0, 0.02, 50))
+    for link in ('coupler', 'rocker'):
+        bent = x[f'deflection.{link}']
+        assert np.abs(bent).min() > 1e-8
+        assert np.ptp(bent) < 2e-3 * np.abs(bent).max()
+
+
+def test_a_smooth_start_takes_no_other():
+    machine = ms.load_scene('elastic_slider_crank', {
+        'initial': {'elastic': 'smooth', 'position': {'rod.bend1': '1 mm'}},
+    })  # fmt: skip
+    with pytest.raises(InputError, match='leave one of them out'):
+        machine.initial_state()
+
+
 def test_a_gauge_reads_the_strain_of_its_fibre():
     machine = ms.load_scene('elastic_slider_crank', {
         'sensors.gauge': {'kind': 'strain_gauge', 'link': 'rod', 'at': ['100 mm', '-3 mm'],
@@ -486,6 +545,17 @@ def test_points_of_a_link_have_their_deflection_and_stress():
     assert found['deflection.rod.quarter'] == pytest.approx(w)
     assert found['stress.rod.quarter'] == pytest.approx(2e11 * 0.004 * bend)
     assert (found['stress.rod'] >= np.abs(found['stress.rod.quarter']) * 0.999).all()
+
+
+def test_a_drawing_magnifies_what_bends():
+    mechanism = ms.load_scene('elastic_slider_crank').mechanism
+    q = np.array([[0.0], [0.0], [0.45], [2e-3], [0.0]])  # crank, rod, slider, bends
+    for factor in (1.0, 10.0):
+        poses = Poses(mechanism, q, factor)
+        x, y = poses.at(('rod', (0.15, 0.0)))[:, 0]
+        assert y == pytest.approx(factor * 2e-3)
+        assert x == pytest.approx(0.3, abs=factor**2 * 1e-4)
+        assert poses.at(('crank', (0.15, 0.0)))[:, 0] == pytest.approx([0.15, 0.0])
 
 
 def test_the_mass_centre_moves_by_the_forces_of_the_frame():
@@ -534,7 +604,7 @@ def test_smooth_motion_converges_over_the_number_of_modes():
     t, bent = np.linspace(0.01, 0.02, 50), []
     for count in (1, 3, 5, 7):
         more = {'links.rod.elastic.modes': count, 'links.rod.elastic.damping': 0.02,
-                'initial.velocity': {'rod.bend1': '0.44 m/s'}}  # fmt: skip
+                }  # fmt: skip
         solution = ms.simulate(ms.load_scene('elastic_slider_crank', more), duration=0.02)
         bent.append(solution.sample(t)['deflection.rod'])
     off = [np.abs(x - bent[-1]).max() for x in bent[:-1]]
@@ -594,6 +664,7 @@ ELASTIC = 'links.rod.elastic'
         ({'sensors.gauge.at': '0.4 m'}, ['is not on the rod', 'from 0 to 0.3 m']),
         ({'sensors.gauge.at': ['0.1 m', '5 mm']}, ['outer fibres are 0.004 m']),
         ({'initial.position': {'rod.bend3': '1 mm'}}, ["there is no coordinate 'rod.bend3'"]),
+        ({'initial.elastic': 'bent'}, ["'straight' or 'smooth'"]),
     ],
 )  # fmt: skip
 def test_what_no_beam_can_be_is_refused(more, words):

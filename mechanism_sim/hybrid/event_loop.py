@@ -403,9 +403,10 @@ class EventLoop:
             self._back_to(tau)
             if self._contacts.singular_joints():
                 return self._singular.undecided()
+        far = ', or its elastic links bend too far' if self._system.mechanism.beams else ''
         return RunError(
             f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
-            'became infinite; the mechanism may be at a singular position'
+            f'became infinite; the mechanism may be at a singular position{far}'
         )
 
     def _cut(self, at: float) -> None:

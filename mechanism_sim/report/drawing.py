@@ -9,6 +9,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
+from mechanism_sim.cycles.points import Poses
 from mechanism_sim.export.palette import INK, colour
 from mechanism_sim.export.skeleton import Skeleton, bounds, scale_bar, skeleton_of
 from mechanism_sim.report.brush import Brush
@@ -18,11 +19,17 @@ from mechanism_sim.report.picture import Picture
 _SIDES = 7.5, 6.0
 """Width and height of a picture at most [in]."""
 
+_BENDS = 41  # points along the axis of an elastic link
+
 PATHS = ('-', '--', '-.', ':')
 
 
 def draw(
-    cycle: Cycle, t: float, positions: int = 1, labels: Literal['all', 'links', 'none'] = 'all'
+    cycle: Cycle,
+    t: float,
+    positions: int = 1,
+    labels: Literal['all', 'links', 'none'] = 'all',
+    magnified: float = 0.0,
 ) -> Picture:
     """A machine at one instant, with the paths of the cycle's points.
 
@@ -31,6 +38,7 @@ def draw(
     t : [s] within the cycle
     positions : this one, and as many others as ghosts, evenly over the cycle
     labels : of links and joints, of links only, or none
+    magnified : how many times as much elastic links deform in lines over them; 0: no lines
     """
     sweep = _coordinates(cycle, cycle.t)
     skeleton = skeleton_of(cycle.machine, sweep)
@@ -54,6 +62,10 @@ def draw(
         axes.plot(*at, 'o', color=INK, ms=3.0, zorder=4.5)
         names.avoid(path)
     brush.paint(now)
+    if magnified:
+        _bend(axes, skeleton, _coordinates(cycle, np.array([t])), magnified)
+        if positions > 1:
+            _bend(axes, skeleton, _coordinates(cycle, others), magnified, 0.35)
     if labels != 'none':
         names.write(skeleton, now, labels == 'all')
     title = brush.thick(14.0)
@@ -69,6 +81,16 @@ def draw(
     axes.set(xlim=(low[0], high[0]), ylim=(bottom, top), aspect='equal')
     axes.set_axis_off()
     return figure
+
+
+def _bend(axes: Any, skeleton: Skeleton, q: Array, magnified: float, opacity: float = 1.0) -> None:
+    """The axes of elastic links at coordinates (n, N), in the colours of the links."""
+    poses = Poses(skeleton.mechanism, q, magnified)
+    for link, beam in skeleton.mechanism.beams.items():
+        along = np.linspace(0.0, beam.length, _BENDS).tolist()
+        x, y = np.array([poses.at((link, (x, 0.0))) for x in along]).swapaxes(0, 1)
+        shade = colour(skeleton.links.index(link))
+        axes.plot(x, y, color=shade, lw=1.8, alpha=opacity, zorder=7.5)
 
 
 def trace(axes: Any, skeleton: Skeleton, point: str, path: Array, line: Any) -> None:

@@ -363,6 +363,8 @@ class InitialPart(Part):
     """Angles and displacements by link."""
     velocity: dict[str, Pace] = {}
     """Their rates by link."""
+    elastic: Literal['straight', 'smooth'] = 'straight'
+    """How elastic links start: straight, or bent by the forces, nearly without vibration."""
 
 
 class AnyScene(Part):
