@@ -20,6 +20,7 @@ DEEP = {
         for page in (
             'analysis',
             'exercises_forces',
+            'exercises_kinematics',
             'faq',
             'linkages',
             'looking',

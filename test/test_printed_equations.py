@@ -797,5 +797,4 @@ def test_pages_and_notebooks_have_set_mathematics(variant):
     assert len(formulas) == sum(len(p.equations) for p in set_by.equations.parts)
     letters = {''.join(x.itertext()) for x in root.iter('mi')}
     assert not [x for x in letters if '_' in x or 'dot' in x]  # all indices are set below
-    assert set_by._repr_markdown_() == set_by.markdown()
     assert str(set_by) == set_by.plain()

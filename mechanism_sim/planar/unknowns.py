@@ -110,7 +110,6 @@ class Unknowns:
         count, n = matrix.shape[:2]
         rows, given = self._rows(n), terms[len(self.sizes) * n :]
         known = np.abs(np.linalg.det(leverage * self._scale)) > NO_WORK
-        leverage[~known] = np.nan
         sizes = np.full((count, len(self.sizes)), np.nan)
         if known.any():
             missing = (balancing[rows] - given).T[known, :, None]

@@ -145,17 +145,10 @@ class Typesetter:
         """For notebooks: every part with its equations, set."""
         rows = []
         for part in self.equations.parts:
-            rows.append(rf'\textbf{{{_escaped(part.heading)}}}')
-            rows += [
-                f'\\begin{{aligned}}\n{self.equation_latex(e)}\n\\end{{aligned}}'
-                for e in part.equations
-            ]
-        body = ' \\\\[4pt]\n'.join(rows)
-        return f'$$\n\\begin{{array}}{{l}}\n{body}\n\\end{{array}}\n$$'
-
-    def _repr_markdown_(self) -> str:
-        """For notebooks that set Markdown: with the tables of symbols."""
-        return self.markdown()
+            rows.append(rf'& \text{{{_escaped(part.heading)}:}}')
+            rows += [self.equation_latex(e) for e in part.equations]
+        body = ' \\\\\n'.join(rows)
+        return f'$$\n\\begin{{aligned}}\n{body}\n\\end{{aligned}}\n$$'
 
     def __str__(self) -> str:
         return self.plain()
