@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 # Where ROS 2 built this package, its generated messages live in another folder of that name.
-from pkgutil import extend_path
-from typing import Any
+from pkgutil import extend_path as _extend_path
+from typing import Any as _Any
 
-__path__ = extend_path(__path__, __name__)
+__path__ = _extend_path(__path__, __name__)
 
-from mechanism_sim.hybrid import plotting
-from mechanism_sim.numerics.lazy_sympy import postpone_sympy
+from mechanism_sim.hybrid import plotting as _plotting
+from mechanism_sim.numerics.lazy_sympy import postpone_sympy as _postpone_sympy
 
 __all__ = [
     'animate',
@@ -27,17 +27,28 @@ __all__ = [
 ]
 
 
-def _plot() -> Any:
+def _plot() -> _Any:
     from mechanism_sim.report.lines import plot  # noqa: PLC0415 - Matplotlib takes half a second
 
     return plot
 
 
-plotting.register_plot(_plot)
-postpone_sympy()
+def _html() -> _Any:
+    from mechanism_sim.report.rich import html  # noqa: PLC0415
+
+    return html
 
 
-def __getattr__(name: str) -> Any:
+def __dir__() -> list[str]:
+    """What is public, and nothing else."""
+    return sorted([*__all__, '__version__'])
+
+
+_plotting.register_plot(_plot, _html)
+_postpone_sympy()
+
+
+def __getattr__(name: str) -> _Any:
     """The public functions, imported when first used: most commands need few of the rooms."""
     if name == 'cycle':
         from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
@@ -59,4 +70,8 @@ def __getattr__(name: str) -> Any:
         from mechanism_sim import scene  # noqa: PLC0415
 
         return getattr(scene, name)
+    if name == '__version__':
+        from mechanism_sim.catalogue import installed_version  # noqa: PLC0415
+
+        return installed_version() or 'unknown'
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +23,7 @@ ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
 _NEEDS = {'.parquet': 'pyarrow', '.xlsx': 'openpyxl'}
 _WIDEST, _MOST_ROWS = 40, 1_048_575  # of a sheet, without its heading
 _NAME_OF_MATLAB = 63  # characters
+_SHOWN_COLUMNS, _SHOWN_ROWS = 12, 5  # in a notebook; rows at either end
 
 
 class Column(NamedTuple):
@@ -37,6 +40,93 @@ class Column(NamedTuple):
         return f'{self.name} [{self.unit}]' if self.unit else self.name
 
 
+class Table(dict[str, NDArray[Any]]):
+    """Columns (N,) by name, with their units, that notebooks show in a few lines.
+
+    Attributes
+    ----------
+    units : SI units by name; empty for numbers
+    """
+
+    def __init__(
+        self, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(columns)
+        self.units = dict(units or {})
+
+    def __repr__(self) -> str:
+        rows = len(next(iter(self.values()), ()))
+        names = ', '.join(self._headings()[:_SHOWN_COLUMNS])
+        more = ', ...' if len(self) > _SHOWN_COLUMNS else ''
+        return f'<Table of {rows} rows and {len(self)} columns: {names}{more}>'
+
+    def _headings(self) -> list[str]:
+        return [f'{n} [{u}]' if (u := self.units.get(n)) else n for n in self]
+
+    def _repr_html_(self) -> str:
+        """The first and the last rows of the first columns."""
+        names = list(self)[:_SHOWN_COLUMNS]
+        rows = len(next(iter(self.values()), ()))
+        kept = range(rows)
+        if rows > 2 * _SHOWN_ROWS:
+            kept = [*range(_SHOWN_ROWS), *range(rows - _SHOWN_ROWS, rows)]  # type: ignore[assignment]
+        head = ''.join(f'<th>{escape(h)}</th>' for h in self._headings()[:_SHOWN_COLUMNS])
+        lines = [f'<tr>{head}</tr>']
+        for k, row in enumerate(kept):
+            if k == _SHOWN_ROWS and rows > 2 * _SHOWN_ROWS:
+                lines.append(f'<tr><td colspan="{len(names)}">...</td></tr>')
+            cells = ''.join(f'<td>{escape(_short(self[n][row]))}</td>' for n in names)
+            lines.append(f'<tr>{cells}</tr>')
+        more = len(self) - len(names)
+        note = f', {more} of them not shown' if more else ''
+        return f'<table>{"".join(lines)}</table><p>{rows} rows, {len(self)} columns{note}</p>'
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame`; its ``attrs['units']`` are the units.
+
+        Raises
+        ------
+        InputError
+            If pandas is not installed.
+        """
+        frame = _library('pandas').DataFrame(dict(self))
+        frame.attrs['units'] = dict(self.units)
+        return frame
+
+    def to_polars(self) -> Any:
+        """A `polars.DataFrame`.
+
+        Raises
+        ------
+        InputError
+            If polars is not installed.
+        """
+        return _library('polars').DataFrame(dict(self))
+
+
+def _short(value: Any) -> str:
+    return f'{value:.6g}' if isinstance(value, float | np.floating) else str(value)
+
+
+def _library(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        raise InputError(f"this needs the package '{name}': pip install {name}") from error
+
+
+def default_ending() -> str:
+    """Parquet where its library is installed, else CSV."""
+    return '.parquet' if _installed('pyarrow') else '.csv'
+
+
+def _installed(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
 def check_file(option: str, file: Path | str, *endings: str, new: bool = False) -> Path:
     """A file for a table, checked before anything is computed: its ending, and what it takes.
 
@@ -47,10 +137,10 @@ def check_file(option: str, file: Path | str, *endings: str, new: bool = False) 
     """
     path = output.check_path(option, file, *(endings or ENDINGS), new=new)
     needed = _NEEDS.get(path.suffix)
-    if needed and importlib.util.find_spec(needed) is None:
+    if needed and not _installed(needed):
         raise InputError(
             f"{option} {file}: {path.suffix} needs the package '{needed}': "
-            "pip install 'mechanism_sim[tables]'"
+            "pip install 'mechanism_sim[tables]', or write .csv"
         )
     return path
 

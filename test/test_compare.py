@@ -13,10 +13,11 @@ from browsing import Tab, browsing
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from running import run, run_json
+from test_report import simulated, write_bag
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.comparison import compare
-from mechanism_sim.analysis.record import Record, read_record
+from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.charts.overlay import overlaid
@@ -37,6 +38,12 @@ def bags(tmp_path_factory):
 
 
 @pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    record = simulated('four_bar_clearance', duration=0.1)
+    return write_bag(tmp_path_factory.mktemp('compare') / 'short.mcap', record)
+
+
+@pytest.fixture(scope='module')
 def compared(bags, tmp_path_factory):
     file = tmp_path_factory.mktemp('page') / 'both.html'
     return file, run_json('report', *map(str, bags), '-o', str(file))
@@ -48,6 +55,7 @@ def foreign(bag, topic):
         return [message for *_, message in reader.iter_decoded_messages([topic])]
 
 
+@pytest.mark.deep
 def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compared):
     """Impacts message by message; the signal by scipy's own estimate of its spectrum."""
     found = {(d['subject'], d['name']): d for d in compared[1]['differences']}
@@ -89,8 +97,7 @@ def test_differences_are_those_that_another_reader_finds_in_the_bags(bags, compa
 
 def test_an_ideal_machine_has_no_impacts_beside_a_worn_one():
     one, two = (
-        Record(machine := ms.load_scene(scene), ms.simulate(machine, revolutions=2), {})
-        for scene in ('four_bar_nominal', 'four_bar_clearance')
+        simulated(scene, revolutions=2) for scene in ('four_bar_nominal', 'four_bar_clearance')
     )
     found = {(d.subject, d.name): d for d in compare(one, two)}
     hits = found['impacts', 'coupler_rocker count']
@@ -106,15 +113,13 @@ def test_an_ideal_machine_has_no_impacts_beside_a_worn_one():
 
 
 def test_a_run_does_not_differ_from_itself():
-    machine = ms.load_scene('valve_train')
-    record = Record(machine, ms.simulate(machine, duration=0.05), {})
+    record = simulated('valve_train', duration=0.05)
     assert [d for d in compare(record, record) if d.first == d.first and d.change] == []
 
 
 def test_charts_have_the_lines_of_both_runs():
     one, two = (
-        Record(machine := ms.load_scene(scene), ms.simulate(machine, revolutions=2), {})
-        for scene in ('four_bar_nominal', 'four_bar_clearance')
+        simulated(scene, revolutions=2) for scene in ('four_bar_nominal', 'four_bar_clearance')
     )
     first, second = sections(one), sections(two)
     both = {chart.key: chart for s in overlaid(first, second) for chart in s.charts}
@@ -154,23 +159,21 @@ def test_a_variant_of_a_scene_is_compared_with_it(tmp_path):
         (('report', '{0}', '{1}', '-o', 'x.pdf'), 'the ending must be'),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, words, bags, tmp_path, monkeypatch):
+def test_bad_input_is_one_sentence(arguments, words, bag, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run(*(x.format(*bags) for x in arguments))
+    done = run(*(x.format(bag, bag) for x in arguments))
     assert done.returncode == 2, done.stderr
     assert words in done.stderr
     assert done.stderr.count('\n') == 1
 
 
 def test_no_common_name_is_refused():
-    one, two = (
-        Record(machine := ms.load_scene(scene), ms.simulate(machine, duration=0.02), {})
-        for scene in ('pendulum', 'gear_pair')
-    )
+    one, two = (simulated(scene, duration=0.02) for scene in ('pendulum', 'gear_pair'))
     with pytest.raises(InputError, match='nothing to compare'):
         compare(one, two)
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize('width', [1440, 390])
 def test_the_page_shows_both_machines(compared, tmp_path, width):
     file, _ = compared

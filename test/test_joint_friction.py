@@ -9,6 +9,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.bench.grid.case import variant
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.gears.pair import Pair
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
@@ -323,12 +324,76 @@ def test_what_makes_no_sense_is_refused(change, sentence):
         build('wrong', check_scene('wrong', variant('rubbing_compressor', change)))
 
 
-def test_other_kinds_have_none():
-    names = ms.load_scene('gear_pair').scene.joints
-    mesh = next(n for n, j in names.items() if j.kind == 'mesh')
-    change = {f'joints.{mesh}.friction': {'coefficient': 0.1}}
-    with pytest.raises(InputError, match='a mesh has none here, only prismatic, revolute, slot'):
-        check_scene('wrong', variant('gear_pair', change))
+def rubbing(name, joint, **friction):
+    scene = variant(name, {})
+    keys = {k: x for k, x in scene['joints'][joint].items() if k != 'lift_off'}
+    scene['joints'][joint] = {**keys, 'friction': friction}
+    for link, given in scene['links'].items():
+        if link != 'ground' and 'mass' not in given:
+            given.update(mass=1.0, inertia=1e-3)
+    return build(name, check_scene(name, scene))
+
+
+@pytest.mark.parametrize(
+    ('name', 'pin'),
+    [
+        ('rise_dwell_return', None),
+        ('eccentric_cam', None),
+        pytest.param('valve_train', None, marks=pytest.mark.deep),
+        ('offset_roller_cam', 1e-3),
+    ],
+)
+def test_followers_rub_where_they_touch(name, pin):
+    """By the speed of sliding that the shape of the cam has, from `cams.touch`."""
+    keys = ms.load_scene(name).scene.joints
+    joint = next(n for n, j in keys.items() if j.kind == 'cam')
+    mu = 0.1 * (pin / keys[joint].roller if pin else 1.0)
+    cycle = ms.cycle(rubbing(name, joint, coefficient=0.1, **({'radius': pin} if pin else {})))
+    force = np.hypot(cycle[f'reaction.{joint}.x'], cycle[f'reaction.{joint}.y'])
+    normal = force / math.hypot(1.0, mu)
+    lost = cycle[f'friction_loss.{joint}']
+    assert lost == pytest.approx(mu * normal * np.abs(cycle[f'sliding_speed.{joint}']), abs=1e-9)
+    assert lost.max() > 1e-5
+
+
+def test_a_geneva_wheel_rubs_while_its_pin_is_in_a_slot():
+    """The pin slides along the slot as its distance from the wheel's centre changes."""
+    mu, r, d = 0.1, 0.05, 0.05 * math.sqrt(2.0)
+    cycle = ms.cycle(rubbing('geneva', 'crank_wheel', coefficient=mu))
+    angle, w = cycle['position.crank'], cycle['velocity.crank']
+    away = np.sqrt(r * r + d * d - 2.0 * r * d * np.cos(angle))
+    rate = np.where(away < r * (1.0 + 1e-9), r * d * np.sin(angle) * w / away, 0.0)
+    force = np.hypot(cycle['reaction.crank_wheel.x'], cycle['reaction.crank_wheel.y'])
+    lost = mu / math.hypot(1.0, mu) * force * np.abs(rate)
+    assert cycle['friction_loss.crank_wheel'] == pytest.approx(lost, abs=1e-9)
+    assert (lost > 0.0).sum() > 50
+
+
+def test_teeth_lose_what_their_path_of_contact_says():
+    mu = 1e-3
+    machine = rubbing('gear_pair', 'mesh', coefficient=mu)
+    lost = 1.0 - ms.cycle(machine).efficiency
+    pair = Pair(*(wheel.gear for wheel in machine.mechanism.joint('mesh').wheels))
+    assert lost == pytest.approx(1.0 - pair.efficiency(mu), rel=2.0 * mu)
+
+
+@pytest.mark.parametrize(
+    ('name', 'joint', 'friction', 'sentence'),
+    [
+        ('belt_drive', 'belt', {}, 'cannot have friction: a belt has none here'),
+        ('offset_roller_cam', None, {}, "friction needs a 'radius', that of the roller's pin"),
+        ('rise_dwell_return', None, {'radius': 0.01}, 'is that of the pin of a roller'),
+        ('groove_cam', None, {'radius': 0.001}, 'touches one wall or the other'),
+        ('gear_pair', 'mesh', {'length': 0.01}, 'length has no meaning in a mesh joint'),
+    ],
+)  # fmt: skip
+def test_what_cannot_rub_is_refused(name, joint, friction, sentence):
+    keys = variant(name, {})['joints']
+    joint = joint or next(n for n, j in keys.items() if 'cam' in j)
+    joint = joint if joint in keys else next(n for n, j in keys.items() if 'belt' in j)
+    keys = {**keys[joint], 'friction': {'coefficient': 0.1, **friction}}
+    with pytest.raises(InputError, match=sentence):
+        build(name, check_scene(name, variant(name, {f'joints.{joint}': keys})))
 
 
 def test_the_efficiency_is_said():

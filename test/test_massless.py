@@ -163,7 +163,8 @@ def lightened(name, seed):
     try:
         machine = ms.load_scene(name, changes)
     except InputError as error:
-        if not ('without moving any mass' in str(error) or 'not determined' in str(error)):
+        known = 'without moving any mass', 'not determined', 'are those of no beam'
+        if not any(x in str(error) for x in known):
             raise
         return None
     duration = min(machine.scene.duration or machine.period, 1.0)
@@ -174,7 +175,7 @@ def lightened(name, seed):
     size = max(map(abs, (e.initial, e.final, e.drive_work, e.dissipated)))
     seen = solution.sample(np.linspace(0.0, duration, 9))
     assert all(np.isfinite(x).all() for n, x in seen.items() if n.startswith('acceleration'))
-    return abs(e.residual) / max(size, 1e-30)
+    return abs(e.residual) / max(size, 1e-6)
 
 
 @pytest.mark.parametrize('name', QUICK)

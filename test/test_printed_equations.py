@@ -48,6 +48,9 @@ VARIANTS = {
     'motor': ('four_bar_nominal', {'drive.motor': {'stall_torque': 2, 'no_load_speed': 40}}),
     'induction': ('four_bar_nominal', {'drive.motor': {'ratio': 2, 'induction': {
         'synchronous_speed': 90, 'rated_speed': 80, 'rated_torque': 1, 'breakdown_torque': 3}}}),
+    'unknown': ('slider_crank', {'drive.effort': '3 + sin(crank)', 'loads.r': {
+        'at': 'rod.end', 'force': [1, -2], 'frame': 'link', 'reaction': 'ground',
+        'unknown': True}}),
     'rubbing': ('four_bar_clearance', RUBBING),
     'all loose': (
         'four_bar_clearance',
@@ -394,6 +397,10 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
         for c in generalised(element.loads(eq.frames), eq.frames, eq.mechanism):
             name = element.name.partition('.')[2] or element.name
             rows[f'Q_{name}_{c}'] = np.array([d == c for d in eq.coordinates])
+    for load in machine.plan.unknowns(eq.mechanism):
+        found = generalised(load.loads(eq.frames), eq.frames, eq.mechanism)
+        terms = [found.get(c) for c in eq.coordinates]
+        rows[f'f_{load.label}'] = engine(machine, terms, state)
     for force, row in rows.items():
         reader.values |= dict.fromkeys(rows, 0.0) | {force: 1.0}
         close([reader(reader.sides(e)[1]) for e in motion], row)

@@ -125,6 +125,38 @@ def test_arrows_stay_on_the_stage():
             assert (tip <= stage.high + 1e-9).all()
 
 
+@pytest.mark.parametrize('scene', ['gear_rattle', 'groove_cam', 'valve_train', 'whole_machine'])
+def test_plays_are_the_gaps_of_the_solution(scene):
+    """By quantities of the solution: both walls of slots and teeth, the one that a cam is left."""
+    record = simulated(scene, duration=0.2)
+    t = np.linspace(record.start, record.end, 301)
+    samples, told = record.piece.samples(t), record.piece.sample(t)
+    stage = stage_of(record.machine, samples.observed)
+    found = stage.frames(t, samples.observed, samples.modes)
+    plays = stage.to_json()['plays']
+    assert [p['joint'] for p in plays] == [
+        j.name for j in record.machine.mechanism.joints if j in stage.plays
+    ]
+    assert plays
+    for k, play in enumerate(plays):
+        left, right = found.walls[:, k].T
+        name = play['joint']
+        if play['walls'] == 2:
+            np.testing.assert_array_equal(left, told[f'gap.{name}_left'])
+            np.testing.assert_array_equal(right, told[f'gap.{name}_right'])
+            assert left + right == pytest.approx(play['width'], rel=1e-9)
+        else:
+            np.testing.assert_array_equal(right, told[f'gap.{name}'])
+            assert np.isnan(left).all()
+            assert right.max() <= play['width'] * (1.0 + 1e-12)
+            assert scene != 'valve_train' or right.max() == play['width']  # it lifts off
+        apart = 1e-6 * play['width']
+        assert (np.nan_to_num(left, nan=1.0)[found.touching[:, k] & 1 == 1] < apart).all()
+        assert (right[found.touching[:, k] & 2 == 2] < apart).all()
+        assert (right[found.touching[:, k] & 2 == 0] > -apart).all()
+    json.dumps(found.packed(), allow_nan=False)
+
+
 def test_rotors_can_be_seen_to_turn():
     """The differential's links are but axes."""
     record = simulated('differential', duration=0.1)

@@ -12,6 +12,7 @@ from browsing import Tab
 from test_records import angle_at, foreign
 from test_report import KINDS, simulated, write_bag
 
+import mechanism_sim as ms
 from mechanism_sim import output
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.pages import report
@@ -453,6 +454,57 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
         assert f'{1e6 * play.radial:g} µm' in tab.page.locator('#lens .note').text_content()
     assert titles == ['crank coupler', 'coupler rocker']
     assert tab.complaints == []
+
+
+def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path):
+    run = recorded(simulated('whole_machine', duration=0.1))
+    file = tmp_path / 'plays.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    for k, play in enumerate(run.stage.to_json()['plays']):
+        tab.page.select_option('#bearing', str(len(run.stage.bearings) + k))
+        t = scrub(tab.page, 0.7)
+        told = run.record.piece.sample(np.array([t]))
+        shown = float(tab.page.locator('#lens .journal').get_attribute('data-x'))
+        if play['walls'] == 2:
+            left, right = (told[f'gap.{play["joint"]}_{side}'][0] for side in ('left', 'right'))
+            assert shown == pytest.approx(0.5 * (left - right), abs=1e-3 * play['width'])
+        else:
+            assert shown == pytest.approx(told[f'gap.{play["joint"]}'][0], abs=1e-9)
+        (line,), (stage,) = boxes(tab.page, '#stage .callout'), boxes(tab.page, '#stage')
+        assert line[3] == pytest.approx(stage[3], abs=4.0)
+        assert overlapping(boxes(tab.page, '#lens text')) == []
+        tab.shoot(f'lens_{play["joint"]}')
+    assert tab.complaints == []
+
+
+def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
+    """The toe's path by `cycle`; a bar and an arrow as long as they say."""
+    run = recorded(simulated('ten_links', revolutions=1))
+    file = tmp_path / 'leg.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    stage, told = run.stage, run.stage.to_json()
+    unit = stage.skeleton.symbol / 10.0
+    (path,) = tab.page.locator('#stage .paths path').evaluate_all(
+        'all => all.map(x => x.getAttribute("d"))'
+    )
+    numbers = np.array(re.findall(r'[-\d.]+', path), float).reshape(-1, 2)
+    seen = np.stack([stage.low[0] + unit * numbers[:, 0], stage.high[1] - unit * numbers[:, 1]])
+    found = ms.cycle(run.record.machine, samples=2001, points=['foot.toe'])
+    true = np.stack([found[f'position.foot.toe.{axis}'] for axis in 'xy'])
+    far = [np.hypot(*(true - at[:, None])).min() for at in seen.T]
+    assert max(far) < 0.1 * stage.skeleton.symbol  # of the path, whose points are so far apart
+    assert np.ptp(seen, axis=1) == pytest.approx(np.ptp(true, axis=1), rel=1e-2)
+    bar, arrow = (
+        tab.page.locator(f'#stage .rule{x} path').first.evaluate('x => x.getBBox().width')
+        for x in (':not(.of-forces)', '.of-forces')
+    )
+    assert bar * unit == pytest.approx(told['scale']['length'], rel=1e-2)
+    assert arrow * unit == pytest.approx(told['force'] * told['force_scale'], rel=1e-2)
+    assert overlapping(boxes(tab.page, '#stage .rule text')) == []
+    tab.page.uncheck('#paths')
+    assert not tab.page.locator('#stage .paths path').is_visible()
 
 
 @pytest.mark.deep

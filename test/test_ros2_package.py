@@ -26,7 +26,7 @@ from running import TIMEOUT, environment, ros_found, run_json
 from mechanism_sim import nodes
 from mechanism_sim.analysis import analyze
 from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
-from mechanism_sim.cli.requirements import REQUIRED, distribution
+from mechanism_sim.cli.requirements import EXTRAS, REQUIRED, distribution
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
 from mechanism_sim.recording import read_bag
 
@@ -98,6 +98,9 @@ def test_packages_that_may_be_missing_are_those_of_pip():
     project = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']
     names = {re.split('[><=]', requirement)[0] for requirement in project['dependencies']}
     assert {distribution(module) for module in REQUIRED} == names
+    extras = project['optional-dependencies']
+    for module, extra in EXTRAS.items():
+        assert any(re.split('[><=]', one)[0] == distribution(module) for one in extras[extra])
 
 
 @pytest.mark.parametrize(

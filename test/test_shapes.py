@@ -26,7 +26,7 @@ from mechanism_sim.report import drawing, figures
 
 TRIANGLES = 11  # of visualization_msgs/msg/Marker
 
-QUICK = ('catapult', 'four_bar_on_frame', 'geneva', 'loader', 'ten_links', 'whole_machine')
+QUICK = ('catapult', 'four_bar_on_frame', 'geneva', 'loader')
 
 
 def named(machine):
@@ -54,7 +54,11 @@ def in_triangles(corners, point, spare):
 
 
 @pytest.mark.parametrize(
-    'scene', [*QUICK, *(pytest.param(x, marks=pytest.mark.deep) for x in scene_names())]
+    'scene',
+    [
+        *QUICK,
+        *(pytest.param(x, marks=pytest.mark.deep) for x in scene_names() if x not in QUICK),
+    ],
 )
 def test_every_named_point_is_drawn_by_every_viewer(scene):
     """In the fills of the figure, of the page and of the markers, each by its own data."""

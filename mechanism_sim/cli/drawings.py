@@ -33,7 +33,7 @@ def add(command: Command) -> None:
         dest='start',
         help="position of the drive to begin at, as '30 deg'",
     )
-    option(sub, '--periods', 'N', 'how many turns of the drive', 1)
+    option(sub, '--revolutions --periods', 'N', 'how many turns of the drive', 1)
     option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
     sub.add_argument(
         '--points',
@@ -115,7 +115,7 @@ def _cycle(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.busy('cycle', options.json) as say:
         found = cycle(
-            machine, options.samples, start, options.periods, options.duration, options.points,
+            machine, options.samples, start, options.revolutions, options.duration, options.points,
             options.local, options.static,
         )  # fmt: skip
         if options.output:

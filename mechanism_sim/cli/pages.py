@@ -47,6 +47,7 @@ def add(command: Command) -> None:
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
     scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
     option(sub, '--duration', 'S', 'seconds to run; 1 h if none is known', float)
+    option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
         sub, '--realtime-factor', 'F', 'simulated seconds in a second; 0: as fast as possible', 1.0
     )
@@ -147,7 +148,9 @@ def _view(options: argparse.Namespace) -> int:
     given = {'port': options.port, 'open': options.open or None}
     parameters = [Parameter(name, value=x) for name, x in given.items() if x is not None]
     run = _run_arguments(options) if options.scene else []
-    if not run and (overrides_of(options) or options.duration or options.paused):
+    if not run and (
+        overrides_of(options) or options.duration or options.revolutions or options.paused
+    ):
         raise InputError('--set, --duration and --paused are for a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
@@ -158,7 +161,9 @@ def _run_arguments(options: argparse.Namespace) -> list[str]:
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     machine, overrides = read_machine(options), overrides_of(options)
-    duration = run_length(machine, None, options.duration or machine.scene.duration or HOUR)
+    known = options.duration or machine.scene.duration or HOUR
+    turns = options.revolutions
+    duration = run_length(machine, turns, options.duration if turns is not None else known)
     if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     return [

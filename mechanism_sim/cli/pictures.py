@@ -33,10 +33,8 @@ def add(command: Command) -> None:
     )
     option(sub, '--size', 'PIXELS', "of the longer side, or as '1280x720'")
     glass = sub.add_mutually_exclusive_group()
-    option(glass, '--lens', 'JOINT', 'the loose bearing that is magnified', '')
-    glass.add_argument(
-        '--no-lens', action='store_const', const=None, dest='lens', help='no bearing'
-    )
+    option(glass, '--lens', 'JOINT', 'the joint with play that is magnified', '')
+    glass.add_argument('--no-lens', action='store_const', const=None, dest='lens', help='no lens')
     flag(sub, '--forces', 'draw forces as arrows at the joints')
     sub.add_argument(
         '--path',

@@ -52,6 +52,7 @@ def add(command: Command) -> None:
     option(
         sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
     )
+    option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     option(sub, '-o --output', 'FILE', 'draw the curve')
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
@@ -59,7 +60,8 @@ def add(command: Command) -> None:
         sub,
         '-o --output',
         'TABLE',
-        'the table, a .parquet, .csv, .xlsx, .mat or .npz file; NAME.parquet if not given',
+        'the table, a .parquet, .csv, .xlsx, .mat or .npz file; NAME.parquet if not given, or '
+        'NAME.csv without pyarrow',
     )
     measure_option(sub)
     option(sub, '--workers', 'N', 'processes; one for each core if not given', int)
@@ -76,7 +78,7 @@ def add(command: Command) -> None:
         help='problems; scaling; loose_joints; middleware; grid; hard, or hard cases; '
         'nothing lists all',
     )  # fmt: skip
-    option(sub, '--output', 'DIR', 'folder for picture, JSON and table')
+    option(sub, '-o --output', 'DIR', 'folder for picture, JSON and table')
     option(sub, '--repeats', 'N', 'how often to repeat every run', 7)
     option(sub, '--methods', 'NAME,...', 'only these methods')
     option(sub, '--tolerances', 'R,...', 'relative tolerances, instead of the usual ones')
@@ -167,6 +169,7 @@ def _find(options: argparse.Namespace) -> int:
         finding = find(
             machine, (path, *limits), goal, options.samples, lambda n: say(f'{n} cycles'),
             duration=options.duration,
+            **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if file:
         figures.save(report.picture(finding, machine.scene.title), file)
@@ -178,11 +181,12 @@ def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.sweep.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.sweep.run import SweepInterrupted, sweep  # noqa: PLC0415
+    from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     if options.effects:
         figures.check_picture('--effects', options.effects)
     plan = read_plan(options.file, options.measures)
-    table = Path(options.output or f'{plan.name}.parquet')
+    table = Path(options.output or f'{plan.name}{default_ending()}')
     chart = report.chart_of(plan, options.plot, options.over)
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechanism_sim.cycles.shafts import shaft_columns
+from mechanism_sim.hybrid.column_units import WORK, has_extremes, part_of, unit_of
 from mechanism_sim.hybrid.sampling import Samples, table
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.hybrid.system import Array
@@ -12,56 +13,9 @@ from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
-_UNITS = {
-    'position': ('rad', 'm'),
-    'velocity': ('rad/s', 'm/s'),
-    'acceleration': ('rad/s^2', 'm/s^2'),
-    'gap': ('m', 'm'),
-    'energy': ('J', 'J'),
-    'drive_power': ('W', 'W'),
-    'friction_loss': ('W', 'W'),
-    'drive_torque': ('N m', 'N'),
-    'shaking_moment': ('N m', 'N m'),
-    't': ('s', 's'),
-    'pressure_angle': ('rad', 'rad'),
-    'contact': ('m', 'm'),
-    'contact_speed': ('m/s', 'm/s'),
-    'sliding_speed': ('m/s', 'm/s'),
-    'deflection': ('m', 'm'),
-    'stress': ('Pa', 'Pa'),
-    'closed': ('', ''),
-    'mode': ('', ''),
-}
-"""Units of columns by the first part of their name: of what turns, and of what slides."""
-
-WORK = 'energy.drive_work', 'energy.dissipated'
-"""Columns of what was done so far, which cost eight times the rest."""
-
-
-def has_extremes(column: str) -> bool:
-    """Whether extremes of a column make sense."""
-    counted = column.startswith(('closed.', 'mode.'))
-    return column != 't' and not counted and part_of(column) != 'direction'
-
-
-def unit_of(run: Machine | Piece, column: str) -> str:
-    """The SI unit of a column of `Piece.sample` or `Cycle`; empty for a number."""
-    kind, _, rest = column.partition('.')
-    if part_of(column) in ('direction', 'moment'):
-        return 'rad' if part_of(column) == 'direction' else 'N m'
-    physics = run.physics
-    if kind == 'load':
-        return physics.unknowns[rest]
-    first = physics.driven[:1] if kind == 'drive_torque' and not rest else (rest,)
-    turning = all(c in physics.coordinates and c not in physics.displacements for c in first)
-    return _UNITS.get(kind, ('N', 'N'))[0 if turning else 1]
-
-
-def part_of(column: str) -> str:
-    """What of a force a column is: ``x``, ``y``, ``direction``, ``moment``, or none of these."""
-    kind, *rest = column.split('.')
-    named = {'reaction': 1, 'shaking_force': 0}.get(kind)  # a joint may be called x
-    return rest[-1] if named is not None and len(rest) > named else ''
+__all__ = [
+    'WORK', 'columns_of', 'columns_of_parts', 'has_extremes', 'observed', 'part_of', 'unit_of',
+]  # fmt: skip
 
 
 def observed(piece: Piece, t: Array) -> Samples:

@@ -26,6 +26,7 @@ from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene import Level, Machine, simulate, span
+from mechanism_sim.tables import Table
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 @dataclass(frozen=True, eq=False)
-class Cycle:
+class Cycle(plotting.Rich):
     """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
 
     The names are those of `Solution.sample`, and where forces are known ``drive_power`` [W],
@@ -71,6 +72,10 @@ class Cycle:
     local: bool
     static: bool = False
 
+    def __repr__(self) -> str:
+        span = f'{self.t[0]:.6g} s to {self.t[-1]:.6g} s'
+        return f'<Cycle of {self.machine.name}: {len(self.t)} samples from {span}>'
+
     @cached_property
     def drive(self) -> str:
         """The coordinate whose position orders the cycle: that of the first drive."""
@@ -90,17 +95,18 @@ class Cycle:
     def __getitem__(self, name: str) -> Array:
         return self.table()[name]
 
-    def table(self) -> dict[str, Array]:
+    def table(self) -> Table:
         """All columns (N + 1,) by name, in SI units."""
         return self._table
 
     def units(self) -> dict[str, str]:
         """SI units of the columns by name, empty for numbers."""
-        return {name: unit_of(self.machine, name) for name in self.table()}
+        return self.table().units
 
     @cached_property
-    def _table(self) -> dict[str, Array]:
-        return self.at(self.t)
+    def _table(self) -> Table:
+        columns = self.at(self.t)
+        return Table(columns, {name: unit_of(self.machine, name) for name in columns})
 
     @cached_property
     def _paths(self) -> Paths:

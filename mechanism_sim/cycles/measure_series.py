@@ -10,6 +10,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.measure_text import Bound, Figure, Value, as_row
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.hybrid.column_units import IMPACT_UNITS
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.polynomials import TWO_PI
@@ -19,11 +20,6 @@ from mechanism_sim.sensing.channel import Channel
 
 EXACT = 'of the motion'
 
-_IMPACT_UNITS = {
-    't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
-    'rebound_speed': 'm/s', 'normal_angle': 'rad', 'energy_loss': 'J', 'drive_impulse': 'N m s',
-    'drive_work': 'J', 'chatter_time': 's', 'duration': 's', 'peak_force': 'N',
-}  # fmt: skip
 
 _BISECTIONS = 60
 
@@ -119,7 +115,7 @@ class Series:
         joints = machine.physics.clearances
         joint = rest.pop(0) if rest and rest[0] in joints else None
         key = rest.pop(0) if rest else ''
-        keys = list(_IMPACT_UNITS) if kind == 'impacts' else ['t']
+        keys = list(IMPACT_UNITS) if kind == 'impacts' else ['t']
         if rest or (key and key not in keys):
             raise InputError(
                 f"{machine.name}: there is no '{name}'"
@@ -136,7 +132,7 @@ class Series:
         kind, joint, key = self._parts[name]
         if kind == 'sensors':
             return str(self._machine.scene.sensors[str(joint)].unit)
-        return _IMPACT_UNITS.get(key, '')
+        return IMPACT_UNITS.get(key, '')
 
     def add(self, piece: Piece) -> None:
         """Enter what happened in the piece that follows."""

@@ -93,6 +93,7 @@ class GearMesh(HigherPair):
     bearings: tuple[str, ...] = ()  #: shafts between gears and carrier, and the guide
     wheels: tuple[Teeth, ...] = ()
     contact_ratio: float = math.nan
+    sliding_arm: float = 0.0  #: [m] mean distance of contact from the pitch point
     helix_angle: float = 0.0  #: [rad] on the working pitch circles
     hand: int = 1  #: of the first: 1 right, -1 left
     along: tuple[float, float] = (0.0, 0.0)  #: [m] where both lie on their shafts

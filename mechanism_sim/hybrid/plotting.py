@@ -1,6 +1,7 @@
 """Who draws runs: a room far above this one, which the package makes known here.
 
-The engine knows nothing of pictures, and yet ``solution.plot()`` is where people look for them.
+The engine knows nothing of pictures, and yet ``solution.plot()`` is where people look for them,
+and notebooks ask objects themselves how to show them.
 """
 
 from __future__ import annotations
@@ -10,14 +11,24 @@ from typing import Any
 
 Plot = Callable[..., Any]
 
-_finders: list[Callable[[], Plot]] = []
+_finders: dict[str, Callable[[], Plot]] = {}
 
 
-def register_plot(find: Callable[[], Plot]) -> None:
-    """Make known what finds, when it is first needed, the function that draws runs."""
-    _finders[:] = [find]
+def register_plot(find: Callable[[], Plot], find_html: Callable[[], Plot] | None = None) -> None:
+    """Make known what finds, when first needed, the functions that draw runs and show objects."""
+    _finders['plot'] = find
+    if find_html:
+        _finders['html'] = find_html
 
 
 def plot(run: Any, *names: str, **how: Any) -> Any:
     """Draw a run; see `mechanism_sim.report.lines.plot`."""
-    return _finders[0]()(run, *names, **how)
+    return _finders['plot']()(run, *names, **how)
+
+
+class Rich:
+    """What notebooks show of an object: a table and a picture (`mechanism_sim.report.rich`)."""
+
+    def _repr_html_(self) -> str | None:
+        """HTML, a few tens of kilobytes; none where no room is known that makes it."""
+        return str(_finders['html']()(self)) if 'html' in _finders else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +9,16 @@ import numpy as np
 
 from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy
+from mechanism_sim.hybrid.column_units import IMPACT_UNITS, unit_of
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.sampling import EnergyTerms, Samples, sample, table
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.system import Array
+from mechanism_sim.tables import Table
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Stats:
 
 
 @dataclass(frozen=True)
-class Piece:
+class Piece(Rich):
     """A part of a run.
 
     Attributes
@@ -47,12 +49,24 @@ class Piece:
     impacts: list[Impact]
     modes: list[ModeChange]
 
+    def __repr__(self) -> str:
+        curve = self.motion.curve
+        span = f'{curve.start[0]:.6g} s to {curve.end:.6g} s' if len(curve) else 'no motion'
+        return f'<Piece of a run: {span}, {len(curve)} steps, {len(self.impacts)} impacts>'
+
+    def impact_table(self) -> Table:
+        """The impacts as columns (n,), SI units."""
+        names = [n for n in Impact._fields if n != 'joint']
+        columns = {n: np.array([float(getattr(i, n)) for i in self.impacts]) for n in names}
+        joints = {'joint': np.array([i.joint for i in self.impacts], dtype=str)}
+        return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
+
     def samples(self, t: Array | float) -> Samples:
         """Everything at times `t` (N,) [s] in one structure."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
         return sample(self.physics, self.motion, self.balance, times)
 
-    def sample(self, t: Array | float) -> Mapping[str, Array]:
+    def sample(self, t: Array | float) -> Table:
         """Everything at times `t` [s], as arrays (N,) by name.
 
         ``position.LINK`` [rad, or m for a displacement], ``velocity.LINK``,
@@ -72,7 +86,8 @@ class Piece:
         ValueError
             For a time outside of the motion.
         """
-        return table(self.physics, self.samples(t))
+        columns = table(self.physics, self.samples(t))
+        return Table(columns, {name: unit_of(self, name) for name in columns})
 
     def plot(self, *names: str, **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.
@@ -108,6 +123,12 @@ class Solution(Piece):
     max_closure_error: float
     stop_reason: StopReason
     snapshot: Snapshot
+
+    def __repr__(self) -> str:
+        return (
+            f'<Solution of {self.scene} ({self.level}): {self.duration:.6g} s in '
+            f'{len(self.motion)} steps, {len(self.impacts)} impacts>'
+        )
 
     @property
     def duration(self) -> float:

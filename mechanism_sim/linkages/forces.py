@@ -314,6 +314,11 @@ class UnknownForce(AppliedForce):
     """A force of size one along a direction, or a torque of size one: how large it is follows."""
 
     @property
+    def key(self) -> str:
+        """With which the keys of its parameters begin."""
+        return f'unknown:{self.label}'
+
+    @property
     def label(self) -> str:
         """Its name in columns and messages."""
         return self.name.partition('.')[2]

@@ -7,7 +7,7 @@ goes on is tried: a little along every such motion, and back to where the joints
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,8 @@ class Mobility(NamedTuple):
     instantaneous: int  #: motions that are possible to first order: 3 (n - 1) - rank
     finite: int  #: motions that go on: dimension of the configurations nearby
     redundant: tuple[str, ...]  #: joints whose constraints here follow from one another
+    extra: tuple[str, ...] = ()
+    """Of these, those that hold less than their kind does where all earlier ones hold already."""
 
     @property
     def redundancy(self) -> int:
@@ -81,7 +83,21 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
         free.shape[1],
         _finite(constraints, poses, free, dependent),
         tuple(dict.fromkeys(np.array(constraints.rows, dtype=object)[involved])),
+        _extra(constraints.rows, jacobian) if dependent.shape[1] else (),
     )
+
+
+def _extra(rows: Sequence[str], jacobian: Array) -> tuple[str, ...]:
+    """Joints whose rows do not all add to the rank of those before them."""
+    names, rank, found = np.array(rows, dtype=object), 0, []
+    for name in dict.fromkeys(rows):
+        upto = int(np.flatnonzero(names == name)[-1]) + 1
+        values = np.linalg.svd(jacobian[:upto], compute_uv=False)
+        new = int(np.sum(values > RANK_TOLERANCE * values[0]))
+        if new - rank < int((names == name).sum()):
+            found.append(str(name))
+        rank = new
+    return tuple(found)
 
 
 def _null_spaces(jacobian: Array) -> tuple[Array, Array]:

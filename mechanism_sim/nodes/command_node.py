@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.messages import MessageError, action_class, message_class, service_class
@@ -29,7 +29,9 @@ from mechanism_sim.middleware import (
     spin_once,
     spin_until_future_complete,
 )
-from mechanism_sim.recording import Bag
+
+if TYPE_CHECKING:
+    from mechanism_sim.recording import Bag
 
 PATIENCE = 10.0
 """[s] to wait for a topic, a node or a service."""

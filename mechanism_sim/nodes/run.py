@@ -19,15 +19,21 @@ from mechanism_sim.nodes.part import Cam, GearTrain, Geneva
 from mechanism_sim.nodes.parts import integrator_of, kinds_of
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.recorder import Recorder
 from mechanism_sim.nodes.sensors import Sensors
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.topics import topics_of
-from mechanism_sim.recording import read_bag, realtime_factor
+from mechanism_sim.recording import realtime_factor
 from mechanism_sim.scene import Machine
 
 if TYPE_CHECKING:
     import subprocess
+
+
+def _recorder(parameters: list[Parameter]) -> SimulationNode:
+    from mechanism_sim.nodes.recorder import Recorder  # noqa: PLC0415 - a run may have no bag
+
+    return Recorder(parameters)
+
 
 NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'crank_drive': CrankDrive,
@@ -38,7 +44,7 @@ NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
     'oscillator': Oscillator,
     'sensors': Sensors,
     'display': Display,
-    'recorder': Recorder,
+    'recorder': _recorder,
 }
 
 MONITOR = 'monitor'
@@ -179,6 +185,8 @@ def run(plan: Plan, processes: bool, show: Show | None = None) -> Outcome:
             sent[topic] = sent.get(topic, 0) + int(count)
     simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)
     if plan.record and code == 0 and monitor and monitor.run == 0:
+        from mechanism_sim.recording import read_bag  # noqa: PLC0415 - a run may have no bag
+
         took = read_bag(plan.record).wall_time or took
     return Outcome(
         code,

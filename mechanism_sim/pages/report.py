@@ -63,7 +63,8 @@ def page(
     record = run.record
     scene = record.machine.scene
     runs = [run, beside.run] if beside else [run]
-    bearings = list(dict.fromkeys(joint.name for x in runs for joint in x.stage.bearings))
+    loose = [j.name for x in runs for joints in (x.stage.bearings, x.stage.plays) for j in joints]
+    bearings = list(dict.fromkeys(loose))
     other = {'other': beside.run.to_json()} if beside else {}
     data = strict_json.dumps(
         {**run.to_json(), 'turn': _turn(run), 'bearings': bearings, 'dark': NIGHT, **other}
@@ -81,6 +82,7 @@ def page(
         names=beside.names if beside else (),
         differences=_rows(beside.differences) if beside else (),
         forces=bool(run.stage.joints),
+        points=any(s.kind == 'point' and s.number >= 0 for s in run.stage.skeleton.shapes),
         style=Markup(css() + asset('style.css')),  # noqa: S704 - ours
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),

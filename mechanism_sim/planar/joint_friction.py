@@ -19,11 +19,11 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.symbolic import Term, add, div, mul, neg
+from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
-from mechanism_sim.planar.mechanism import Joint, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic
 from mechanism_sim.planar.switches import Switch
 
 Array = NDArray[np.float64]
@@ -83,15 +83,24 @@ class JointFriction(ABC):
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
         """The terms of the bound of |T|, by what the joint carries without its friction."""
 
-    @abstractmethod
     def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
-        """Power (N,) lost to it [W].
+        """Power (N,) lost to it [W]: what the joint's force does to its relative motion.
 
         Parameters
         ----------
         force, moment : (2, N) [N] and (N,) [N m] of the first-named on the second-named link
         q, v : (n, N) coordinates and rates
         """
+        j, m, index = self.joint, self.mechanism, self.mechanism.coordinates.index
+        away = m.locate_all(j.second, q, j.on_second) - m.locate_all(j.first, q, j.on_first)
+        w1, w2 = (
+            sum((x * v[index(c)] for c, x in m.turns(*end).items()), np.zeros(v.shape[1]))
+            for end in ((j.first, j.on_first), (j.second, j.on_second))
+        )
+        there = m.velocity_all(j.first, q, v, j.on_first) + w1 * np.array([-away[1], away[0]])
+        slip = m.velocity_all(j.second, q, v, j.on_second) - there
+        lost: Array = -(force * slip).sum(axis=0) - moment * (w2 - w1)
+        return lost
 
     def _number(self, frames: Frames, key: str, value: float) -> Term:
         return frames.parameters(f'{self.name}.friction.{key}', value)
@@ -135,18 +144,6 @@ class JournalFriction(JointFriction):
     def wrench(self, _: Frames, T: Term) -> Wrench:
         """A moment."""
         return Wrench(None, None, T)
-
-    def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
-        """By the moment."""
-        index, j = self.mechanism.coordinates.index, self.joint
-        first, second = (
-            sum((x * v[index(c)] for c, x in turns.items()), np.zeros(v.shape[1]))
-            for turns in (
-                self.mechanism.turns(j.first, j.on_first),
-                self.mechanism.turns(j.second, j.on_second),
-            )
-        )
-        return -moment * (second - first)
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
         """By the size of the force."""
@@ -222,16 +219,6 @@ class LineFriction(JointFriction):
         ux, uy = self._along(frames)
         return Wrench(mul(T, ux.value), mul(T, uy.value), self._moment(frames, T))
 
-    def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
-        """By the force along the line."""
-        j: Any = self.joint
-        angle = self.mechanism.angle_all(j.first if self._guided else j.second, q) + j.axis
-        way = np.array([np.cos(angle), np.sin(angle)])
-        slip = self.mechanism.velocity_all(j.second, q, v, j.on_second)
-        slip = slip - self.mechanism.velocity_all(j.first, q, v, j.on_first)
-        lost: Array = -(way * force).sum(axis=0) * (way * slip).sum(axis=0)
-        return lost
-
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
         """By the force across, or by those at both ends."""
         nx, ny = self._direction(frames, 0.5 * math.pi, 'across')
@@ -242,6 +229,136 @@ class LineFriction(JointFriction):
         couple = div(wrench.moment, self._number(frames, 'length', self.length))
         half = mul(across, 0.5)
         return [Pressed(mu, (add(half, x),), none) for x in (couple, neg(couple))]
+
+
+@dataclass(frozen=True)
+class TeethFriction(JournalFriction):
+    """Teeth that slide: what they lose on the mean, by the mean distance from the pitch point.
+
+    They slide at that distance times the rate of one gear against the other. The bound is
+    ``mu arm N`` of the force N along the line of action, with `radius` as the arm.
+    """
+
+    @property
+    def words(self) -> str:
+        """By the mean distance of contact from the pitch point."""
+        arm = f'{1e3 * self.radius:.4g} mm'
+        return f'coefficient {self.coefficient:g}, contact {arm} from the pitch point on the mean'
+
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """By the tangential force, which changes its sign where the other flanks bear."""
+        closure = _pair(self).closure(self.mechanism)
+        one, other = (closure.wrench(frames, [hy.expression(x)]) for x in (1.0, -1.0))
+        x, y = add(one.x, neg(other.x)), add(one.y, neg(other.y))  # 2 cos(pressure angle) long
+        square = add(mul(x, x), mul(y, y))
+        tangential = div(mul(_along(wrench, x, y), 2.0), square)
+        arm = self._number(frames, 'arm', self.coefficient * self.radius)
+        return [Pressed(arm, (tangential,), self._resolution(frames))]
+
+
+@dataclass(frozen=True)
+class ContactFriction(JointFriction):
+    """A pin in a slot that opens, a knife or a flat face or a roller on a cam: ``b = mu N``.
+
+    They touch where the line of action is nearest to the joint's point on the second-named link,
+    or by `radius` before that, where a roller touches. A roller turns on its pin: what acts at its
+    rim is less, as the pin's radius is than its own: `share`.
+    """
+
+    radius: float = 0.0  #: [m] of a roller
+    share: float = 1.0
+
+    @property
+    def words(self) -> str:
+        """By the coefficient at the contact."""
+        rolls = f', {self.share:.4g} of it at the rim of the roller' if self.radius else ''
+        return f'coefficient {self.coefficient:g}{rolls}'
+
+    def _contact(self, frames: Frames) -> tuple[tuple[Term, Term], tuple[Term, Term]]:
+        """Unit normal on the second-named link; from its point to the contact [m]."""
+        (nx, ny), arm = _line_of_action(self, frames)
+        off = neg(self._number(frames, 'roller', self.radius))
+        return (nx, ny), (add(mul(arm, ny), mul(off, nx)), add(neg(mul(arm, nx)), mul(off, ny)))
+
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the second-named link on the first, along the normal turned by +90."""
+        j, m = self.joint, self.mechanism
+        (nx, ny), (dx, dy) = self._contact(frames)
+        x1, y1 = frames.position(m.point(j.first, j.on_first), f'{self.name}.friction.first')
+        x2, y2 = frames.position(m.point(j.second, j.on_second), f'{self.name}.friction.second')
+        w1, w2 = (frames.angle(m.frame(link)[0]).rate for link in (j.first, j.second))
+        from_first = add(x2.value, dx, neg(x1.value)), add(y2.value, dy, neg(y1.value))
+        vx = add(x2.rate, neg(mul(w2, dy)), neg(x1.rate), mul(w1, from_first[1]))
+        vy = add(y2.rate, mul(w2, dx), neg(y1.rate), neg(mul(w1, from_first[0])))
+        rate = add(mul(vy, nx), neg(mul(vx, ny)))
+        if rate is None:
+            return lift(0.0)
+        slopes = {c: hy.diff(rate, frames.v[c]) for c in frames.coordinates}
+        bends = [hy.diff(rate, frames.q[c]) * frames.v[c] for c in frames.coordinates]
+        return Jet(None, slopes, rate, hy.sum(bends))
+
+    def _force(self, frames: Frames, T: Term) -> tuple[Term, Term, Term]:
+        """On the second-named link, and its moment about the joint's point there."""
+        (nx, ny), arm = self._contact(frames)
+        engaged = getattr(self._closure, 'engaged', None)
+        T = mul(T, engaged(frames)) if engaged else T
+        force = neg(mul(T, ny)), mul(T, nx)
+        return *force, moment_of(arm, force)
+
+    @property
+    def _closure(self) -> Any:
+        return _pair(self).closure(self.mechanism)
+
+    def loads(self, frames: Frames, T: Term) -> list[Load]:
+        """Opposite forces at the contact."""
+        j, m = self.joint, self.mechanism
+        x, y, moment = self._force(frames, T)
+        ends = (j.second, j.on_second), (j.first, j.on_first)
+        (x2, y2), (x1, y1) = (
+            frames.position(m.point(link, at), f'{self.name}.friction.{which}')
+            for which, (link, at) in zip(('second', 'first'), ends, strict=True)
+        )
+        between = add(x2.value, neg(x1.value)), add(y2.value, neg(y1.value))
+        back = neg(x), neg(y)
+        other = add(neg(moment), moment_of(between, back))
+        first, second = f'{self.name}.friction.first', f'{self.name}.friction.second'
+        return [
+            Load(first, j.first, j.on_first, back, other),
+            Load(second, j.second, j.on_second, (x, y), moment),
+        ]
+
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """A force at the contact."""
+        return Wrench(*self._force(frames, T))
+
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """By the normal force."""
+        (nx, ny), _ = self._contact(frames)
+        mu = self._number(frames, 'coefficient', self.coefficient * self.share)
+        return [Pressed(mu, (_along(wrench, nx, ny),), self._resolution(frames))]
+
+
+def _pair(friction: JointFriction) -> HigherPair:
+    joint = friction.joint
+    if not isinstance(joint, HigherPair):
+        raise TypeError(f'{friction.name} is no higher pair')
+    return joint
+
+
+def _line_of_action(friction: JointFriction, frames: Frames) -> tuple[tuple[Term, Term], Term]:
+    """Of a pair's force on its second link: direction, and how far it passes by the joint's point.
+
+    The direction of a positive force along the row; the distance [m] is to the direction's right.
+    """
+    joint = _pair(friction)
+    unit = joint.closure(friction.mechanism).wrench(frames, [hy.expression(1.0)])
+    x, y = dense(unit.x), dense(unit.y)
+    size = hy.sqrt(x * x + y * y)
+    return (x / size, y / size), div(unit.moment, size)
+
+
+def _along(wrench: Wrench, nx: Term, ny: Term) -> Term:
+    return add(mul(wrench.x, nx), mul(wrench.y, ny))
 
 
 class Rub(NamedTuple):

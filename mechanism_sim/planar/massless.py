@@ -14,7 +14,7 @@ from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
 Array = NDArray[np.float64]
 
 NO_MASS = 1e-7
-"""Least singular value, relative to the largest, below which a direction moves nothing."""
+"""Of the largest motion or closure: what moves less along a direction does not move."""
 
 
 def inertial_motion(mechanism: Mechanism, q: Array) -> Array:
@@ -36,8 +36,8 @@ def inertial_motion(mechanism: Mechanism, q: Array) -> Array:
 
 def without_mass(motion: Array, closures: Array) -> Array:
     """Directions (n, k) that keep closures (r, n) and move nothing of `motion` (m, n)."""
-    free = _null(closures)
-    return np.asarray(free @ _null(motion @ free))
+    free = _null(closures, _size(closures))
+    return np.asarray(free @ _null(motion @ free, _size(motion)))
 
 
 def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
@@ -80,11 +80,14 @@ def _spin(mechanism: Mechanism, link: str) -> Array:
     return found
 
 
-def _null(rows: Array) -> Array:
-    """Orthonormal directions (n, k) that the rows (r, n) do not see."""
-    count = rows.shape[1]
+def _size(rows: Array) -> float:
+    """Largest singular value."""
+    return float(np.linalg.norm(rows, 2)) if rows.size else 0.0
+
+
+def _null(rows: Array, size: float) -> Array:
+    """Orthonormal directions (n, k) in which the rows (r, n) are next to nothing beside a size."""
     if not rows.size:
-        return np.eye(count)
+        return np.eye(rows.shape[1])
     _, sizes, turned = np.linalg.svd(rows)
-    rank = int((sizes > NO_MASS * max(float(sizes.max()), 1e-300)).sum())
-    return np.asarray(turned[rank:].T)
+    return np.asarray(turned[int((sizes > NO_MASS * size).sum()) :].T)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim import documents, strict_json
+from mechanism_sim.recording.pace import realtime_factor
 from mechanism_sim.recording.reader import Bag, Topic, read_bag
 from mechanism_sim.recording.writer import lock
 
@@ -48,17 +49,6 @@ class BagInfo:
     def to_json(self) -> dict[str, Any]:
         """Return the same as a plain dictionary."""
         return asdict(self) | {'realtime_factor': self.realtime_factor}
-
-
-def realtime_factor(simulated: float, wall_time: float | None) -> float | None:
-    """Simulated seconds per second.
-
-    Args:
-        simulated: How long the run is [s].
-        wall_time: How long it took [s], from its first message to its last; None if not known.
-
-    """
-    return simulated / wall_time if wall_time else None
 
 
 def info(path: Path | str) -> BagInfo:

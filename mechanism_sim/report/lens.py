@@ -1,11 +1,11 @@
-"""A loose bearing under a lens: where the pin is in its bushing, its clearance magnified."""
+"""Plays under a lens: where a pin is in its bushing, or a part between walls, magnified."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
@@ -115,4 +115,56 @@ class Lens:
         self._arrow.set_visible(bool(np.hypot(*arrow) > 1e-3))
         before = np.searchsorted(self._struck, [now - _FLASH * self._pace, now], side='right')
         self._rim.set_facecolor(FLASH if before[1] > before[0] else self._fill)
+        self._mode.set_text(self._words[i])
+
+
+class Slit:
+    """A part between the walls of a pair with play, or off the one it may leave.
+
+    Parameters
+    ----------
+    axes : Matplotlib's, square
+    stage, frames : what moves, at N instants
+    joint : one of the plays of the stage
+
+    Attributes
+    ----------
+    metre : a metre of play, in halves of the space between the walls
+    """
+
+    def __init__(self, axes: Any, stage: Stage, joint: str, frames: Frames) -> None:
+        self._axes = axes
+        k = [pair.name for pair in stage.plays].index(joint)
+        about = stage.to_json()['plays'][k]
+        two = about['walls'] > 1
+        self.metre = 2.0 * _PLAY / about['width']
+        left, right = frames.walls[:, k].T
+        self._at = self.metre * (0.5 * (left - right) if two else -right) + (not two) * _PLAY
+        names = ('between the walls', 'on the left', 'on the right', 'on both sides')
+        self._words = [
+            names[x] if two else ('in contact' if x else 'lifted off')
+            for x in frames.touching[:, k].tolist()
+        ]
+        axes.set(xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE), aspect='equal')
+        axes.set_axis_off()
+        face, body = (colour(about[x]) for x in ('face', 'body'))
+        for x in (-1.25, 1.0) if two else (1.0,):
+            axes.add_patch(Rectangle((x, -1.0), 0.25, 2.0, fc=tint(face), ec=face))
+        half = 1.0 - _PLAY
+        shape = FancyBboxPatch(
+            (-half, -0.6), 2.0 * half, 1.2, boxstyle='round,pad=0,rounding_size=0.1',
+            fc=tint(body), ec=body,
+        )  # fmt: skip
+        self._body = axes.add_patch(shape)
+        self._body.set_gid(f'lens-{joint}')
+        self._half = half
+        self._mode = axes.text(0.0, -EDGE, '', ha='center', va='top', fontsize=9.0)
+
+    def title(self, text: str) -> None:
+        """Write above the lens."""
+        self._axes.text(0.0, EDGE, text, ha='center', va='bottom', fontsize=9.0)
+
+    def show(self, i: int) -> None:
+        """The instant of frame i."""
+        self._body.set_x(float(self._at[i]) - self._half)
         self._mode.set_text(self._words[i])

@@ -17,7 +17,7 @@ def lines(found: Sequence[Measured], indent: str = '  ') -> list[str]:
         return []
     rows = []
     for m in found:
-        unit, scale = for_people(m.unit)
+        unit, scale = for_people(m.unit, abs(m.value))
         said = [m.text] * (m.name != m.text) + [m.resolution] * (m.resolution != EXACT)
         value = 'none' if math.isnan(m.value) else f'{scale * m.value:.6g}'
         rows.append((m.name, value, unit, '; '.join(said)))
@@ -29,7 +29,7 @@ def rows(found: Sequence[Measured]) -> tuple[tuple[str, str], ...]:
     """The same as pairs of what and how much, for a page."""
     pairs = []
     for m in found:
-        unit, scale = for_people(m.unit)
+        unit, scale = for_people(m.unit, abs(m.value))
         what = m.name if m.name == m.text else f'{m.name}: {m.text}'
         value = 'none' if math.isnan(m.value) else f'{scale * m.value:.6g} {unit}'.rstrip()
         pairs.append((what, value if m.resolution == EXACT else f'{value} ({m.resolution})'))

@@ -31,7 +31,7 @@ def describe(name: str, equations: Equations) -> Description:
             subjects = tuple(bare(x) for x in match.groups())
             said = meaning.format(*subjects)
             return Description(
-                stem, subjects, said, unit, stem in ('ex', 'ey'), stem in ('sigma', 'v0')
+                stem, subjects, said, unit, stem in ('ex', 'ey', 'ez'), stem in ('sigma', 'v0')
             )
     return Description('p', (bare(name),), name, '')
 
@@ -42,6 +42,9 @@ def bare(subject: str) -> str:
 
 
 _MEANINGS = (
+    (r'unknown:(.+)\.x', 'ex', 'x of the direction of {0}', ''),
+    (r'unknown:(.+)\.y', 'ey', 'y of the direction of {0}', ''),
+    (r'unknown:(.+)\.torque', 'ez', 'sense of {0}', ''),
     (r'(.+)\.slip:(.+)', 'r', 'arm of the friction in {0} on {1}', 'm'),
     (r'(.+)\.height', 'h', 'height of the wall of {0}', 'm'),
     (r'(.+)\.closed', 'sigma', '1 while {0} is closed, otherwise 0', ''),

@@ -9,18 +9,19 @@ from itertools import cycle as endless
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.patches import ConnectionPatch
 
-from mechanism_sim.analysis.record import Record, one_of
+from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import choose
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.palette import ACCENT, INK
 from mechanism_sim.export.skeleton import bounds
-from mechanism_sim.export.stage import Frames, stage_of
+from mechanism_sim.export.stage import Frames, Stage, stage_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.drawing import PATHS, rule, trace
 from mechanism_sim.report.labels import Labels, Move
-from mechanism_sim.report.lens import EDGE, Lens
+from mechanism_sim.report.lens import EDGE, Lens, Slit
 from mechanism_sim.report.picture import Picture
 
 DENSITY = 100.0
@@ -78,12 +79,13 @@ class Screen:
         self._record, self._t, machine = record, t, record.machine
         if shown.forces and not machine.physics.has_forces:
             raise InputError(f'{machine.name}: the forces are not known, its level has none')
-        points, lens = choose(machine, shown.paths), _lens_joint(record, shown.lens)
+        points = choose(machine, shown.paths)
         self._span = t[0], min(2.0 * t[-1] - t[-2], record.end) if len(t) > 1 else t[0]
         samples = record.piece.samples(np.linspace(*self._span, _SWEEP))
         self._stage = stage_of(machine, samples.observed)
         skeleton = self._skeleton = self._stage.skeleton
         low, high = bounds(skeleton, skeleton.poses(samples.observed.position))
+        lens = _lens_joint(record, self._stage, shown.lens)
         layout = _layout((high - low) / (high[1] - low[1]), size, bool(lens))
         self.size = layout.size
         self.figure = Picture((self.size[0] / DENSITY, self.size[1] / DENSITY), dpi=DENSITY)
@@ -115,9 +117,13 @@ class Screen:
         if shown.forces:
             self._shows.append(self._arrows(axes, frames))
         if lens:
-            glass = Lens(
-                self.figure.add_axes(layout.lens), record, self._stage, lens, frames, pace
-            )
+            under = self.figure.add_axes(layout.lens)
+            glass: Lens | Slit
+            if lens in {pair.name for pair in self._stage.plays}:
+                glass = Slit(under, self._stage, lens, frames)
+            else:
+                glass = Lens(under, record, self._stage, lens, frames, pace)
+            self._shows.append(self._callout(axes, under, lens, frames))
             times = glass.metre * layout.lens[2] * self.size[0] / (2.0 * EDGE) / metre
             glass.title(f'{lens.replace("_", " ")}\n{times:.3g} times larger')
             self._shows.append(glass.show)
@@ -163,6 +169,27 @@ class Screen:
 
         return show
 
+    def _callout(self, axes: Any, under: Any, lens: str, frames: Frames) -> Callable[[int], None]:
+        """A line from the joint to its lens."""
+        joint = self._record.machine.mechanism.joint(lens)
+        if joint in self._stage.joints:
+            at = frames.acting(self._stage)[self._stage.joints.index(joint)].T
+        else:
+            place = np.array([joint.on_second])
+            at = self._skeleton.placed(joint.second, place, frames.poses)[:, 0]
+        line = ConnectionPatch(
+            (0.0, 0.0), (-EDGE, 0.0), 'data', 'data', axesA=axes, axesB=under, color='0.55',
+            lw=0.7, ls=(0, (4, 3)), zorder=0.5,
+        )  # fmt: skip
+        self.figure.add_artist(line)
+
+        def show(i: int) -> None:
+            x, y = at[i].tolist()
+            line.xy1 = x, y
+            line.set_visible(bool(np.isfinite(at[i]).all()))
+
+        return show
+
     def _arrows(self, axes: Any, frames: Frames) -> Callable[[int], None]:
         """The force of the first-named on the second-named link of each joint, where it acts."""
         at, force = frames.acting(self._stage), frames.forces.transpose(1, 2, 0)  # (j, 2, N)
@@ -187,21 +214,24 @@ class Screen:
         return show
 
 
-def _lens_joint(record: Record, wanted: str | None) -> str:
+def _lens_joint(record: Record, stage: Stage, wanted: str | None) -> str:
     """The joint under the lens; none if empty.
 
     Raises
     ------
     InputError
-        If it is no pin loose in a bushing.
+        If it has no play.
     """
     if wanted is None:
         return ''
     machine = record.machine
-    known = [joint.name for joint in machine.bearings]
-    if wanted:
-        return one_of(known, wanted, machine)
-    return known[0] if known else ''
+    known = [joint.name for joints in (stage.bearings, stage.plays) for joint in joints]
+    if wanted and wanted not in known:
+        raise InputError(
+            f"'{wanted}' is no joint with play{nearest(wanted, known)}; such joints of "
+            f'{machine.name}: {", ".join(known) or "none"}'
+        )
+    return wanted or (known[0] if known else '')
 
 
 class _Layout(NamedTuple):

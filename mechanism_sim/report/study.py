@@ -17,11 +17,12 @@ from mechanism_sim.study.statistics import Statistics
 def periodic(response: Response) -> str:
     """A periodic response for people."""
     sizes = ', '.join(f'{abs(m):.4g}' for m in response.multipliers)
+    unit, scale = for_people('N s', response.impulse)
     return '\n'.join(
         [
             f'repeats every {response.period} revolutions, to {response.residual:.2g}; '
             f'{"stable" if response.stable else "unstable"}',
-            f'  {response.impacts} impacts, {response.impulse * 1e3:.6g} mN s in a period',
+            f'  {response.impacts} impacts, {scale * response.impulse:.6g} {unit} in a period',
             f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})',
         ]
     )
@@ -53,7 +54,7 @@ def statistics(found: Statistics) -> str:
         else '  no impacts'
     )
     for m in found.measures:
-        unit, scale = for_people(m.unit)
+        unit, scale = for_people(m.unit, abs(m.mean))
         value, half = scale * m.mean, scale * m.half_width
         lines.append(f'  {m.name}  {value:.6g} +- {half:.2g} {unit}'.rstrip())
     return '\n'.join(lines)

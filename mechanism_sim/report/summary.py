@@ -150,9 +150,10 @@ def render(run: Stream) -> str:
     ]
     totals = run.totals
     if run.machine.physics.clearances:
+        unit, scale = ('N s', 1.0) if totals.normal_impulse >= 1.0 else ('mN s', 1e3)
         lines.append(
-            f'  {totals.impacts} impacts, normal impulse {totals.normal_impulse * 1e3:.6g} mN s, '
-            f'{totals.losses_of_contact} losses of contact'
+            f'  {totals.impacts} impacts, normal impulse {scale * totals.normal_impulse:.6g} '
+            f'{unit}, {totals.losses_of_contact} losses of contact'
         )
         count, made = totals.gains
         if count:

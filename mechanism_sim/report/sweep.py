@@ -62,7 +62,7 @@ def _few(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
     heads = ['run']
     scale, unit = _of_impulses(rows)
     if measures:
-        shown = [(c.name, *for_people(c.unit)) for c in measures]
+        shown = [(c.name, *for_people(c.unit, _largest(rows, c.name))) for c in measures]
         heads += [f'{name} [{u}]' if u else name for name, u, _ in shown]
     else:
         heads += ['impacts', f'impulse [{unit}]', f'I_n [{unit}]']
@@ -94,6 +94,11 @@ def _given(value: Any, unit: str) -> str:
     return f'{scale * value:.6g} {shown}'
 
 
+def _largest(rows: Sequence[dict[str, Value]], name: str) -> float:
+    """The largest size of a figure in all rows."""
+    return max((abs(x) for row in rows if math.isfinite(x := _number(row, name))), default=0.0)
+
+
 def _of_impulses(rows: Sequence[dict[str, Value]]) -> tuple[float, str]:
     """The scale and the unit in which impulses are read."""
     large = max((abs(_number(row, 'impulse')) for row in rows), default=0.0)
@@ -121,7 +126,7 @@ def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
         y = np.array([_number(row, c.name) for row in rows])
         y = y[np.isfinite(y)]
         if len(y) > 1:
-            unit, scale = for_people(c.unit)
+            unit, scale = for_people(c.unit, float(np.abs(y).max()))
             figures = [y.min(), *np.percentile(y, [5, 50, 95]), y.max(), y.mean(), y.std(ddof=1)]
             table.append([c.name, unit, *(_text(scale * float(x)) for x in figures)])
     lines += [f'measures over {len(rows)} runs', *text_table.lines(table, 2)]
@@ -132,7 +137,7 @@ def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
         heads = ['effect of', 'on', 'unit', 'effect', 'share of variance']
         table = [heads + ['first index', 'total index'] * indices]
         for e in found:
-            unit, scale = for_people(units.get(e.measure, ''))
+            unit, scale = for_people(units.get(e.measure, ''), _largest(rows, e.measure))
             share = f'{100.0 * e.share:.1f} %' if math.isfinite(e.share) else 'none'
             row = [e.factor, e.measure, unit, _text(scale * e.effect), share]
             if indices:
@@ -143,7 +148,8 @@ def _spreads(plan: Plan, rows: Sequence[dict[str, Value]]) -> list[str]:
             table.append(row)
         lines += ['main effects: greatest less least mean', *text_table.lines(table, 3)]
     for x in exceedances(plan, rows):
-        unit, scale = for_people({c.name: c.unit for c in measures}[x.measure])
+        unit = {c.name: c.unit for c in measures}[x.measure]
+        unit, scale = for_people(unit, _largest(rows, x.measure))
         lines.append(
             f'{x.measure} > {scale * x.limit:.6g} {unit}: {x.beyond} of {x.runs} runs, '
             f'{100.0 * x.share:.1f} % (95 %: {100.0 * x.low:.1f} to {100.0 * x.high:.1f} %)'
@@ -304,7 +310,7 @@ def draw_effects(file: Path, plan: Plan, rows: Sequence[dict[str, Value]]) -> No
         panels = figure.subplots(len(names), len(factors), squeeze=False, sharey='row')
         for e in found:
             axes = panels[names.index(e.measure), factors.index(e.factor)]
-            unit, scale = for_people(units.get(e.measure, ''))
+            unit, scale = for_people(units.get(e.measure, ''), _largest(rows, e.measure))
             of, along = for_people(plan.units.get(e.factor, ''))
             numbers = all(isinstance(level.x, float | int) for level in e.levels)
             x = [along * float(level.x) if numbers else k for k, level in enumerate(e.levels)]

@@ -64,7 +64,7 @@ def _check_freedom(machine: Machine) -> None:
         raise InputError(
             f'{machine.name}: {assembly.redundant} of the closure equations follow from the '
             "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
-            'kinematics, or make a redundant joint a slot'
+            f'kinematics, or make a redundant joint a slot{_redundant(machine)}'
         )
     given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
@@ -263,3 +263,13 @@ def _check_masses(machine: Machine, without: list[str]) -> None:
             f"{machine.name}: 'links.{without[0]}.mass' is missing: forces, torques and "
             'clearances need the mass, inertia and cog of every moving link'
         )
+
+
+def _redundant(machine: Machine) -> str:
+    """Which joints are redundant, if the start tells."""
+    from mechanism_sim.scene.motion_notes import redundant_joints  # noqa: PLC0415 - seldom needed
+
+    mechanism = machine.plan.ideal
+    start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
+    extra = redundant_joints(mechanism, start)
+    return f': {", ".join(extra)} is one' if extra else ''

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Prismatic, Revolute
+from mechanism_sim.scene.doubts import doubts
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
@@ -62,6 +63,7 @@ class Report:
     limits: list[str]  #: what stops the machine, or may: the first of its notes
     left_out: list[str]
     notes: list[str]
+    questions: list[str] = field(default_factory=list)  #: values about a thousand times off
 
     def to_json(self) -> dict[str, object]:
         """As a plain dictionary."""
@@ -146,6 +148,7 @@ def check(machine: Machine) -> Report:
         [note for note in notes if isinstance(note, Limit)],
         left_out,
         notes,
+        doubts(machine),
     )
 
 
@@ -220,6 +223,8 @@ def _notes(machine: Machine) -> list[str]:
 def render(report: Report) -> str:
     """The report as text for people."""
     lines = [f'{report.scene}: {report.title}']
+    if report.questions:
+        lines += ['questions', *(f'  {question}' for question in report.questions)]
     if report.limits:
         lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
     lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']

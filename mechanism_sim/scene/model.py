@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
 from mechanism_sim.planar.kinematics import Kinematics
@@ -22,7 +23,7 @@ from mechanism_sim.scene.schema import Commands, Scene
 
 
 @dataclass(frozen=True)
-class MachineModel:
+class MachineModel(Rich):
     """What a scene says of a machine, before anything is put together.
 
     Attributes
@@ -33,6 +34,9 @@ class MachineModel:
 
     name: str
     scene: Scene
+
+    def __repr__(self) -> str:
+        return f'<{type(self).__name__} {self.name}: {self.scene.title}>'
 
     @cached_property
     def plan(self) -> Plan:
@@ -137,17 +141,18 @@ class MachineModel:
         if not isinstance(self.law, DriveLaw):
             raise InputError(
                 f'how fast {self.main} turns is not known beforehand: give a duration in seconds, '
-                'not revolutions'
+                "not revolutions: --duration, or 'duration' in the scene"
             )
         if self.law.straight:
             raise InputError(
                 f'{self.main} is driven straight, it makes no revolutions: give a duration in '
-                'seconds'
+                "seconds: --duration, or 'duration' in the scene"
             )
         t = time_of_angle(self.laws, 2.0 * math.pi * revolutions)
         if t is None:
             raise InputError(
-                f'{self.main} is at rest: give a duration in seconds, not revolutions'
+                f'{self.main} is at rest: give a duration in seconds, not revolutions: '
+                "--duration, or 'duration' in the scene"
             )
         return t
 

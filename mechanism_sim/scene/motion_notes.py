@@ -37,7 +37,7 @@ def motion_notes(
     mechanism: Mechanism, q: Mapping[str, float], driven: Collection[str]
 ) -> list[str]:
     """Mobility at the coordinates `q`, and what its four-bars and slider-cranks can do."""
-    notes = [mobility_note(mechanism, q)]
+    notes = [mobility_note(mechanism, q), *redundancy_note(mechanism, q)]
     found: list[tuple[tuple[str, str, str], FourBar | SliderCrank]] = [
         *four_bars(mechanism, driven).items(),
         *slider_cranks(mechanism, driven).items(),
@@ -67,6 +67,25 @@ def mobility_note(mechanism: Mechanism, q: Mapping[str, float]) -> str:
     if seen.redundant:
         text += f'; {seen.redundancy} redundant among {", ".join(seen.redundant)}'
     return Limit(text) if seen.redundant or seen.instantaneous > seen.finite else text
+
+
+def redundant_joints(mechanism: Mechanism, q: Mapping[str, float]) -> tuple[str, ...]:
+    """The joints that repeat, wherever the mechanism moves, what those named before them say."""
+    seen = mobility(Constraints.of(mechanism), poses(mechanism, q))
+    return seen.extra if seen.redundancy and seen.instantaneous == seen.finite else ()
+
+
+def redundancy_note(mechanism: Mechanism, q: Mapping[str, float]) -> list[str]:
+    """Which joints could be left out."""
+    extra = redundant_joints(mechanism, q)
+    if not extra:
+        return []
+    one = len(extra) == 1
+    return [
+        f'{", ".join(extra)} {"is" if one else "are"} redundant beside the joints named before: '
+        f'as {"a slot it leaves" if one else "slots they leave"} the motion as it is, and the '
+        'forces are determined'
+    ]
 
 
 def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:

@@ -50,7 +50,10 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
     if file.exists():
         raise InputError(f"'{file}' exists already; choose another name")
     path = find_scene(source)
-    data = overridden(path.name, read_yaml(path, 'scene'), overrides)
+    source_data = read_yaml(path, 'scene')
+    data = overridden(path.name, source_data, overrides)
+    if data.get('title') == source_data.get('title'):
+        data = {**data, 'title': file.stem.replace('_', ' ').strip().capitalize() or file.stem}
     build(path.stem, check_scene(path.name, data))
     text = commented(data, as_given(path.name, data))
     if (file.parent / SCHEMA).is_file():

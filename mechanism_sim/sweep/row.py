@@ -7,7 +7,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,9 @@ from mechanism_sim.sweep.bags import RunBag
 from mechanism_sim.sweep.figures import FIGURES
 from mechanism_sim.sweep.file_errors import FileError
 from mechanism_sim.sweep.plan import Extent
-from mechanism_sim.sweep.shards import Channels, Shard, ShardWriter
+
+if TYPE_CHECKING:
+    from mechanism_sim.sweep.shards import Channels, Shard, ShardWriter
 
 Value = float | int | str | None
 _BATCH = 2048
@@ -89,9 +91,9 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     with ExitStack() as files:
         bag = files.enter_context(RunBag(task.bag, machine, edges[-1])) if task.bag else None
         channels: Channels = {}
+        writers = _writers(task)
         cut = [
-            files.enter_context(ShardWriter(s, task.name, edges[skip], channels))
-            for s in task.shards
+            files.enter_context(write(s, task.name, edges[skip], channels)) for write, s in writers
         ]
         while run.time < edges[-1]:
             run.advance(edges[-1], final=True, most=_BATCH)
@@ -136,6 +138,15 @@ def _measure(machine: Machine, task: Task) -> dict[str, Value]:
     own |= {m.name: m.value for m in (taken.found() if taken else ())}
     row |= {name: float(x) if math.isfinite(x) else None for name, x in own.items()}
     return row | {'steps': run.steps, 'digest': digest.hexdigest(), 'status': DONE}
+
+
+def _writers(task: Task) -> list[tuple[type[ShardWriter], Shard]]:
+    """What writes the windows of a run; most have none."""
+    if not task.shards:
+        return []
+    from mechanism_sim.sweep.shards import ShardWriter  # noqa: PLC0415 - seldom needed
+
+    return [(ShardWriter, shard) for shard in task.shards]
 
 
 def _follow(crank: Array, edges: Array, motion: Motion, index: int) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mechanism_sim import output, tables
 from mechanism_sim.errors import InputError
@@ -15,8 +16,10 @@ from mechanism_sim.study.workers import run_local
 from mechanism_sim.sweep.cluster import run_on_cluster
 from mechanism_sim.sweep.plan import Plan, Run
 from mechanism_sim.sweep.row import DONE, Task, Value, compute
-from mechanism_sim.sweep.shards import Shard, name_of, shards, windows_in
 from mechanism_sim.sweep.store import Journal, journal_of, write_table
+
+if TYPE_CHECKING:
+    from mechanism_sim.sweep.shards import Shard
 
 Show = Callable[[int, int], None]
 """Called with the number of finished runs, and of those that failed."""
@@ -86,9 +89,13 @@ def sweep(
     began, cpu = time.perf_counter(), 0.0
     fresh = not restart and not journal_of(table).exists()
     into = _window_folder(plan, table, windows, fresh)
-    if into and restart:
-        for run in plan.runs:
-            (into / name_of(run)).unlink(missing_ok=True)
+    cut: dict[int, Shard] = {}
+    if into:
+        from mechanism_sim.sweep.shards import name_of, shards  # noqa: PLC0415 - seldom needed
+
+        if restart:
+            for run in plan.runs:
+                (into / name_of(run)).unlink(missing_ok=True)
     with Journal(table, plan, restart) as journal:
         cut = shards(plan, into) if into else {}
         unique = _tasks(plan, _bag_folder(plan, table, bags), cut)
@@ -124,10 +131,19 @@ def sweep(
         kept,
         time.perf_counter() - began,
         cpu,
-        windows_in(cut.values()),
+        _windows_in(cut),
         str(into) if into else None,
     )
     return summary, rows
+
+
+def _windows_in(cut: Mapping[int, Shard]) -> int:
+    """How many windows there are."""
+    if not cut:
+        return 0
+    from mechanism_sim.sweep.shards import windows_in  # noqa: PLC0415 - seldom needed
+
+    return windows_in(cut.values())
 
 
 def _is_complete(task: Task, row: dict[str, Value] | None) -> bool:
@@ -166,6 +182,8 @@ def _window_folder(plan: Plan, table: Path, windows: str | None, fresh: bool) ->
         return None
     folder = Path(windows) if windows else table.with_suffix('.windows')
     folder = output.make_folder(folder.resolve(), "the windows' folder ")
+    from mechanism_sim.sweep.shards import name_of  # noqa: PLC0415 - seldom needed
+
     own = set() if fresh else {name_of(run) for run in plan.runs}
     for file in sorted(folder.glob('*.parquet')):
         if file.name not in own:

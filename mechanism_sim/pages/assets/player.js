@@ -37,6 +37,7 @@ export class Recording {
     this.links = stage.links.length;
     this.bearings = stage.bearings.length;
     this.joints = stage.joints.length;
+    this.plays = stage.plays.length;
     this.moving = stage.joints.filter(({ foot }) => foot !== undefined).length;
     this.slides = stage.slides;
   }
@@ -71,6 +72,8 @@ export class Recording {
       poses,
       pins: this.#pins(i, j, share),
       modes: Array.from(this.modes.subarray(i * this.bearings, (i + 1) * this.bearings)),
+      walls: between(this.walls, this.plays, 2),
+      touching: Array.from(this.touching.subarray(i * this.plays, (i + 1) * this.plays)),
       forces: between(this.forces, this.joints, 2),
       feet: between(this.feet, this.moving, 2),
       drive: this.drive[i] + share * (this.drive[j] - this.drive[i]),
@@ -104,6 +107,17 @@ export class Recording {
     }
     places.push(this.at(t).pins[bearing]);
     return places;
+  }
+
+  /** The instants of the last turn of the drive, or of all, at most so many. */
+  turn(most = 1500) {
+    const last = this.t.length - 1;
+    let first = last;
+    while (first > 0 && (this.slides || Math.abs(this.drive[last] - this.drive[first]) < TURN)) first -= 1;
+    const step = Math.max(1, Math.ceil((last - first) / most));
+    const found = [];
+    for (let i = first; i <= last; i += step) found.push(this.at(this.t[i]));
+    return found;
   }
 
   /** The impacts of the last `glow` seconds. */

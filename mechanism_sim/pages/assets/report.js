@@ -1,5 +1,5 @@
 import { Charts, loadPlotly } from 'charts';
-import { Lens } from 'lens';
+import { Lens, Slit } from 'lens';
 import { Player, Recording } from 'player';
 import { Stage, words } from 'stage';
 
@@ -18,6 +18,7 @@ let lens = null;
 let beside = null;
 let charts = null;
 
+stage.trace(recording.turn());
 const player = new Player(recording, show);
 start();
 performance.mark('plays');
@@ -43,7 +44,7 @@ function start() {
   });
   by('speed').addEventListener('change', () => { player.speed = Number(by('speed').value); });
   by('bearing')?.addEventListener('change', () => choose(Number(by('bearing').value)));
-  for (const name of ['names', 'forces']) {
+  for (const name of ['names', 'forces', 'paths']) {
     by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
   }
   by('loop').addEventListener('click', () => loop(null));
@@ -119,14 +120,17 @@ function ticks() {
 function choose(bearing) {
   if (!by('lens')) return;
   lens = magnified('lens', data.stage, recording, bearing);
+  stage.callout(data.bearings[bearing]);
   if (other) beside = magnified('lens-other', data.other.stage, other, bearing);
   player.seek(player.time);
 }
 
 /** The lens over a bearing of a run, nothing where that has no such bearing. */
 function magnified(id, shown, run, bearing) {
-  const index = shown.bearings.findIndex(({ joint }) => joint === data.bearings[bearing]);
-  by(id).toggleAttribute('hidden', index < 0);
+  const [index, slit] = [shown.bearings, shown.plays]
+    .map((all) => all.findIndex(({ joint }) => joint === data.bearings[bearing]));
+  by(id).toggleAttribute('hidden', index < 0 && slit < 0);
+  if (slit >= 0) return new Slit(by(id), shown, slit);
   if (index < 0) return null;
   const turns = shown.slides ? 1 : 3; // it may run slower than in the mean
   const span = data.turn ? turns * data.turn : Infinity;

@@ -1,4 +1,4 @@
-import { add, arrow, line } from 'svg';
+import { add, arrow, line, quantity } from 'svg';
 
 /** Units of the drawing in a symbol, the size of a joint. */
 const SYMBOL = 10;
@@ -48,7 +48,23 @@ export class Stage {
 
   /** Shows or hides a layer: 'forces', 'names' or 'impacts'. */
   layer(name, shown) {
-    this.svg.querySelector(`g.${name}`).style.display = shown ? '' : 'none';
+    for (const group of this.svg.querySelectorAll(`g.${name}, g.of-${name}`)) {
+      group.style.display = shown ? '' : 'none';
+    }
+  }
+
+  /**
+   * Draws the paths of the marked points of links.
+   * @param {Object[]} frames with the poses that they pass
+   */
+  trace(frames) {
+    const group = add(this.svg, 'g', { class: 'paths' });
+    this.svg.querySelector('g.machine').before(group);
+    for (const { kind, link, colour, outline: [at] } of this.stage.shapes) {
+      if (kind !== 'point' || !this.links.has(link)) continue;
+      add(group, 'path', { class: 'trace', d: line(frames.map((frame) => this.place(frame, link, at))),
+        style: `stroke: var(--link-${colour})` });
+    }
   }
 
   /** Lights links and joints of these names; of nothing all. @param {?string[]} names */
@@ -97,6 +113,25 @@ export class Stage {
     }
     this.#forces(frame);
     this.#impacts(frame);
+    this.#callout(frame);
+  }
+
+  /** Leads a line from a joint to below the drawing, where its lens is. @param {string} name */
+  callout(name) {
+    this.line ??= add(this.svg, 'path', { class: 'callout' });
+    this.called = [...this.stage.bearings, ...this.stage.plays].find(({ joint }) => joint === name);
+  }
+
+  #callout(frame) {
+    if (!this.called) return;
+    const { joint, second, on_second: on, link = second, at = on } = this.called;
+    const foot = this.stage.joints.find(({ name }) => name === joint)?.foot;
+    const [x, y] = foot === undefined ? this.place(frame, link, at) : this.point(frame.feet[foot]);
+    const { width, height } = this.svg.viewBox.baseVal;
+    const [dx, dy, r] = [0.5 * width - x, height - y, 1.6 * SYMBOL];
+    const far = Math.hypot(dx, dy) || 1;
+    this.line.setAttribute('d', `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0${
+      line([[x + (r * dx) / far, y + (r * dy) / far], [0.5 * width, height]])}`);
   }
 
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
@@ -157,6 +192,12 @@ export class Stage {
     const [x, y, far] = [0, height, length / this.unit];
     add(rule, 'path', { class: 'line', d: line([[x, y - 4], [x, y], [far, y], [far, y - 4]]) });
     add(rule, 'text', { x: far + 6, y }).textContent = text;
+    if (!this.stage.force) return;
+    const long = (this.stage.force * this.stage.force_scale) / this.unit;
+    const forces = add(this.svg, 'g', { class: 'rule of-forces' });
+    const above = y - 2.4 * SYMBOL;
+    add(forces, 'path', { class: 'force', d: arrow([x, above - 3], [x + long, above - 3], 2.2) });
+    add(forces, 'text', { x: x + long + 6, y: above }).textContent = quantity(this.stage.force, 'N');
   }
 
   #name(names, { link, label, outline }) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mechanism_sim.planar.joint_friction import LineFriction
+from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
@@ -33,6 +33,11 @@ def _read(places: Names, name: str, joint: PrismaticKeys) -> Prismatic:
 def line_friction(name: str, given: Friction, mechanism: Mechanism) -> LineFriction:
     """Friction along a guide or a slot."""
     return LineFriction(name, mechanism, given.coefficient, given.length or 0.0)
+
+
+def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> ContactFriction:
+    """Friction of a pin in a slot that it leaves."""
+    return ContactFriction(name, mechanism, given.coefficient)
 
 
 def _wrong_play(given: Clearance) -> str:

@@ -1,0 +1,120 @@
+"""What notebooks show of machines, runs and cycles: a picture, and a table of what matters."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from io import BytesIO
+from typing import Any
+
+from mechanism_sim.cycles.columns import part_of
+from mechanism_sim.cycles.cycle import Cycle
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.solution import Piece, Solution
+from mechanism_sim.report.cycle import for_people, where
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.check import check
+
+_WIDTH = 420  # [pixels] of a picture
+_ROWS = 40  # of a table
+_LARGEST = 60_000  # bytes of a picture
+
+
+def html(shown: Any) -> str:
+    """HTML of a machine, a solution or a part of one, or a cycle; some tens of kilobytes."""
+    if isinstance(shown, Cycle):
+        return _page(repr(shown), _drawing(shown.machine), _extremes(shown))
+    if isinstance(shown, Piece):
+        return _page(repr(shown), _plot(shown), _facts(shown))
+    if isinstance(shown, Machine):
+        return _page(f'{shown.name}: {shown.scene.title}', _drawing(shown), _machine(shown))
+    return f'<pre>{escape(repr(shown))}</pre>'
+
+
+def _page(title: str, picture: str, rows: Sequence[Sequence[str]]) -> str:
+    lines = [
+        f'<tr>{"".join(f"<td>{escape(cell)}</td>" for cell in row)}</tr>' for row in rows[:_ROWS]
+    ]
+    more = len(rows) - _ROWS
+    note = f'<p>and {more} more rows</p>' if more > 0 else ''
+    title = escape(title.strip('<>'))
+    return f'<div><b>{title}</b><br>{picture}<table>{"".join(lines)}</table>{note}</div>'
+
+
+def _machine(machine: Machine) -> list[tuple[str, ...]]:
+    """Level, links and joints of a machine, and what `check` remarks."""
+    report = check(machine)
+    rows: list[tuple[str, ...]] = [('level', machine.level.value)]
+    rows.append(('coordinates', ', '.join(machine.physics.coordinates)))
+    rows.append(('joints', ', '.join(machine.physics.joints)))
+    if machine.clearances:
+        rows.append(('with clearance', ', '.join(machine.clearances)))
+    rows += [('', note) for note in report.notes]
+    return rows
+
+
+def _facts(run: Piece) -> list[tuple[str, ...]]:
+    """What a run did, in a few lines."""
+    rows: list[tuple[str, ...]] = [('coordinates', ', '.join(run.physics.coordinates))]
+    impulse = sum(i.normal_impulse for i in run.impacts)
+    if run.physics.clearances:
+        rows.append(('impacts', f'{len(run.impacts)}, normal impulse {impulse:.6g} N s'))
+        rows.append(('changes of mode', str(len(run.modes))))
+    if isinstance(run, Solution):
+        if run.energy:
+            e = run.energy
+            rows.append(('drive work', f'{e.drive_work:.6g} J'))
+            rows.append(('dissipated', f'{e.dissipated:.6g} J'))
+            rows.append(('energy residual', f'{e.residual:.2g} J'))
+        rows.append(('largest penetration', f'{run.max_penetration:.2g} m'))
+        rows.append(('time of the processor', f'{run.stats.cpu_time:.3g} s'))
+    return rows
+
+
+def _extremes(cycle: Cycle) -> list[tuple[str, ...]]:
+    """Least and greatest values, and where."""
+    at = f'at {cycle.drive}'
+    rows: list[tuple[str, ...]] = [('', 'unit', 'least', at, 'greatest', at)]
+    for name, ends in cycle.extremes().items():
+        if part_of(name) in ('x', 'y'):
+            continue
+        unit, scale = for_people(cycle.units().get(name, ''))
+        low, high = (f'{scale * x.value:.6g}' for x in (ends.least, ends.greatest))
+        rows.append((name, unit, low, where(cycle, ends.least), high, where(cycle, ends.greatest)))
+    return rows
+
+
+def _drawing(machine: Machine) -> str:
+    try:
+        from mechanism_sim.report.shown import draw  # noqa: PLC0415 - it imports pictures
+
+        return _image(draw(machine))
+    except ModuleNotFoundError as error:
+        return _without(error)
+    except (InputError, RunError) as error:  # it cannot be put together, and says so
+        return f'<p>{escape(str(error))}</p>'
+
+
+def _plot(run: Piece) -> str:
+    try:
+        return _image(run.plot()) if len(run.motion) else ''
+    except ModuleNotFoundError as error:
+        return _without(error)
+
+
+def _without(error: ModuleNotFoundError) -> str:
+    """What stands for a picture where the extra for pictures is not installed."""
+    return f"<p>no picture without {error.name}: pip install 'mechanism_sim[plots]'</p>"
+
+
+def _image(figure: Any) -> str:
+    """A picture of a bounded size."""
+    for scale in (1.0, 0.6):
+        buffer = BytesIO()
+        density = scale * _WIDTH / figure.get_size_inches()[0]
+        figure.savefig(buffer, format='png', dpi=density)
+        if buffer.tell() <= _LARGEST:
+            break
+    data = base64.b64encode(buffer.getvalue()).decode('ascii')
+    return f'<img width="{_WIDTH}" src="data:image/png;base64,{data}">'
