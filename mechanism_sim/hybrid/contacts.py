@@ -143,6 +143,7 @@ class Contacts:
     @sides.setter
     def sides(self, signs: Sequence[float]) -> None:
         self._set(self._system.side_index, signs)
+        self._set_status()
 
     @property
     def time(self) -> float:
@@ -183,6 +184,7 @@ class Contacts:
 
     def _set_status(self) -> None:
         acting = tuple(self.switches[k] for k in self._system.holding)
+        acting += tuple(int(side > 0.0) for side in self.sides)
         self.status = Status(self.modes, self.approach, acting)
 
     def _set_flags(self, begins: bool) -> None:
@@ -343,6 +345,7 @@ class Contacts:
         if guard.side is not None:
             index = self._system.side_index[guard.side]
             self._pars[index] = -self._pars[index]
+            self._set_status()
             return
         if guard.switch is not None:
             k, rows = guard.switch, self.switches

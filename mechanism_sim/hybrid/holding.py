@@ -9,7 +9,7 @@ only loads the equations are linear.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import heyoka as hy
@@ -27,6 +27,7 @@ radius over the length of a link: below k = 0.3 the last one leaves a rounding.
 
 
 _OFF_ZERO = 1e-3  # of the resolution: no bound is exactly zero
+_UNFELT = 1e3  # times the resolution: an error of so small a bound is none
 
 
 class Acting(NamedTuple):
@@ -46,7 +47,6 @@ def acting(
     rates: Sequence[hy.expression],
     forces: Sequence[hy.expression | None],
     bounds: Sequence[Sequence[Pressed]],
-    sides: Mapping[hy.expression, hy.expression] | None = None,
 ) -> Acting:
     """Solve for what acts.
 
@@ -56,9 +56,7 @@ def acting(
     rates : (k,) of their functions, linear in the flags of loads and in every T
     forces : (k,) the T of a friction, None of a load
     bounds : (k,) their terms, likewise linear; none of a load
-    sides : by the single component of a term its sign, 1 or -1, so that the term is linear, too
     """
-    sides = sides or {}
     unknowns = [s.flag if T is None else T for s, T in zip(switches, forces, strict=True)]
     components = [dense(c) for b in bounds for p in b for c in p.components]
     every = [*rates, *components]
@@ -74,7 +72,7 @@ def acting(
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
     rubs = any(T is not None for T in forces)
-    curved = any(x not in sides for b in bounds for p in b for x in p.components)
+    curved = any(p.side is None for b in bounds for p in b)
     for _ in range(_NEWTON if curved else 1):
         rows, at = [], n
         for k, (s, T) in enumerate(zip(switches, forces, strict=True)):
@@ -86,7 +84,7 @@ def acting(
                 continue
             own = slice(at, at + sum(len(p.components) for p in bounds[k]))
             at = own.stop
-            b, slope = _bound(bounds[k], A[own], slopes[own], found, sides)
+            b, slope = _bound(bounds[k], A[own], slopes[own], found)
             way: Term = (1.0 - z) * (1.0 - 2.0 * s.flag)
             row = [z * x - way * y for x, y in zip(slopes[k], slope, strict=True)]
             row[k] = row[k] + (1.0 - z)
@@ -108,13 +106,14 @@ def acting(
             continue
         own = slice(at, at + sum(len(p.components) for p in bounds[k]))
         at = own.stop
-        b, _ = _bound(bounds[k], A[own], slopes[own], found, sides)
+        b, _ = _bound(bounds[k], A[own], slopes[own], found)
         held: Term = s.holds
         parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - found[k] / b)))
-        residual.append((1.0 - held) * (found[k] / b - (1.0 - 2.0 * s.flag)))
-    pressed = [
-        _linear(A[n + i], slopes[n + i], found) for i, c in enumerate(components) if c in sides
-    ]
+        least = [p.coefficient * p.resolution for p in bounds[k]]
+        left = found[k] - (1.0 - 2.0 * s.flag) * b
+        residual.append((1.0 - held) * (left / (b + _UNFELT * hy.sum(least))))
+    sided = [p.side is not None for b in bounds for p in b for _ in p.components]
+    pressed = [_linear(A[n + i], slopes[n + i], found) for i, own in enumerate(sided) if own]
     return Acting(dict(zip(unknowns, found, strict=True)), parts, residual, pressed, jam)
 
 
@@ -123,19 +122,17 @@ def _bound(
     start: Sequence[hy.expression],
     slopes: Sequence[Sequence[hy.expression]],
     at: Sequence[hy.expression],
-    sides: Mapping[hy.expression, hy.expression],
 ) -> tuple[hy.expression, list[hy.expression]]:
     """A bound and its derivatives by the unknowns, at some of their values."""
     bound: list[Term] = []
     slope: list[list[Term]] = [[] for _ in at]
     i = 0
     for p in terms:
-        side = sides.get(dense(p.components[0]))
-        if side is not None:
-            pressed = side * _linear(start[i], slopes[i], at)
+        if p.side is not None:
+            pressed = p.side * _linear(start[i], slopes[i], at)
             bound.append(p.coefficient * (pressed + _OFF_ZERO * p.resolution))
             for j, x in enumerate(slopes[i]):
-                slope[j].append(p.coefficient * (side * x))
+                slope[j].append(p.coefficient * (p.side * x))
             i += 1
             continue
         size: list[Term] = [p.resolution * p.resolution]

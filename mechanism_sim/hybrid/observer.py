@@ -135,6 +135,9 @@ class Observer:
             replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
+        for k, side in enumerate(self.system.sides):
+            replace[side] = hy.make_vars(f'side{k}')
+            variables.append(replace[side])
         groups = [self.system.unpulled(self._terms[name]) for name in names]
         if replace:
             groups = [list(hy.subs(group, replace)) for group in groups]
@@ -206,6 +209,7 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> Observation:
         """Accelerations, forces and energies at N instants.
 
@@ -218,8 +222,9 @@ class Observer:
         approach : (m, N) [m/s] of the first touch of compliant contacts
         outside : (k, N) what is named by the attribute `outside`
         rows : values of the switches, if not those at these places
+        sides : (k, N) signs of what presses on the lines that rub
         """
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
         (
             a, gap, _, N, T, friction, drive_torque, reaction, moment, energy, *residual,
         ) = self._observe(inputs, self._with_parts(inputs, rows))  # fmt: skip
@@ -254,9 +259,10 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> Account:
         """Terms of the energy balance at the instants of `observe`; far cheaper."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
         gap, closure, N, friction, drive_torque = self._account(
             inputs, self._with_parts(inputs, rows)
         )
@@ -277,9 +283,10 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> Array:
         """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
         if self._rubs:
             return self._compiled(['part'])(inputs, rows)[0]
         known = self._with_parts(inputs, rows)
@@ -300,9 +307,10 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> TouchTerms:
         """Compliant contacts at the instants that `observe` would be given."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
         return TouchTerms(*self._touch(inputs, self._with_parts(inputs, rows)))
 
     def _inputs(
@@ -314,6 +322,7 @@ class Observer:
         torque: Array | None,
         approach: Array | None,
         outside: Array | None,
+        sides: Array | None,
     ) -> Array:
         """One array of all inputs."""
         d, count = self.system.dynamics, q.shape[1]
@@ -328,7 +337,8 @@ class Observer:
             flags.append(np.ones_like(modes, float) if approach is None else approach)
             flags.append((modes > Mode.FREE_FLIGHT) & (modes < Mode.RECOVERING))
         given = np.zeros((len(self.system.outside), count)) if outside is None else outside
-        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, given)
+        known = np.ones((len(self.system.side_index), count)) if sides is None else sides
+        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, known, given)
         return np.concatenate(rows)
 
     def distances(self, values: Array) -> Array:

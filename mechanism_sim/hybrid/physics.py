@@ -155,7 +155,7 @@ class DynamicPhysics:
 
     def _state(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array, Array | None]:
+    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array, Array | None, Array]:
         """What `System.observe` asks for, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         if isinstance(dt, Nodes):
@@ -180,15 +180,25 @@ class DynamicPhysics:
             motion.approach_at(segments, dt),
             outside(self.system.outside, self.coordinates, curve, segments, dt),
             self._rows(motion, segments, dt),
+            self._sides(motion, segments, dt),
         )
 
     def _rows(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array | None:
         """Values of the switches: those of rates as they were, others by their places."""
         found = rows(self.system.edges, self.coordinates, motion.curve, segments, dt)
         if found is not None and motion.acting.size:
-            acting = np.repeat(motion.acting[segments], instants(dt), axis=0).T
             flags, holds = self.system.holding_rows
+            acting = np.repeat(motion.acting[segments, : len(flags)], instants(dt), axis=0).T
             found[flags], found[holds] = acting % HOLDS, acting == HOLDS
+        return found
+
+    def _sides(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Signs (k, N) of what presses on the lines that rub."""
+        count = len(self.system.side_index)
+        if not count:
+            return np.zeros((0, len(segments) * instants(dt)))
+        own = motion.acting[segments, -count:].astype(float)
+        found: Array = 2.0 * np.repeat(own, instants(dt), axis=0).T - 1.0
         return found
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:

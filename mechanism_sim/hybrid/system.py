@@ -102,7 +102,7 @@ class System:
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
     switch_levels : how many times rows must be set until each follows from those before it
-    side_index : of every side of friction in ideal joints, which of them is its sign
+    sides, side_index : of every side of friction in ideal joints, which of them is its sign
     switch_index : of every switch, which of them its present row is
     outside_index : of the time of the base and of whole turns that loads ask for, which of them
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
@@ -166,13 +166,9 @@ class System:
         frames = self.equations.frames
         self.switches = list(frames.switches.values())
         self.switch_levels = len(by_level(self.switches))
-        self._sides = {
-            dense(x.components[0]): p.reserve(f'{rub.friction.name}.friction.side.{i}', 1.0)
-            for rub in d.rubs
-            for i, x in enumerate(self._bounds[id(d.stabilised)][rub.switch.flag])
-            if len(x.components) == 1
-        }
-        self.guards += [Guard(-1, 0, side=k) for k in range(len(self._sides))]
+        bounds = self._bounds[id(d.stabilised)].values()
+        self.sides = [x.side for bound in bounds for x in bound if x.side is not None]
+        self.guards += [Guard(-1, 0, side=k) for k in range(len(self.sides))]
         self.guards += [Guard(-1, 0)] if d.rubs else []
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
@@ -285,9 +281,8 @@ class System:
                 result.append(guard + SWITCH_MARGIN)
                 continue
             if side is not None:
-                sign = [*self._sides.values()][side]
                 pressed = self.acting(solved).pressed[side]
-                result.append(FORCE_SCALE * (sign * pressed + self._unpressed))
+                result.append(FORCE_SCALE * (self.sides[side] * pressed + self._unpressed))
                 continue
             if gap < 0:
                 result.append(JAM_SCALE * (self.acting(solved).jam_margin - RUB_JAMMED) + TINY)
@@ -357,7 +352,6 @@ class System:
                 self.rates_of_holding(solved.a),
                 [forces.get(s.flag) for s in switches],
                 [known.get(s.flag, ()) for s in switches],
-                self._sides if solved is self.dynamics.stabilised else None,
             )
         return self._acting[id(solved)]
 
@@ -373,10 +367,17 @@ class System:
         if not self.dynamics.rubs:
             return {}
         carried, frames = self.reactions(solved), self.equations.frames
-        return {
-            rub.switch.flag: rub.friction.pressed(frames, carried[rub.friction.name])
-            for rub in self.dynamics.rubs
-        }
+        found = {}
+        for rub in self.dynamics.rubs:
+            name = rub.friction.name
+            key = f'{name}.friction.side'
+            found[rub.switch.flag] = [
+                x._replace(side=self.equations.parameters.reserve(f'{key}.{i}', 1.0))
+                if len(x.components) == 1
+                else x
+                for i, x in enumerate(rub.friction.pressed(frames, carried[name]))
+            ]
+        return found
 
     def reactions(self, solved: Solved) -> dict[str, Wrench]:
         """What the first-named does to the second-named link in every joint, without friction."""

@@ -42,11 +42,15 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
 class Pressed(NamedTuple):
-    """``coefficient sqrt(components^2 + resolution^2)``, one term of a bound."""
+    """``coefficient sqrt(components^2 + resolution^2)``, one term of a bound.
+
+    With a single component whose sign is known it is linear: ``coefficient side component``.
+    """
 
     coefficient: Term
     components: Sequence[Term]  #: [N] linear in the joint's wrench
     resolution: Term  #: [N]
+    side: Term = None  #: 1 or -1
 
 
 @dataclass(frozen=True)
@@ -300,14 +304,8 @@ class ContactFriction(JointFriction):
     def _force(self, frames: Frames, T: Term) -> tuple[Term, Term, Term]:
         """On the second-named link, and its moment about the joint's point there."""
         (nx, ny), arm = self._contact(frames)
-        engaged = getattr(self._closure, 'engaged', None)
-        T = mul(T, engaged(frames)) if engaged else T
         force = neg(mul(T, ny)), mul(T, nx)
         return *force, moment_of(arm, force)
-
-    @property
-    def _closure(self) -> Any:
-        return _pair(self).closure(self.mechanism)
 
     def loads(self, frames: Frames, T: Term) -> list[Load]:
         """Opposite forces at the contact."""
@@ -335,6 +333,8 @@ class ContactFriction(JointFriction):
         """By the normal force."""
         (nx, ny), _ = self._contact(frames)
         mu = self._number(frames, 'coefficient', self.coefficient * self.share)
+        engaged = getattr(_pair(self).closure(self.mechanism), 'engaged', None)
+        mu = mul(mu, engaged(frames)) if engaged else mu
         return [Pressed(mu, (_along(wrench, nx, ny),), self._resolution(frames))]
 
 
