@@ -84,7 +84,11 @@ def frequencies(machine):
 def test_natural_frequencies_of_pinned_and_clamped_beams():
     assert frequencies(column(modes=3)) == pytest.approx(hertz(PINNED[:3]), rel=1e-10)
     assert frequencies(arm(modes=4)) == pytest.approx(hertz(CLAMPED), rel=1e-9)
-    # polynomials come from above, and converge fast (Ritz)
+
+
+@pytest.mark.deep
+def test_polynomials_have_frequencies_from_above():
+    """And converge fast (Ritz)."""
     for machine, roots in ((column, PINNED), (arm, CLAMPED)):
         few, more = (
             frequencies(machine(functions='polynomial', modes=n))[:2] / hertz(roots[:2]) - 1.0
@@ -96,14 +100,14 @@ def test_natural_frequencies_of_pinned_and_clamped_beams():
 
 
 def test_a_free_beam_vibrates_as_it_should():
-    beam = Beam(L, EI, EA, RHO, 1e11, modes=8, functions='polynomial')
+    beam = Beam(L, EI, EA, RHO, 1e11, modes=6, functions='polynomial')
     body = Body('bar', RHO * L, RHO * L**3 / 12.0, (L / 2, 0.0), beam)
     found = Linearisation(Mechanism((body,), (), ()), [], [])
-    at = found.point(np.zeros(11), np.zeros(11))
+    at = found.point(np.zeros(9), np.zeros(9))
     linear = found(at)
     f = [f for f, _, _ in natural_modes(linear.M, linear.C, linear.K)]
     assert f[:3] == pytest.approx(np.zeros(3), abs=1e-3)
-    assert np.array(f[3:5]) == pytest.approx(hertz(FREE[:2]), rel=1e-4)
+    assert np.array(f[3:5]) == pytest.approx(hertz(FREE[:2]), rel=5e-4)
 
 
 def test_stretch_has_the_frequencies_of_a_rod():
@@ -231,13 +235,13 @@ def places(machine, solution, t):
 def test_the_flexible_slider_crank_moves_by_its_own_matrices():
     """Simeon's discretisation, written out by hand and integrated by another method."""
     machine = stretching_slider_crank()
-    found = places(machine, ms.simulate(machine, duration=0.002), np.array([0.002]))[:, 0]
+    found = places(machine, ms.simulate(machine, duration=0.001), np.array([0.001]))[:, 0]
     # the start of the test set is rounded; both begin with closed loops
     start = simeon.START.copy()
     start[2] = simeon.L1 + simeon.L2 + start[6]
     start[8] = -simeon.L1 * simeon.SPEED / (simeon.L2 + start[6])
     start[9] = start[13]
-    exact = simeon.solve(0.002, start=start)
+    exact = simeon.solve(0.001, start=start)
     assert found[:5] == pytest.approx(exact[:5], rel=1e-10)
     assert found[5:] == pytest.approx(exact[5:], rel=1e-7)
 
@@ -444,7 +448,7 @@ def test_a_stiff_link_moves_as_a_rigid_one():
 def test_modes_make_a_joint_lighter_for_impacts():
     """Effective mass ``1/(J M^-1 J^T)`` in the loose joint: less with every mode, E apart."""
     masses = []
-    for count in (0, 1, 2, 4):
+    for count in (0, 1, 2, 3):
         more = {'links.coupler.elastic.modes': count, 'links.rocker.elastic.modes': count}
         machine = loose_four_bar(**more) if count else ms.load_scene('four_bar_clearance')
         mass = effective_mass(machine)
@@ -494,6 +498,7 @@ def test_a_smooth_start_leaves_hardly_any_vibration():
     assert swings[1] < 0.35 * swings[0]
 
 
+@pytest.mark.deep
 def test_a_smooth_start_of_a_loose_machine_hangs_bent():
     """At rest under its weight: what the statics of both links bend, with the pin on its seat."""
     machine = ms.load_scene('four_bar_elastic', {'drive.speed': '0 rad/s', 'solver.rtol': 1e-9})

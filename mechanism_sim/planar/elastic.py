@@ -111,7 +111,7 @@ class Beam:
 
     def _nodes(self, end: float) -> tuple[Array, Array]:
         """Places (N,) and weights (N,) [m] of Gauss' quadrature from 0 to `end`."""
-        places, weights = legendre.leggauss(12 + 4 * (self.modes + self.stretch))
+        places, weights = _gauss(12 + 4 * (self.modes + self.stretch))
         return 0.5 * end * (1.0 + places), 0.5 * end * weights
 
     def foreshortening(self, x: float) -> Array:
@@ -220,6 +220,12 @@ class Beam:
         return dict(zip(self.names, found.tolist(), strict=True))
 
 
+@lru_cache
+def _gauss(count: int) -> tuple[Array, Array]:
+    """Places and weights (count,) of Gauss' quadrature from -1 to 1."""
+    return legendre.leggauss(count)
+
+
 def _bent(ends: Ends, functions: Functions, count: int, t: Array, derivative: int) -> Array:
     """Shapes of bending of a beam of length 1 at places t (...,): (count, ...)."""
     if functions == 'polynomial':
@@ -265,7 +271,7 @@ def _ritz(ends: str, count: int, derivative: int) -> Array:
     """
     factor, order = _FACTORS[ends], 1 if ends == 'fixed' else 2
     basis = [factor * Legendre.basis(k, domain=[0.0, 1.0]) for k in range(count)]
-    places, weights = legendre.leggauss(count + 6)
+    places, weights = _gauss(count + 6)
     nodes, weights = 0.5 * (1.0 + places), 0.5 * weights
     values = np.array([b(nodes) for b in basis])
     bends = np.array([b.deriv(order)(nodes) for b in basis])

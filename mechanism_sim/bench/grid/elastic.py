@@ -24,8 +24,6 @@ MACHINES = (
     ('four_bar_clearance', ('crank', 'coupler', 'rocker'), ('coupler_rocker',)),
 )
 
-_RUBBING = 2  # joints with friction: of more the equations of machines of this size take minutes
-
 
 def _elastic(random: Random, k: int) -> Draft:
     name, links, pins = MACHINES[k % len(MACHINES)]
@@ -56,8 +54,6 @@ def _elastic(random: Random, k: int) -> Draft:
         }  # fmt: skip
     elif scene['mechanism'] == 'linkage':
         rub(random, scene, 0.01)
-        for rubbing in [j for j in scene['joints'].values() if 'friction' in j][_RUBBING:]:
-            del rubbing['friction']
     return Draft(scene, **extent)
 
 
