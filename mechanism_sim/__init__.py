@@ -15,8 +15,16 @@ from mechanism_sim.hybrid import plotting as _plotting
 from mechanism_sim.numerics.lazy_sympy import postpone_sympy as _postpone_sympy
 
 __all__ = [
-    'animate', 'cycle', 'draw', 'load_scene', 'measure', 'scene_names', 'simulate', 'stream',
-]  # fmt: skip
+    'animate',
+    'cycle',
+    'draw',
+    'equations',
+    'load_scene',
+    'measure',
+    'scene_names',
+    'simulate',
+    'stream',
+]
 
 
 def _plot() -> _Any:
@@ -46,6 +54,10 @@ def __getattr__(name: str) -> _Any:
         from mechanism_sim.cycles.cycle import cycle  # noqa: PLC0415
 
         return cycle
+    if name == 'equations':
+        from mechanism_sim.report.typeset import equations  # noqa: PLC0415
+
+        return equations
     if name == 'measure':
         from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
 

@@ -35,6 +35,10 @@ EXAMPLES = {
     'm/s^2': '9.81 m/s^2',
     'm/s': '1 mm/s',
     'Pa s': '0.03 Pa s',
+    'Pa': '210 GPa',
+    'kg/m^3': '7850 kg/m^3',
+    'm^2': '64 mm^2',
+    'm^4': '341 mm^4',
     'Hz': '500 Hz',
     's': '20 ms',
     'N': '10 N',
@@ -67,6 +71,7 @@ _KNOWN = {
     'kHz': (Decimal(1000), 0, 0, -1),
     'kN': (Decimal(1000), 1, 1, -2),
     'MPa': (Decimal(1_000_000), -1, 1, -2),
+    'GPa': (Decimal(1_000_000_000), -1, 1, -2),
     'deg': (Decimal('0.01745329251994329576923690768'), 0, 0, 0),
     'rpm': (Decimal('0.1047197551196597746154214461'), 0, 0, -1),
 }
@@ -206,6 +211,13 @@ def _registry() -> Any:
     ureg: Any = pint.UnitRegistry(non_int_type=Decimal, cache_folder=None)
     ureg.define('@alias revolution = rev')
     return ureg
+
+
+def typeset(unit: str) -> str:
+    """A unit as it is printed: products with a dot, powers raised."""
+    raised = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
+    powers = re.sub(r'\^(-?\d+)', lambda found: found[1].translate(raised), unit)
+    return re.sub(r'(?<! or)(?<! per) (?!or |per )', '·', powers)
 
 
 def to_si(value: object, unit: str) -> float:

@@ -17,7 +17,15 @@ NOT_RUN = [block for found in PAGES.values() for block in found if block.mark ==
 DEEP = {
     *(
         f'docs/{page}.md'
-        for page in ('analysis', 'faq', 'linkages', 'looking', 'mechanisms', 'topics')
+        for page in (
+            'analysis',
+            'exercises_forces',
+            'faq',
+            'linkages',
+            'looking',
+            'mechanisms',
+            'topics',
+        )
     ),
     *(
         f'docs/{page}.md'

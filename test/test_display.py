@@ -28,7 +28,14 @@ from mechanism_sim.report.foxglove import to_foxglove
 from mechanism_sim.report.plot_paths import plots
 from mechanism_sim.report.rviz import to_rviz
 
-ARROW, SPHERE, CYLINDER, STRIP, TRIANGLES = 0, 2, 3, 4, 11  # of visualization_msgs/msg/Marker
+ARROW, SPHERE, CYLINDER, STRIP, LINES, TRIANGLES = (
+    0,
+    2,
+    3,
+    4,
+    5,
+    11,
+)  # of visualization_msgs/msg/Marker
 ADD, DELETE = 0, 2
 RATES = ('markers', 'joint_reactions', 'transforms')
 HOMES = {'four_bar_clearance': '', 'whole_machine': '/left/shop'}
@@ -107,7 +114,15 @@ def test_markers_are_what_viewers_accept(shown):
     links = set(shown.frames[0])
     points = {ARROW: lambda n: n == 2, STRIP: lambda n: n > 1}
     points[TRIANGLES] = lambda n: n and n % 3 == 0
-    sized = {ARROW: 'xyz', SPHERE: 'xyz', CYLINDER: 'xyz', STRIP: 'x', TRIANGLES: 'xyz'}
+    points[LINES] = lambda n: n and n % 2 == 0
+    sized = {
+        ARROW: 'xyz',
+        SPHERE: 'xyz',
+        CYLINDER: 'xyz',
+        STRIP: 'x',
+        LINES: 'x',
+        TRIANGLES: 'xyz',
+    }
     for array in arrays:
         names = [(m.ns, m.id) for m in array.markers]
         assert len(set(names)) == len(names) > 0
@@ -123,7 +138,7 @@ def test_markers_are_what_viewers_accept(shown):
             assert np.isfinite(numbers).all()
     fixed = shown.topics['/markers'][0].markers
     assert all(m.frame_locked for m in fixed)
-    kinds = {'links', 'pins', 'bushings', 'supports'}
+    kinds = {'links', 'pins', 'bushings', 'supports', 'centres_of_gravity', 'drives'}
     more = {'cams', 'wheels', 'sliders', 'guides'}
     wanted = kinds | more if shown.machine.name == 'whole_machine' else kinds
     assert {m.ns for m in fixed} == wanted
@@ -221,27 +236,29 @@ def test_shapes_move_with_the_frames(shown):
     fixed = {(m.ns, m.id): m for m in shown.topics['/markers'][0].markers}
     mechanism = shown.machine.mechanism
     revolute = [j for j in mechanism.joints if isinstance(j, Revolute)]
-    rings = [m for (ns, _), m in sorted(fixed.items()) if ns == 'bushings']
-    assert len(rings) == len(revolute)
+    loose = [j for j in revolute if j.name in shown.machine.clearances]
+    rings = [m for (ns, _), m in sorted(fixed.items()) if ns == 'bushings' and m.type == LINES]
+    assert len(rings) == len(loose)
+    pins = [m for (ns, _), m in sorted(fixed.items()) if ns == 'pins' and m.type == LINES]
+    assert len(pins) == len(revolute)
     for frames in shown.frames[:: len(shown.frames) // 3]:
-        pins = [
-            in_world(shown, frames, m.header.frame_id, place(m.pose.position))[0]
-            for (ns, _), m in fixed.items()
-            if ns == 'pins'
+        middles = [
+            in_world(shown, frames, m.header.frame_id, [place(p) for p in m.points]).mean(axis=0)
+            for m in pins
         ]
-        for ring in rings:
+        for ring, joint in zip(rings, loose, strict=True):
             around = in_world(shown, frames, ring.header.frame_id, [place(p) for p in ring.points])
-            middle = around[:-1].mean(axis=0)
-            assert min(np.hypot(*(pin - middle)) for pin in pins) < 1e-3 * ring.scale.x + 0.26e-3
+            apart = min(np.hypot(*(middle - around.mean(axis=0))) for middle in middles)
+            assert apart < 1.001 * shown.machine.clearances[joint.name].radial + 1e-9
     for k, joint in enumerate(j for j in mechanism.joints if hasattr(j, 'wheels')):
-        wheels = [m for (ns, _), m in fixed.items() if ns == 'wheels']
+        wheels = [m for (ns, _), m in fixed.items() if ns == 'wheels' and m.type == LINES]
         tips = sorted(max(np.hypot(p.x, p.y) for p in m.points) for m in wheels)
         assert k == 0
         assert tips == pytest.approx(sorted(t.gear.tip_radius for t in joint.wheels), rel=1e-3)
     coils = [m for sample in shown.samples.values() for m in sample.values() if m.ns == 'springs']
     assert bool(coils) == (shown.machine.name == 'whole_machine')
     for coil, frames in zip(coils, shown.frames, strict=False):
-        (spring,) = (s.outline for s in shown.seen.skeleton.shapes if s.kind == 'spring')
+        (spring,) = shown.seen.skeleton.springs
         for end, point in zip(spring, (coil.points[0], coil.points[-1]), strict=True):
             assert place(point) == pytest.approx(in_world(shown, frames, *end)[0], abs=1e-12)
 

@@ -52,7 +52,7 @@ def test_every_scene_has_a_picture_and_a_true_row():
         assert (DOCS / row['file']).is_file()
         picture = DOCS / row['picture']
         assert picture.stem == name
-        assert 5_000 < picture.stat().st_size < 60_000
+        assert 5_000 < picture.stat().st_size < 75_000
         assert machine.scene.title in picture.read_text(encoding='utf-8').replace('&#x27;', "'")
 
 

@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 import pytest
+from matplotlib.colors import same_color
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
@@ -16,6 +17,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.message_paths import parse
 from mechanism_sim.analysis.quantity_lookup import Asked
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.palette import LINKS
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.definitions import field_descriptions
@@ -81,7 +83,7 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
     ]
     np.testing.assert_allclose(place[2], [1e3 * x for _, x in frames], rtol=1e-15)
     np.testing.assert_allclose(place[1], [s.sec + 1e-9 * s.nanosec for s, _ in frames], atol=1e-9)
-    assert words == ['normal impulse [N s]', 'x [mm]']
+    assert words == ['normal impulse [N·s]', 'x [mm]']
 
 
 def test_blocks_of_samples_are_spread_over_time(bag):
@@ -100,7 +102,7 @@ def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     """Of the polynomials, on both sides of impacts; one unit, one axes."""
     found, words = drawn(bag, 'velocity.rocker', f'normal_force.{JOINT}', 'reaction', start=0.1)
     assert len(found) == 2 + 8
-    assert words == ['velocity [rad/s]', '[N]']
+    assert words == ['velocity [rad/s]', 'normal force [N]', *['reaction [N]'] * 4]
     for name, (_, t, y) in zip(('velocity.rocker', f'normal_force.{JOINT}'), found, strict=False):
         np.testing.assert_array_equal(y, solution.sample(t)[name])
         assert t[0] == 0.1
@@ -222,7 +224,7 @@ def test_what_is_no_path_is_none(text):
 def test_an_overview_of_a_solution(solution):
     figure = solution.plot()
     words = [axes.get_ylabel() for axes in figure.axes]
-    assert words == ['position [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N m]', '']
+    assert words == ['position [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N·m]', '']
     gap = figure.axes[1].lines[0]
     np.testing.assert_array_equal(
         gap.get_ydata(), 1e3 * solution.sample(gap.get_xdata())[f'gap.{JOINT}']
@@ -237,10 +239,52 @@ def test_an_overview_of_a_solution(solution):
     assert image.size[0] > 1000
 
 
+def test_colours_say_of_what_lines_are_and_impacts_are_marked(solution):
+    """Those of the links in the drawing; components by dashes; small multiples share a scale."""
+    machine = ms.load_scene('four_bar_clearance')
+    figure = solution.plot('velocity', 'reaction')
+    speeds, *reactions = figure.axes
+    shades = {x.get_label(): x.get_color() for x in speeds.lines if x.get_label() != 'impact'}
+    patches = ms.draw(machine).axes[0].patches
+    for k, link in enumerate(('crank', 'coupler', 'rocker')):
+        (drawn,) = (x for x in patches if x.get_gid() == f'link-{link}')
+        assert same_color(shades[link], LINKS[k])
+        assert same_color(drawn.get_edgecolor(), shades[link])
+    assert len(reactions) == 4
+    for axes in reactions:
+        x, y = axes.lines
+        assert x.get_color() == y.get_color()
+        assert x.get_linestyle() != y.get_linestyle()
+        assert axes.get_ylim() == reactions[0].get_ylim()
+    (marks,) = (x for x in speeds.lines if x.get_label() == 'impact')
+    np.testing.assert_array_equal(marks.get_xdata(), [i.t for i in solution.impacts])
+
+
+def test_turns_that_overlap_are_a_band_around_all_and_the_last_whole_one():
+    solution = ms.simulate(ms.load_scene('four_bar_clearance'), revolutions=6.5)
+    axes = solution.plot('velocity.rocker', against='angle').axes[0]
+    (band,) = axes.collections
+    edge = band.get_paths()[0].vertices
+    t = np.linspace(0.0, solution.duration, 5001)
+    speed = 2.0 * np.pi * 6.5 / solution.duration
+    angle, values = np.degrees(speed * t) % 360.0, solution.sample(t)['velocity.rocker']
+    for low in np.arange(0.0, 360.0, 20.0):  # a second way: least and greatest of a stretch
+        inside = (angle >= low) & (angle <= low + 20.0)
+        on = edge[(edge[:, 0] >= low) & (edge[:, 0] <= low + 20.0), 1]
+        assert on.min() == pytest.approx(values[inside].min(), abs=0.1)
+        assert on.max() == pytest.approx(values[inside].max(), abs=0.1)
+    x, y = next(line for line in axes.lines if line.get_label() != 'impact').get_data()
+    assert (np.diff(x) >= 0.0).all()
+    begun = 5.0 * solution.duration / 6.5
+    once = np.diff(x, prepend=-1.0) > 1e-9  # after an impact there is a second value
+    true = solution.sample(begun + np.radians(x[once]) / speed)['velocity.rocker']
+    np.testing.assert_allclose(y[once], true, rtol=1e-6, atol=1e-6)
+
+
 def test_cycles_are_plotted_over_the_angle():
     found = ms.cycle(ms.load_scene('four_bar_nominal'), points=['coupler.cog'])
     figure = found.plot('drive_torque', 'position.coupler.cog')
-    assert [axes.get_ylabel() for axes in figure.axes] == ['drive torque [N m]', 'position [mm]']
+    assert [axes.get_ylabel() for axes in figure.axes] == ['drive torque [N·m]', 'position [mm]']
     x, y = figure.axes[0].lines[0].get_data()
     at = (found.t[0] + np.radians(x - x[0]) / (2.0 * np.pi) * found.duration).clip(
         *found.t[[0, -1]]

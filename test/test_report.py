@@ -16,9 +16,9 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.stage import packed, stage_of
 from mechanism_sim.pages import charts, report
 from mechanism_sim.pages import recorded as frames
-from mechanism_sim.pages.stage import packed, stage_of
 from mechanism_sim.planar.mechanism import GROUND, Revolute
 from mechanism_sim.recording import BagWriter, Qos, read_bag
 from mechanism_sim.sweep.bags import RunBag
@@ -101,13 +101,10 @@ def test_links_meet_at_their_joints(scene):
             if joint.name in bearings:
                 apart -= found.pins[:, bearings.index(joint.name)]
             assert np.abs(apart).max() < 1e-11 * record.machine.mechanism.reach
-    drawn = [*(s['kind'] for s in told['shapes']), *('spring' for _ in told['springs'])]
-    assert sorted(drawn) == sorted(s.kind for s in stage.skeleton.shapes)
+    assert [s['kind'] for s in told['shapes']] == [s.kind for s in stage.skeleton.shapes]
     left, bottom, right, top = told['bounds']
-    for shape, places in zip(
-        stage.skeleton.shapes, stage.skeleton.placed(samples.observed.position), strict=True
-    ):
-        x, y = places[:, 0], places[:, 1]
+    for shape in stage.skeleton.shapes:
+        x, y = np.moveaxis(stage.skeleton.placed(shape.link, shape.hull, found.poses), -1, 0)
         assert (x > left).all(), shape
         assert (x < right).all(), shape
         assert (y > bottom).all(), shape
@@ -128,12 +125,44 @@ def test_arrows_stay_on_the_stage():
             assert (tip <= stage.high + 1e-9).all()
 
 
+@pytest.mark.parametrize('scene', ['gear_rattle', 'groove_cam', 'valve_train', 'whole_machine'])
+def test_plays_are_the_gaps_of_the_solution(scene):
+    """By quantities of the solution: both walls of slots and teeth, the one that a cam is left."""
+    record = simulated(scene, duration=0.2)
+    t = np.linspace(record.start, record.end, 301)
+    samples, told = record.piece.samples(t), record.piece.sample(t)
+    stage = stage_of(record.machine, samples.observed)
+    found = stage.frames(t, samples.observed, samples.modes)
+    plays = stage.to_json()['plays']
+    assert [p['joint'] for p in plays] == [
+        j.name for j in record.machine.mechanism.joints if j in stage.plays
+    ]
+    assert plays
+    for k, play in enumerate(plays):
+        left, right = found.walls[:, k].T
+        name = play['joint']
+        if play['walls'] == 2:
+            np.testing.assert_array_equal(left, told[f'gap.{name}_left'])
+            np.testing.assert_array_equal(right, told[f'gap.{name}_right'])
+            assert left + right == pytest.approx(play['width'], rel=1e-9)
+        else:
+            np.testing.assert_array_equal(right, told[f'gap.{name}'])
+            assert np.isnan(left).all()
+            assert right.max() <= play['width'] * (1.0 + 1e-12)
+            assert scene != 'valve_train' or right.max() == play['width']  # it lifts off
+        apart = 1e-6 * play['width']
+        assert (np.nan_to_num(left, nan=1.0)[found.touching[:, k] & 1 == 1] < apart).all()
+        assert (right[found.touching[:, k] & 2 == 2] < apart).all()
+        assert (right[found.touching[:, k] & 2 == 0] > -apart).all()
+    json.dumps(found.packed(), allow_nan=False)
+
+
 def test_rotors_can_be_seen_to_turn():
     """The differential's links are but axes."""
     record = simulated('differential', duration=0.1)
     stage = stage_of(record.machine, record.piece.samples(np.linspace(0.0, 0.1, 9)).observed)
     lengths = [
-        np.hypot(*np.ptp([at for _, at in shape.outline], axis=0))
+        np.hypot(*np.ptp(shape.outline, axis=0))
         for shape in stage.skeleton.shapes
         if shape.kind == 'link'
     ]

@@ -12,6 +12,7 @@ from browsing import Tab
 from test_records import angle_at, foreign
 from test_report import KINDS, simulated, write_bag
 
+import mechanism_sim as ms
 from mechanism_sim import output
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.pages import report
@@ -96,6 +97,19 @@ def boxes(page, selector):
     return page.locator(selector).evaluate_all(
         """all => all.map(x => x.getBoundingClientRect()).filter(b => b.width && b.height)
             .map(b => [b.left, b.top, b.right, b.bottom])"""
+    )
+
+
+def drawn_boxes(page):
+    """Of each path of the machine, by points along it: the browser's own are of turned boxes."""
+    return page.locator('#stage .machine g path').evaluate_all(
+        """all => all.map(path => {
+            const to = path.getScreenCTM(), far = path.getTotalLength();
+            const at = Array.from({ length: 65 }, (_, i) =>
+                path.getPointAtLength(far * i / 64).matrixTransform(to));
+            const [x, y] = [at.map(p => p.x), at.map(p => p.y)];
+            return [Math.min(...x), Math.min(...y), Math.max(...x), Math.max(...y)];
+        })"""
     )
 
 
@@ -240,6 +254,128 @@ def test_a_click_over_the_angle_goes_to_when_the_drive_was_there(opened, record)
     )
 
 
+def chart_over(page, axis):
+    """The first chart over that axis, drawn."""
+    place = page.locator(f'figure.chart[data-axis={axis}] .plot').first
+    place.scroll_into_view_if_needed()
+    page.wait_for_selector(f'figure.chart[data-axis={axis}] .plot.js-plotly-plot')
+    return place
+
+
+def test_the_machine_stays_beside_its_charts_and_follows_the_pointer(opened):
+    """It is in sight however far down one reads; hovering over a curve takes it there."""
+    chart_over(opened, 'time')
+    ((_, top, _, bottom),) = boxes(opened, '#stage')
+    assert 0.0 <= top < bottom <= 800.0
+    place = chart_over(opened, 'angle')
+    assert overlapping([*boxes(opened, '#machine'), *boxes(opened, 'main')]) == []
+    x, y, t, name = place.evaluate(
+        """plot => {
+            const traces = plot._fullData.filter(d => d.customdata);
+            const trace = traces.filter(d => d.hoverinfo !== 'skip').at(-1);
+            const i = trace.x.length >> 2, box = plot.getBoundingClientRect();
+            const { xaxis, yaxis } = plot._fullLayout;
+            return [box.left + xaxis._offset + xaxis.l2p(trace.x[i]),
+                    box.top + yaxis._offset + yaxis.l2p(trace.y[i]),
+                    trace.customdata[i], trace.name];
+        }"""
+    )
+    before = opened.locator('#stage g[data-kind=link]').last.get_attribute('transform')
+    opened.mouse.move(x - 2.0, y)
+    opened.mouse.move(x, y)
+    when(opened, "document.querySelector('#stage.lit') !== null")
+    assert time_of(opened) == pytest.approx(t, abs=0.01)
+    assert opened.locator('#stage g[data-kind=link]').last.get_attribute('transform') != before
+    lit = opened.locator('#stage g.lit').evaluate_all('all => all.map(x => x.dataset.link)')
+    assert name in lit
+    opened.mouse.move(5.0, 5.0)
+    when(opened, "document.querySelector('#stage.lit') === null")
+
+
+def test_a_joint_under_the_pointer_lights_its_curves(opened):
+    chart_over(opened, 'angle')
+    opened.locator('#stage g[data-kind=link][data-label=rocker] path').hover()
+    shades = """() => Object.fromEntries([...document.querySelectorAll('.js-plotly-plot')]
+        .flatMap(plot => plot._fullData.map(trace => [trace.legendgroup || trace.name,
+            plot.querySelector(`.trace${trace.uid}`)?.style.opacity])))"""
+    seen = opened.evaluate(shades)
+    assert seen['position.rocker'] == ''
+    assert seen['position.coupler'] == '0.12'
+    opened.mouse.move(700.0, 5.0)
+    assert set(opened.evaluate(shades).values()) <= {'', None}
+
+
+def test_an_interval_that_is_brushed_is_played_over_and_over(opened, record):
+    place = chart_over(opened, 'time')
+    box = place.bounding_box()
+    y = box['y'] + 0.5 * box['height']
+    opened.mouse.move(box['x'] + 0.40 * box['width'], y)
+    opened.mouse.down()
+    opened.mouse.move(box['x'] + 0.45 * box['width'], y, steps=4)
+    opened.mouse.up()
+    when(opened, "!document.getElementById('loop').hidden")
+    low, high = map(float, re.findall(r'[\d.]+', opened.locator('#loop').inner_text()))
+    assert record.start < low < high < record.end
+    assert high - low < 0.2 * (record.end - record.start)
+    assert time_of(opened) == pytest.approx(low, abs=1e-4)
+    opened.select_option('#speed', '0.2')
+    opened.click('#play')
+    seen = opened.evaluate(
+        """() => new Promise(done => {
+            const seen = [], look = () => {
+                seen.push(Number(document.documentElement.dataset.time));
+                if (seen.length < 90) requestAnimationFrame(look); else done(seen);
+            };
+            look();
+        })"""
+    )
+    opened.click('#play')
+    assert min(seen) >= low - 1e-4
+    assert max(seen) <= high + 1e-4
+    assert (np.diff(seen) < 0.0).any()  # it began again
+    opened.evaluate('document.activeElement.blur()')
+    opened.keyboard.press('Escape')
+    assert opened.locator('#loop').is_hidden()
+    opened.keyboard.press('End')
+    assert time_of(opened) == pytest.approx(record.end)
+
+
+def test_at_night_text_and_lines_stand_out(browser, file, tmp_path):
+    """WCAG 2.2: 4.5 for text, 3 for lines, by the colours that the browser computes."""
+    context = browser.new_context(viewport={'width': 1440, 'height': 900}, color_scheme='dark')
+    tab = Tab(context.new_page(), tmp_path)
+    open_page(tab, file)
+    chart_over(tab.page, 'angle')
+    found = tab.page.evaluate(
+        """() => {
+            const canvas = document.createElement('canvas')
+                .getContext('2d', { willReadFrequently: true });
+            const light = (colour) => {
+                canvas.fillStyle = colour; canvas.fillRect(0, 0, 1, 1);
+                const [r, g, b] = [...canvas.getImageData(0, 0, 1, 1).data].map(x => x / 255)
+                    .map(x => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4));
+                return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            };
+            const all = (select, key) => [...document.querySelectorAll(select)]
+                .map(x => light(getComputedStyle(x)[key]));
+            return {
+                ground: light(getComputedStyle(document.documentElement).backgroundColor),
+                text: [...all('h1, h2, .text, dd, dt, figcaption, .contents a', 'color'),
+                       ...all('.js-plotly-plot .xtick text, .js-plotly-plot .legendtext', 'fill')],
+                lines: [...all('.js-plotly-plot .trace:last-child .js-line', 'stroke'),
+                        ...all('#stage .body, #stage .line', 'stroke')],
+            };
+        }"""
+    )
+    assert found['ground'] < 0.02
+    for kind, least in (('text', 4.5), ('lines', 3.0)):
+        assert len(found[kind]) > 5
+        assert min((x + 0.05) / (found['ground'] + 0.05) for x in found[kind]) >= least
+    assert tab.complaints == []
+    tab.shoot('report_dark')
+    context.close()
+
+
 @pytest.mark.deep
 def test_paper_has_every_chart_and_no_controls(opened, record):
     count = sum(len(section.charts) for section in sections(record))
@@ -288,7 +424,7 @@ def test_every_kind_of_scene_is_drawn(tab, tmp_path):
         wanted = [shape.kind for shape in run.stage.skeleton.shapes]
         assert sorted(drawn) == sorted(wanted)
         (stage,) = boxes(tab.page, '#stage')
-        for box in boxes(tab.page, '#stage g[data-kind]'):
+        for box in drawn_boxes(tab.page):
             assert box[0] > stage[0] - 1.0, scene
             assert box[1] > stage[1] - 1.0, scene
             assert box[2] < stage[2] + 1.0, scene
@@ -318,6 +454,57 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
         assert f'{1e6 * play.radial:g} µm' in tab.page.locator('#lens .note').text_content()
     assert titles == ['crank coupler', 'coupler rocker']
     assert tab.complaints == []
+
+
+def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path):
+    run = recorded(simulated('whole_machine', duration=0.1))
+    file = tmp_path / 'plays.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    for k, play in enumerate(run.stage.to_json()['plays']):
+        tab.page.select_option('#bearing', str(len(run.stage.bearings) + k))
+        t = scrub(tab.page, 0.7)
+        told = run.record.piece.sample(np.array([t]))
+        shown = float(tab.page.locator('#lens .journal').get_attribute('data-x'))
+        if play['walls'] == 2:
+            left, right = (told[f'gap.{play["joint"]}_{side}'][0] for side in ('left', 'right'))
+            assert shown == pytest.approx(0.5 * (left - right), abs=1e-3 * play['width'])
+        else:
+            assert shown == pytest.approx(told[f'gap.{play["joint"]}'][0], abs=1e-9)
+        (line,), (stage,) = boxes(tab.page, '#stage .callout'), boxes(tab.page, '#stage')
+        assert line[3] == pytest.approx(stage[3], abs=4.0)
+        assert overlapping(boxes(tab.page, '#lens text')) == []
+        tab.shoot(f'lens_{play["joint"]}')
+    assert tab.complaints == []
+
+
+def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
+    """The toe's path by `cycle`; a bar and an arrow as long as they say."""
+    run = recorded(simulated('ten_links', revolutions=1))
+    file = tmp_path / 'leg.html'
+    output.write_text(file, report.page(run))
+    open_page(tab, file)
+    stage, told = run.stage, run.stage.to_json()
+    unit = stage.skeleton.symbol / 10.0
+    (path,) = tab.page.locator('#stage .paths path').evaluate_all(
+        'all => all.map(x => x.getAttribute("d"))'
+    )
+    numbers = np.array(re.findall(r'[-\d.]+', path), float).reshape(-1, 2)
+    seen = np.stack([stage.low[0] + unit * numbers[:, 0], stage.high[1] - unit * numbers[:, 1]])
+    found = ms.cycle(run.record.machine, samples=2001, points=['foot.toe'])
+    true = np.stack([found[f'position.foot.toe.{axis}'] for axis in 'xy'])
+    far = [np.hypot(*(true - at[:, None])).min() for at in seen.T]
+    assert max(far) < 0.1 * stage.skeleton.symbol  # of the path, whose points are so far apart
+    assert np.ptp(seen, axis=1) == pytest.approx(np.ptp(true, axis=1), rel=1e-2)
+    bar, arrow = (
+        tab.page.locator(f'#stage .rule{x} path').first.evaluate('x => x.getBBox().width')
+        for x in (':not(.of-forces)', '.of-forces')
+    )
+    assert bar * unit == pytest.approx(told['scale']['length'], rel=1e-2)
+    assert arrow * unit == pytest.approx(told['force'] * told['force_scale'], rel=1e-2)
+    assert overlapping(boxes(tab.page, '#stage .rule text')) == []
+    tab.page.uncheck('#paths')
+    assert not tab.page.locator('#stage .paths path').is_visible()
 
 
 @pytest.mark.deep

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf, pi
 
 from mechanism_sim import units
-from mechanism_sim.units import EXAMPLES, to_si
+from mechanism_sim.units import EXAMPLES, to_si, typeset
 
 EXACT = (
     ('0.254 mm', 'm', '0.000254'),
@@ -126,3 +126,15 @@ def test_no_text_does_anything_but_become_a_number_or_a_refusal(text, unit):
     except ValueError as error:
         number = str(error)
     assert isinstance(number, float) or 'write for example' in number
+
+
+@pytest.mark.parametrize(
+    ('unit', 'printed'),
+    [
+        ('m/s^2', 'm/s²'), ('N m', 'N·m'), ('N s/m', 'N·s/m'), ('kg mm^2', 'kg·mm²'),
+        ('rad/s or m/s', 'rad/s or m/s'), ('N m per N', 'N·m per N'), ('s^-1', 's⁻¹'),
+        ('m^10', 'm¹⁰'), ('', ''),
+    ],
+)  # fmt: skip
+def test_units_are_typeset(unit, printed):
+    assert typeset(unit) == printed

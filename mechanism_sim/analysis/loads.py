@@ -78,6 +78,8 @@ class LoadCollector:
         self.samples += 1
         for joint, fx, fy in zip(message.joints, message.force_x, message.force_y, strict=True):
             force = math.hypot(fx, fy)
+            if math.isnan(force):  # it has no limit at this instant
+                continue
             if joint not in self._force or force > self._force[joint][0]:
                 self._force[joint] = (force, time)
 

@@ -17,6 +17,7 @@ from mechanism_sim.cycles.columns import columns_of, unit_of
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.definitions import MessageError, field_descriptions
 from mechanism_sim.messages.units import units_of
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording import Bag, scene_text
 
 
@@ -85,6 +86,16 @@ class Asked:
                 f'{min(s.t[0] for s in found):g} s to {max(s.t[-1] for s in found):g} s'
             )
         return kept
+
+    def marks(
+        self, start: float | None, end: float | None
+    ) -> tuple[Mechanism | None, list[float]]:
+        """The mechanism, and when it had impacts [s]; nothing if only messages were asked for."""
+        if self._given is None and 'record' not in self.__dict__:
+            return None, []
+        begin, finish = self.record.part(start, end)
+        struck = [i.t for i in self.record.piece.impacts if begin <= i.t <= finish]
+        return self.record.machine.mechanism, struck
 
     def names(self) -> Iterator[Name]:
         """All that can be asked for: of the motion, then sensors, then fields of messages."""

@@ -93,14 +93,18 @@ class CamPair(HigherPair):
 
     def draw(self, draft: Draft) -> None:
         """A cam, and what touches it of its follower."""
+        draft.add('cam', self.first, *cam_outlines(self))
         outline = follower_outline(self, draft.turned(self.second), draft.symbol)
-        for edge in (*cam_outlines(self), outline):
-            draft.add('cam', edge)
+        draft.add('cam', self.second, outline)
         draft.reach((self.second, self.on_second))
 
     def covered(self) -> Sequence[LinkPoint]:
         """Of its edges."""
-        return [place for edge in cam_outlines(self) for place in edge[::15]]
+        return [
+            (self.first, (float(x), float(y)))
+            for edge in cam_outlines(self)
+            for x, y in edge[:: len(edge) // 12 or 1]
+        ]
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """The base circle, and the roller."""

@@ -10,20 +10,21 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cams.followers import FlatFaced, OscillatingFlat
 from mechanism_sim.cams.profiles import drawing_angles, extent
-from mechanism_sim.planar.mechanism import LinkPoint, rotate
+from mechanism_sim.planar.mechanism import rotate
+from mechanism_sim.planar.view import circle
 
 if TYPE_CHECKING:
     from mechanism_sim.cams.pair import CamPair
 
 Array = NDArray[np.float64]
 
-_PARTS = 180  # of a turn or stroke
+_PARTS = 720  # of a turn or stroke
 _FACE = 0.5  # thickness of a face, in units of the drawing's symbols
 _TIP = 1.5  # length of a knife's edge
 
 
-def cam_outlines(joint: CamPair) -> list[tuple[LinkPoint, ...]]:
-    """The cam, from its edge inwards: a groove has a rim and two walls, on the cam's link.
+def cam_outlines(joint: CamPair) -> list[Array]:
+    """The cam (k, 2) [m], from its edge inwards: a groove has a rim and two walls.
 
     A cam that slides is a bar from its base line on; a groove in it is what lies between bars.
     """
@@ -39,7 +40,7 @@ def cam_outlines(joint: CamPair) -> list[tuple[LinkPoint, ...]]:
         inner, outer = joint.cam.groove(angles)
         rim = 1.12 * float(np.hypot(*outer).max())
         edges = [rim * np.array([np.cos(angles), np.sin(angles)]), outer, inner]
-    return [_on(joint.first, joint.profile(edge)) for edge in edges]
+    return [joint.profile(edge).T for edge in edges]
 
 
 def _angles(joint: CamPair) -> Array:
@@ -52,8 +53,8 @@ def _bar(edge: Array, back: float) -> Array:
     return np.column_stack([edge, (back, edge[1, -1]), (back, edge[1, 0])])
 
 
-def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[LinkPoint, ...]:
-    """Roller, edge or face, on the follower's link.
+def follower_outline(joint: CamPair, angle: float, symbol: float) -> Array:
+    """Roller, edge or face, on the follower's link, (k, 2) [m].
 
     Parameters
     ----------
@@ -73,9 +74,7 @@ def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[LinkP
         thick = behind * _FACE * symbol
         corners = np.array([(-half, 0.0), (half, 0.0), (half, thick), (-half, thick)]).T
     elif follower.roller > 0.0:
-        around = np.linspace(0.0, 2.0 * math.pi, 49)[:-1]
-        corners = follower.roller * np.array([np.cos(around), np.sin(around)])
-        turn = 0.0
+        return circle(follower.roller, joint.on_second)
     else:
         size = _TIP * symbol
         corners = np.array([(0.0, 0.0), (size, -0.3 * size), (size, 0.3 * size)]).T
@@ -83,9 +82,4 @@ def follower_outline(joint: CamPair, angle: float, symbol: float) -> tuple[LinkP
         if joint.distance.swings:
             turn = joint.arm_angle + math.pi
     c, s = rotate((1.0, 0.0), turn)
-    placed = np.array([c * corners[0] - s * corners[1], s * corners[0] + c * corners[1]])
-    return _on(joint.second, placed + np.array(joint.on_second)[:, None])
-
-
-def _on(link: str, points: Array) -> tuple[LinkPoint, ...]:
-    return tuple((link, (float(x), float(y))) for x, y in points.T)
+    return np.asarray(joint.on_second + corners.T @ [[c, s], [-s, c]])

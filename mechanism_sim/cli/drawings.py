@@ -68,6 +68,7 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
+    option(sub, '--magnify', 'N', 'draw how elastic links bend, so many times as much', 0.0)
     sub = command('layout', _layout, 'a layout for Foxglove, or a configuration for RViz')
     scene_options(sub)
     sub.add_argument(
@@ -155,7 +156,7 @@ def _draw(options: argparse.Namespace) -> int:
             options.path,
             still=options.positions == 1 and not options.path,
         )
-        picture = drawing.draw(found, t, options.positions, options.labels)
+        picture = drawing.draw(found, t, options.positions, options.labels, options.magnify)
         figures.save(picture, file, cropped=True)
     if options.json:
         print_json({'scene': machine.name, 'file': str(file), 't': t})

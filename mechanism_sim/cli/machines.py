@@ -29,7 +29,7 @@ def add(command: Command) -> None:
     form = sub.add_mutually_exclusive_group()
     flag(form, '--latex', 'print a fragment of LaTeX')
     flag(form, '--markdown', 'print Markdown')
-    option(sub, '-o --output', 'FILE', 'write a .tex, .md or .txt file')
+    option(sub, '-o --output', 'FILE', 'write a .tex, .md, .html or .txt file')
 
 
 def _scenes(options: argparse.Namespace) -> int:
@@ -74,7 +74,6 @@ def _equations(options: argparse.Namespace) -> int:
 
     try:
         from mechanism_sim.report import typeset  # noqa: PLC0415
-        from mechanism_sim.report.derivation import derive  # noqa: PLC0415
     except ModuleNotFoundError as missing:
         if missing.name != 'sympy':
             raise
@@ -83,7 +82,7 @@ def _equations(options: argparse.Namespace) -> int:
         ) from missing
     machine = read_machine(options)
     with progress.busy('equations', options.json):
-        setter = typeset.Typesetter(derive(machine, options.rates))
+        setter = typeset.equations(machine, options.rates)
     if options.output:
         typeset.write(setter, options.output)
     if options.json:

@@ -27,9 +27,21 @@ HOUR = 3600.0  # [s]
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('report', _report, 'a page that plays a run and charts it, in one HTML file')
+    sub = command(
+        'report',
+        _report,
+        'a page that plays a run and charts it, or compares two; one HTML file',
+    )
     source_options(sub)
     measure_option(sub)
+    sub.add_argument(
+        'other', metavar='BAG|SCENE', nargs='?',
+        help='a second run, which the first is compared with; --set is for scenes among both',
+    )  # fmt: skip
+    sub.add_argument(
+        '--set-other', action='append', default=[], metavar='PATH=VALUE', dest='others',
+        help='change a value of the second scene, which is the first one if not given',
+    )  # fmt: skip
     option(sub, '-o --output', 'FILE', 'the .html file; named after the run if not given')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
@@ -46,6 +58,8 @@ def add(command: Command) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
+    if options.other or options.others:
+        return _compare(options)
     from mechanism_sim.cycles.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.pages import report  # noqa: PLC0415
     from mechanism_sim.pages.charts import sections  # noqa: PLC0415
@@ -83,6 +97,46 @@ def _report(options: argparse.Namespace) -> int:
             }
         )
     else:
+        print(file)
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> int:
+    """The page of two runs; for people the table of their differences too."""
+    from mechanism_sim.analysis import comparison  # noqa: PLC0415
+    from mechanism_sim.pages import report  # noqa: PLC0415
+    from mechanism_sim.pages.charts import sections  # noqa: PLC0415
+    from mechanism_sim.pages.charts.overlay import overlaid  # noqa: PLC0415
+    from mechanism_sim.pages.recorded import recorded, together  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+
+    sources = options.scene, options.other or options.scene
+    stems = [Path(source).stem for source in sources]
+    default = f'{stems[0]}_variant' if stems[0] == stems[1] else '_'.join(stems)
+    file = output.check_path('--output', options.output or f'{default}.html', '.html', '.htm')
+    both_bags = all(map(is_bag, sources))
+    records = []
+    for source, more in zip(sources, ([], options.others), strict=True):
+        asked = argparse.Namespace(**{**vars(options), 'scene': source})
+        asked.overrides = [*options.overrides, *more]
+        if is_bag(source) and not both_bags:  # the others are for the scene
+            asked.overrides, asked.rtol, asked.atol = more, None, None
+        record, start, end = run_of(asked)
+        records.append(record.between(start, end))
+    one, two = records
+    found = comparison.compare(one, two)
+    with progress.busy('drawing charts', quiet=options.json):
+        runs = together(recorded(one), recorded(two))
+        parts = overlaid(sections(one), sections(two))
+    names = tuple(Path(source).name for source in sources)
+    if options.others and not options.other:
+        names = names[0], f'{names[1]} with {", ".join(options.others)}'
+    text = report.page(runs[0], parts, beside=report.Beside(runs[1], names, found))
+    output.write_text(file, text)
+    if options.json:
+        print_json({'file': str(file), 'runs': names, 'differences': comparison.to_json(found)})
+    else:
+        print(comparison.render(found, ('A', 'B')))
         print(file)
     return 0
 

@@ -33,10 +33,8 @@ def add(command: Command) -> None:
     )
     option(sub, '--size', 'PIXELS', "of the longer side, or as '1280x720'")
     glass = sub.add_mutually_exclusive_group()
-    option(glass, '--lens', 'JOINT', 'the loose bearing that is magnified', '')
-    glass.add_argument(
-        '--no-lens', action='store_const', const=None, dest='lens', help='no bearing'
-    )
+    option(glass, '--lens', 'JOINT', 'the joint with play that is magnified', '')
+    glass.add_argument('--no-lens', action='store_const', const=None, dest='lens', help='no lens')
     flag(sub, '--forces', 'draw forces as arrows at the joints')
     sub.add_argument(
         '--path',
@@ -72,7 +70,7 @@ def add(command: Command) -> None:
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.animation import film  # noqa: PLC0415
-    from mechanism_sim.report.stage import Shown  # noqa: PLC0415
+    from mechanism_sim.report.screen import Shown  # noqa: PLC0415
     from mechanism_sim.report.video import Target  # noqa: PLC0415
 
     target = Target(options.output or f'{Path(options.scene).stem}.mp4')
@@ -136,13 +134,16 @@ def _plot(options: argparse.Namespace) -> int:
         for file in numbers:
             tables.write(file, joined(series))
     if pictures:
+        from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
 
         over = lines.TIME
         if options.against == 'angle':
             over = lines.over_angle_of(asked.record)
         title = Path(options.scene).name if bag else asked.record.machine.scene.title
-        drawn = lines.draw(series, title, over)
+        mechanism, struck = asked.marks(start, end)
+        own = palette.numbers(mechanism) if mechanism else {}
+        drawn = lines.draw(series, title, over, own, struck)
         with figures.style():
             for picture in pictures:
                 figures.save(drawn, picture)

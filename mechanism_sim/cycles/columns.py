@@ -41,8 +41,11 @@ def columns_of(
 
 
 def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
-    """Columns of cams, gears and shafts: contact, forces of teeth, forces of bearings."""
-    found: dict[str, Array] = {}
+    """Columns of elastic links, cams, gears and shafts.
+
+    Deflection and stress at points, contact, forces of teeth, forces of bearings.
+    """
+    found = _deformed(machine, samples.observed.position)
     for joint in machine.mechanism.joints:
         if isinstance(joint, HigherPair):
             view = JointView(
@@ -50,3 +53,21 @@ def columns_of_parts(machine: Machine, samples: Samples) -> dict[str, Array]:
             )
             found |= joint.columns(view)
     return found | shaft_columns(machine, samples)
+
+
+def _deformed(machine: Machine, q: Array) -> dict[str, Array]:
+    """Columns (N,) of named points of elastic links, at coordinates (n, N).
+
+    ``deflection.LINK.POINT`` across the link [m], and ``stress.LINK.POINT`` of the fibre on its
+    left side [Pa], positive where that is drawn.
+    """
+    found: dict[str, Array] = {}
+    for link, beam in machine.mechanism.beams.items():
+        own = q[[machine.mechanism.coordinates.index(f'{link}.{name}') for name in beam.names]]
+        for point in machine.scene.links[link].points:
+            x = min(max(machine.plan.points[link][point][0], 0.0), beam.length)
+            found[f'deflection.{link}.{point}'] = beam.deflection(x) @ own[: beam.modes]
+            if beam.fibre is not None:
+                strain = beam.strain(x, beam.fibre) @ own
+                found[f'stress.{link}.{point}'] = beam.youngs_modulus * strain
+    return found

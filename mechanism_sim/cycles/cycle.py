@@ -48,8 +48,9 @@ class Cycle(plotting.Rich):
     """One cycle of a machine: ``cycle[name]`` is an array (N + 1,), both ends included.
 
     The names are those of `Solution.sample`, and where forces are known ``drive_power`` [W],
-    ``drive_torque.COORDINATE`` for each of several drives, ``reaction.JOINT.size`` [N] and
-    ``.direction`` [rad], ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
+    ``drive_torque.COORDINATE`` for each of several drives, ``friction_loss.JOINT`` [W],
+    ``reaction.JOINT.size`` [N] and ``.direction`` [rad],
+    ``shaking_force.x``, ``.y``, ``.size`` [N] and ``shaking_moment`` [N m],
     what the machine does to its frame, about the origin, and ``position.mass_centre.x`` and so on
     of the whole machine. A point has ``position.LINK.POINT.x`` [m], ``velocity.``,
     ``acceleration.``; on request there is the force on a link in its own frame,
@@ -128,7 +129,9 @@ class Cycle(plotting.Rich):
         """
         columns = self._columns(t, with_work)
         lost = np.flatnonzero(np.isnan(columns.get('shaking_moment', np.zeros(0))))
-        if lost.size:
+        if (
+            lost.size and not self.machine.physics.unknowns
+        ):  # those have none where they do no work
             step = 0.003 * (self.machine.period if self.repeats else self.duration)
             curve, at = self.solution.motion.curve, t[lost, None]
             beside, weights = at + step * _BESIDE, np.tile(_BETWEEN, (len(lost), 1))
@@ -228,6 +231,18 @@ class Cycle(plotting.Rich):
 
     def _mean(self, x: Array) -> float:
         return float((x.reshape(-1, len(_NODES)) @ _WEIGHTS).mean() / 2.0)
+
+    @property
+    def efficiency(self) -> float | None:
+        """What friction in ideal joints leaves of the drives' work, 0 to 1.
+
+        None where nothing rubs, or the drives do no work on the whole.
+        """
+        losses = [name for name in self.table() if name.startswith('friction_loss.')]
+        power = self.mean_power if losses else 0.0
+        if power <= 0.0:
+            return None
+        return 1.0 - sum(self.mean(name) for name in losses) / power
 
     @property
     def mean_power(self) -> float:

@@ -12,6 +12,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.planar.switched_functions import SwitchedFunction
+from mechanism_sim.planar.unknowns import Unknowns
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
@@ -35,10 +36,12 @@ class Forces:
             for i, joint in enumerate(self._mechanism.joints)
             if GROUND in (joint.first, joint.second)
         ]
-        cogs: list[Place] = [(body.name, body.cog) for body in self._mechanism.bodies]
+        cogs = [self._mechanism.centre(body.name) for body in self._mechanism.bodies]
         held: list[Place] = [(joint.second, joint.on_second) for _, joint in self._on_frame]
         self._paths = Paths(self._mechanism, [*cogs, *held])
         self._springs = _OnGround(machine)
+        names = [joint.name for joint in self._mechanism.joints]
+        self._rubs = [(names.index(f.name), f) for f in machine.plan.frictions(self._mechanism)]
 
     def columns(self, t: Array, o: Observation) -> dict[str, Array]:
         """Arrays (N,) by name, see `Cycle`."""
@@ -52,13 +55,18 @@ class Forces:
             found[f'reaction.{joint.name}.direction'] = np.arctan2(y, x)
             if isinstance(joint, Prismatic):
                 found[f'reaction.{joint.name}.moment'] = o.reaction_moment[i]
+        for i, friction in self._rubs:
+            found[f'friction_loss.{friction.name}'] = friction.loss(
+                o.reaction[i], o.reaction_moment[i], o.position, o.velocity
+            )
         if self._local:
             found |= self._along_and_across(o)
         paths = self._paths(o.position, o.velocity, o.acceleration)
         cogs, held = paths[: len(self._masses)], paths[len(self._masses) :, 0]
-        centre = np.tensordot(self._masses, cogs, 1) / self._masses.sum()
-        for kind, pair in zip(('position', 'velocity', 'acceleration'), centre, strict=True):
-            found[f'{kind}.mass_centre.x'], found[f'{kind}.mass_centre.y'] = pair
+        if self._masses.any():
+            centre = np.tensordot(self._masses, cogs, 1) / self._masses.sum()
+            for kind, pair in zip(('position', 'velocity', 'acceleration'), centre, strict=True):
+                found[f'{kind}.mass_centre.x'], found[f'{kind}.mass_centre.y'] = pair
         return found | self._shaking(t, o, held)
 
     def _along_and_across(self, o: Observation) -> dict[str, Array]:
@@ -110,12 +118,9 @@ class _OnGround:
     def __init__(self, machine: Machine) -> None:
         mechanism, parameters = machine.mechanism, Parameters()
         frames = Frames(mechanism.coordinates, parameters)
-        loads = [
-            load
-            for element in machine.plan.elements(mechanism)
-            for load in element.loads(frames)
-            if load.link == GROUND
-        ]
+        unknowns = Unknowns(mechanism, frames, machine.plan.unknowns(mechanism), {}, [])
+        acting = [x for e in machine.plan.elements(mechanism) for x in e.loads(frames)]
+        loads = [load for load in [*acting, *unknowns.acting] if load.link == GROUND]
         terms = [
             add(*(load.force[0] for load in loads)),
             add(*(load.force[1] for load in loads)),
@@ -129,7 +134,9 @@ class _OnGround:
             ),
         ]
         self._outside = tuple(frames.outside)
-        known = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
+        known = [
+            *frames.q.values(), *frames.v.values(), *frames.outside.values(), *unknowns.sizes
+        ]  # fmt: skip
         self._function = SwitchedFunction(frames, [terms], known)
 
     def __call__(self, t: Array, o: Observation) -> Array:
@@ -137,6 +144,6 @@ class _OnGround:
         # positions are given with their whole turns: none are left out
         outside = [t if name == 'time' else np.zeros_like(t) for name in self._outside]
         (found,) = self._function(
-            np.concatenate([o.position, o.velocity, *(x[None] for x in outside)])
+            np.concatenate([o.position, o.velocity, *(x[None] for x in outside), *o.load[:, None]])
         )
         return found

@@ -12,7 +12,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point, Vector2, product
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
@@ -53,16 +53,17 @@ class Paths:
 
     Parameters
     ----------
-    places : P points of links
+    places : P points of links, or sums over arms
     """
 
-    def __init__(self, mechanism: Mechanism, places: Sequence[Place]) -> None:
+    def __init__(self, mechanism: Mechanism, places: Sequence[Place | Point]) -> None:
         self._count = len(places)
         parameters = Parameters()
         frames = Frames(mechanism.coordinates, parameters)
         expressions = []
-        for k, (link, at) in enumerate(places):
-            for jet in frames.position(mechanism.point(link, at), f'point{k}'):
+        for k, place in enumerate(places):
+            point = place if isinstance(place, dict) else mechanism.point(*place)
+            for jet in frames.position(point, f'point{k}'):
                 pull = add(*(mul(s, frames.a[n]) for n, s in jet.gradient.items()), jet.curvature)
                 expressions += [dense(x) for x in (jet.value, jet.rate, pull)]
         motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
@@ -91,12 +92,19 @@ class Poses:
     Parameters
     ----------
     q : (n, N) coordinates
+    magnified : how many times as large elastic links deform here
     """
 
-    def __init__(self, mechanism: Mechanism, q: Array) -> None:
+    def __init__(self, mechanism: Mechanism, q: Array, magnified: float = 1.0) -> None:
+        self._magnified = magnified
         links = [GROUND, *(body.name for body in mechanism.bodies)]
-        places: list[Place] = [(link, at) for link in links for at in ((0.0, 0.0), (1.0, 0.0))]
+        places = [
+            mechanism.point(link, at, deformed=False)
+            for link in links
+            for at in ((0.0, 0.0), (1.0, 0.0))
+        ]
         still = np.zeros_like(q)
+        self._beams, self._q = mechanism.beams, dict(zip(mechanism.coordinates, q, strict=True))
         at = Paths(mechanism, places)(q, still, still)[:, 0]
         self._origin = {link: at[2 * i] for i, link in enumerate(links)}
         self.along = {link: at[2 * i + 1] - at[2 * i] for i, link in enumerate(links)}
@@ -104,8 +112,14 @@ class Poses:
 
     def at(self, place: Place) -> Array:
         """A point of a link in the world (2, N) [m]."""
-        link, (x, y) = place
+        link, at = place
         ux, uy = self.along[link]
+        x, y = np.reshape(at, (2, 1))
+        arms = self._beams[link].arms(at) if link in self._beams else {}
+        for names, (dx, dy) in arms.items():
+            size, *_ = product(names, lambda name: (self._q[f'{link}.{name}'], 0.0, 0.0))
+            size = self._magnified * size
+            x, y = x + size * dx, y + size * dy
         return np.asarray(self._origin[link] + np.array([ux * x - uy * y, uy * x + ux * y]))
 
     def within(self, link: str, place: Place) -> Array:

@@ -162,6 +162,8 @@ class Ideal:
     def left_out(self) -> Iterator[str]:
         """What the mechanism of any format lacks, in sentences."""
         plan = self.machine.plan
+        for link in plan.ideal.beams:
+            yield f'{link}: it is rigid here'
         for joint in plan.joints:
             if isinstance(joint, PinInSlot):
                 yield f'{joint.name}: a block of {LIGHT:g} of the heaviest link is in the slot'
@@ -172,6 +174,8 @@ class Ideal:
                 yield f'{joint.name}: its teeth are rigid and true here'
             if joint.name in plan.clearances:
                 yield f'{joint.name}: it has no clearance here'
+        for friction in plan.frictions(plan.ideal):
+            yield f'{friction.name}: its friction is left out'
         for name in self.mechanism.cut:
             if isinstance(self.mechanism.joint(name), Prismatic):
                 yield f'{name}: left out: a guide cannot close a loop of guides'

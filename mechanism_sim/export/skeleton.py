@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from typing import get_args
 
 import numpy as np
@@ -12,7 +11,9 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import Place, Poses
+from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
+from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import (
     GROUND,
     HigherPair,
@@ -25,31 +26,9 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.view import Kind
 from mechanism_sim.scene import Machine
 
-_BOX = 1.7, 1.1
-"""Half length and half width of a slider, in units of the drawing's symbols."""
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A part of the drawing.
-
-    Attributes
-    ----------
-    kind : how it is painted
-    outline : its points on links
-    label : of the link or joint; none if empty
-    size : of wheels, of which the largest are painted first
-    """
-
-    kind: Kind
-    outline: tuple[Place, ...]
-    label: str = ''
-    size: float = 0.0
-
-    @property
-    def link(self) -> str:
-        """The link that carries it, or its first end."""
-        return self.outline[0][0]
+_MOUNT = 9.0  # length of the springs of a frame, in symbols
+_BODIES: tuple[Kind, ...] = 'wheel', 'cam', 'slider'
+_NEAR = 0.8  # a centre of gravity so near a joint is not marked, likewise
 
 
 class Skeleton:
@@ -60,34 +39,47 @@ class Skeleton:
     Parameters
     ----------
     q : (n, N)
-    marks : points to which their links reach too
+    points : of links, by name, that have no joint; their links reach to them, and they are marked
     springs : their ends
+    loose : joints with clearance, whose bushings are drawn
+    drives : driven coordinates, each with the sign of the sense in which it sets out
+    frames : bodies that carry the ground, each by the points it reaches to and those on springs
 
     Attributes
     ----------
     size : what joints, cams and the longest link cover [m]
     symbol : size of a joint, a sixtieth of it [m]
     shapes : in the order in which they are painted
+    springs : the ends of each, painted before all shapes as `shapes.coil`
+    links : that move, in the order of poses
     """
 
     def __init__(
         self,
         mechanism: Mechanism,
         q: Array,
-        marks: Iterable[Place] = (),
+        points: Mapping[str, Place] | None = None,
         springs: Iterable[tuple[Place, Place]] = (),
+        loose: Iterable[str] = (),
+        drives: Mapping[str, float] | None = None,
+        frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
     ) -> None:
         self.mechanism = mechanism
+        self.links = [body.name for body in mechanism.bodies]
+        self.springs, self._loose = list(springs), set(loose)
         self._poses = Poses(mechanism, q)
-        joints = mechanism.joints
+        joints, frames = mechanism.joints, frames or {}
         places = [x for j in joints for x in ((j.first, j.on_first), (j.second, j.on_second))]
-        springs, pairs = list(springs), [j for j in joints if isinstance(j, HigherPair)]
-        places += [end for ends in springs for end in ends]
+        pairs = [j for j in joints if isinstance(j, HigherPair)]
+        places += [end for ends in self.springs for end in ends]
         places += [place for pair in pairs for place in pair.covered()]
-        covered = np.ptp([self._poses.at(place) for place in places], axis=(0, 2))
-        self.size = max(float(covered.max()), mechanism.longest) or 1.0
+        covered = [self._poses.at(place) for place in places]
+        for place, radius in (disc for pair in pairs for disc in pair.discs()):
+            middle = self._poses.at(place)
+            covered += [middle - radius, middle + radius]
+        self.size = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest) or 1.0
         self.symbol = self.size / 60.0
-        self._corners: dict[str, list[Vector2]] = {b.name: [] for b in mechanism.bodies}
+        self._corners: dict[str, list[Vector2]] = {link: [] for link in self.links}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
         self._drawn: set[str] = set()
@@ -100,38 +92,62 @@ class Skeleton:
                 self._prismatic(joint)
             else:
                 joint.draw(self)
-        for ends in springs:
-            self.shapes.append(Shape('spring', ends))
-            self.shapes += [Shape('support', (end,)) for end in ends if end[0] == GROUND]
-            marks = [*marks, *ends]
-        for mark in marks:
-            self.reach(mark)
-        self.shapes += [self._link(body.name) for body in mechanism.bodies]
+        for place in (end for ends in self.springs for end in ends):
+            self._support(place)
+            self.reach(place)
+        for name, (corners, mounts) in frames.items():
+            self.add('frame', GROUND, np.array(corners + mounts), label=name)
+            for x, y in mounts:
+                foot = GROUND, (x, y - _MOUNT * self.symbol)
+                self.springs.append(((GROUND, (x, y)), foot))
+                self._support(foot)
+        bases = {(j.first, j.on_first) for j in joints if isinstance(j, Prismatic)}
+        self._mark(points or {}, [x for x in places if x not in bases])
+        for link in self.links:
+            self._link(link)
+        for coordinate, sense in (drives or {}).items():
+            self._arrow(coordinate, sense, places)
         order = get_args(Kind)
         self.shapes.sort(key=lambda shape: (order.index(shape.kind), -shape.size))
 
-    def placed(self, q: Array) -> list[Array]:
-        """The outlines (k, 2, N) of all shapes in the world [m] at coordinates q (n, N)."""
-        poses = Poses(self.mechanism, q)
-        return [np.array([poses.at(place) for place in s.outline]) for s in self.shapes]
+    def poses(self, q: Array) -> Array:
+        """Origins [m] and angles [rad] of the frames of the moving links, (N, L, 3)."""
+        at = self.mechanism
+        rows = [np.vstack([at.locate_all(x, q), at.angle_all(x, q)]) for x in self.links]
+        return np.array(rows).transpose(2, 0, 1)
+
+    def placed(self, link: str, points: Array, poses: Array) -> Array:
+        """Points (k, 2) [m] of a link in the world (N, k, 2)."""
+        if link not in self.links:
+            return np.broadcast_to(points, (len(poses), *np.shape(points)))
+        x, y, angle = poses[:, self.links.index(link)].T
+        c, s = np.cos(angle), np.sin(angle)
+        turned = points @ np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
+        return np.asarray(turned + np.stack([x, y], axis=1)[:, None])
 
     def _revolute(self, joint: Revolute) -> None:
         sides = [(joint.first, joint.on_first), (joint.second, joint.on_second)]
         for side in sides:
             self.reach(side)
-        ground = [side for side in sides if side[0] == GROUND]
-        self.shapes += [Shape('support', (side,)) for side in ground]
-        self.shapes.append(Shape('pin', ((ground or sides)[0],), joint.name))
+            self._support(side)
+        if joint.name in self._loose:
+            self.add('bushing', joint.second, np.array([joint.on_second]))
+        pin = sides[0] if joint.name in self._loose or sides[0][0] == GROUND else sides[1]
+        self.add('pin', pin[0], np.array([pin[1]]), label=joint.name)
+
+    def _support(self, place: Place) -> None:
+        if place[0] == GROUND and self.first(f'support {place}'):
+            self.add('support', GROUND, np.array([place[1]]))
 
     def _prismatic(self, joint: Prismatic) -> None:
         """A box on `second`, on a rail of `first`."""
         runner = self._poses.within(joint.first, (joint.second, joint.on_second))
         self.rail('rail', (joint.first, joint.on_first), joint.axis, runner)
-        length, width = (self.symbol * x for x in _BOX)
+        length, width = (self.symbol * x for x in BOX)
         corners = ((-length, -width), (length, -width), (length, width), (-length, width))
         turn = joint.axis - joint.angle
-        box = [(joint.second, _plus(joint.on_second, rotate(c, turn))) for c in corners]
-        self.shapes.append(Shape('slider', tuple(box), joint.name))
+        box = np.array([_plus(joint.on_second, rotate(c, turn)) for c in corners])
+        self.add('slider', joint.second, box, label=joint.name)
         self._bodied.add(joint.second)
         self.reach((joint.second, joint.on_second))
 
@@ -155,16 +171,17 @@ class Skeleton:
         return not known
 
     def add(
-        self, kind: Kind, outline: Sequence[Place], label: str = '', size: float = 0.0
+        self, kind: Kind, link: str, *curves: Array, label: str = '', size: float = 0.0
     ) -> None:
-        """A shape, which gives its links bodies; of wheels the largest are painted first."""
-        self.shapes.append(Shape(kind, tuple(outline), label, size))
+        """A shape; wheels and cams give their links bodies."""
+        number = self.links.index(link) if link in self.links else -1
+        self.shapes.append(Shape(kind, link, curves, self.symbol, label, size, number))
         if kind in ('wheel', 'cam'):
-            self._bodied |= {link for link, _ in outline}
+            self._bodied.add(link)
 
     def pin(self, place: Place, label: str) -> None:
         """A pin, to which its link reaches."""
-        self.shapes.append(Shape('pin', (place,), label))
+        self.add('pin', place[0], np.array([place[1]]), label=label)
         self.reach(place)
 
     def reach(self, place: Place) -> None:
@@ -181,12 +198,28 @@ class Skeleton:
         spare = 2.5 * self.symbol
         ends = float(along.min()) - spare, float(along.max()) + spare
         start, end = (_plus(base, (s * way[0], s * way[1])) for s in ends)
-        self.shapes.append(Shape(kind, ((link, start), (link, end))))
+        self.add(kind, link, np.array([start, end]))
         if link != GROUND:
             self._rails.append((link, start, end))
 
-    def _link(self, link: str) -> Shape:
-        """A link through its joints, meeting its rails where they are nearest."""
+    def _mark(self, points: Mapping[str, Place], known: Sequence[Place]) -> None:
+        """Points without joints, and centres of gravity away from joints."""
+        for place in points.values():
+            self.reach(place)
+            if place not in known and self.first(f'point {place}'):
+                self.add('point', place[0], np.array([place[1]]))
+        near = _NEAR * self.symbol
+        for body in self.mechanism.bodies:
+            there = [at for link, at in (*known, *points.values()) if link == body.name]
+            if body.mass and min(math.dist(at, body.cog) for at in there or [body.cog]) > near:
+                self.reach((body.name, body.cog))
+                self.add('cog', body.name, np.array([body.cog]))
+
+    def _link(self, link: str) -> None:
+        """A link through its points, meeting its rails where they are nearest.
+
+        The first curve has the corners of a plate, or the ends of a bar; a second one the rest.
+        """
         corners = self._corners[link]
         for owner, start, end in self._rails:
             if owner == link:
@@ -198,43 +231,101 @@ class Skeleton:
                 self._hands += 1
                 corners[-1] = corners[0][0] + 6.0 * self._hands * self.symbol, corners[0][1]
         distinct: list[Vector2] = []
-        for corner in corners:
+        for corner in corners or [cog]:
             if all(math.dist(corner, other) > 1e-9 for other in distinct):
                 distinct.append(corner)
-        outline = _around(distinct or [cog], self.symbol)
-        return Shape('link', tuple((link, corner) for corner in outline), link)
+        at = np.array(distinct)
+        if link in self._bodied and self._covered(link, at):
+            at = at[:1]
+        first = _corners(at, self.symbol)
+        rest = np.delete(at, first, axis=0)
+        self.add('link', link, at[first], *([rest] if len(rest) else []), label=link)
+
+    def _covered(self, link: str, points: Array) -> bool:
+        """Whether a wheel or a slider of a link shows all of some points (k, 2) of it."""
+        shown = [s.hull for s in self.shapes if s.link == link and s.kind in _BODIES]
+        return all(any(inside(hull, at) for hull in shown) for at in points)
+
+    def _arrow(self, drive: str, sense: float, places: Sequence[Place]) -> None:
+        """Beside the joint that carries what is driven."""
+        joint = next((j for j in self._guides if drive in (j.first, j.second)), None)
+        if joint is None or not sense:
+            return
+        if isinstance(joint, Prismatic):
+            beside = self._poses.within(joint.first, (joint.second, joint.on_second))[:, 0]
+            way = np.array(rotate((math.copysign(1.0, sense), 0.0), joint.axis))
+            at = beside + 2.4 * self.symbol * np.array([-abs(way[1]), abs(way[0])])
+            label = 'straight'
+        else:
+            at, label = np.array(joint.on_first), 'arc' if sense > 0.0 else 'clockwise'
+            way = at - np.mean([x for link, x in places if link == joint.first], axis=0)
+            way = np.array([way[0] or -1.0, abs(way[1])])  # supports are below
+        self.add('drive', joint.first, np.array([at, at + way]), label=label)
+
+    @property
+    def _guides(self) -> list[Revolute | Prismatic]:
+        """The joints that carry links, those of the ground first."""
+        lower = [j for j in self.mechanism.joints if not isinstance(j, HigherPair)]
+        return sorted(lower, key=lambda j: GROUND not in (j.first, j.second))
 
 
-def skeleton_of(machine: Machine, q: Array, marks: Iterable[Place] = ()) -> Skeleton:
-    """The skeleton of a machine with its springs; the parameters are those of `Skeleton`."""
+def skeleton_of(machine: Machine, q: Array) -> Skeleton:
+    """The skeleton of a machine with its springs, named points, loose joints, drive and frames."""
     elements = machine.plan.elements(machine.mechanism)
     springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
-    return Skeleton(machine.mechanism, q, marks, springs)
+    points = {
+        f'{link}.{name}': (link, at)
+        for link, named in machine.plan.points.items()
+        for name, at in named.items()
+        if name != 'start' or 'end' in named
+    }
+    ground = [
+        at
+        for j in machine.mechanism.joints
+        for link, at in ((j.first, j.on_first), (j.second, j.on_second))
+        if link == GROUND
+    ]
+    frames = {
+        name: ([*ground, part.cog], [mount.at for mount in part.mounts.values()])
+        for name, part in machine.scene.oscillators.items()
+    }
+    drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
+    return Skeleton(machine.mechanism, q, points, springs, machine.clearances, drives, frames)
 
 
-def bounds(skeleton: Skeleton, outlines: Sequence[Array]) -> tuple[Array, Array]:
-    """The lower left and upper right corner (2,) [m], with room for symbols and labels.
+def _sense(law: Law) -> float:
+    """Sign of the first motion that is prescribed, or of the torque or force."""
+    begun = law.coefficients[1:] if isinstance(law, DriveLaw) else law.coefficients
+    return next((c for c in begun if c), 0.0)
+
+
+def bounds(skeleton: Skeleton, poses: Array) -> tuple[Array, Array]:
+    """The lower left and upper right corner (2,) [m], with room for labels.
 
     Parameters
     ----------
-    outlines : (k, 2, N) [m] each, as `Skeleton.placed` gives them
+    poses : (N, L, 3) that are to be in the picture
     """
-    everything = np.concatenate([x.swapaxes(0, 1).reshape(2, -1) for x in outlines], axis=1)
-    low, high = everything.min(axis=1), everything.max(axis=1)
-    room = 5.0 * skeleton.symbol
+    placed = [skeleton.placed(s.link, s.hull, poses).reshape(-1, 2) for s in skeleton.shapes]
+    everything = np.concatenate(placed)
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    room = 2.5 * skeleton.symbol
     centre = 0.5 * (low + high)
     half = np.maximum(0.5 * (high - low) + room, [0.0, 18.0 * skeleton.symbol])
     return centre - half, centre + half
 
 
-def zigzag(ends: Array, width: float) -> Array:
-    """A spring between two points (2, 2), a row each, straight at its ends: (2, 17) [m]."""
-    start, end = ends
-    way = end - start
-    across = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), 1e-300)
-    share = np.array([0.0, *np.linspace(0.15, 0.85, 15), 1.0])
-    aside = np.array([0.0, 0.0, *(width * (-1.0) ** np.arange(13)), 0.0, 0.0])
-    return np.asarray(start[:, None] + way[:, None] * share + across[:, None] * aside)
+def round_below(value: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, ... that is not above a positive value."""
+    decade = 10.0 ** math.floor(math.log10(value))
+    return max(x * decade for x in (1.0, 2.0, 5.0) if x * decade <= value)
+
+
+def scale_bar(width: float) -> tuple[float, str]:
+    """A round length [m] of at most a fifth of a drawing's width [m], and how it is written."""
+    length = round_below(0.2 * width)
+    unit, name = next(x for x in ((1.0, 'm'), (1e-3, 'mm'), (0.0, 'µm')) if length >= x[0])
+    return length, f'{length / (unit or 1e-6):.3g} {name}'
 
 
 def _plus(a: Vector2, b: Vector2) -> Vector2:
@@ -252,17 +343,17 @@ def _nearest(start: Vector2, end: Vector2, others: Sequence[Vector2]) -> Vector2
     return start[0] + share * dx, start[1] + share * dy
 
 
-def _around(corners: Sequence[Vector2], thin: float) -> tuple[Vector2, ...]:
-    """The corners of a plate that all of them lie on.
+def _corners(points: Array, thin: float) -> list[int]:
+    """Numbers of the corners of the plate that all points (k, 2) lie on.
 
-    Of corners on one line, or nearly so, both ends.
+    Of points on one line, or nearly so, those of both ends.
     """
-    if len(corners) < 3:
-        return tuple(corners)
-    at = np.array(corners)
-    at -= at.mean(axis=0)
+    if len(points) < 3:
+        return list(range(len(points)))
+    at = points - points.mean(axis=0)
     _, _, (along, across) = np.linalg.svd(at, full_matrices=False)
     if np.ptp(at @ across) < thin:
         place = at @ along
-        return corners[int(place.argmin())], corners[int(place.argmax())]
-    return tuple(corners[i] for i in scipy.spatial.ConvexHull(at).vertices)
+        return [int(place.argmin()), int(place.argmax())]
+    found: list[int] = scipy.spatial.ConvexHull(points).vertices.tolist()
+    return found

@@ -242,19 +242,23 @@ class Gear:
         """Thickness at the addendum circle [m]."""
         return self.thickness(self.tip_radius)
 
-    def flank(self, points: int = 25) -> Array:
+    def flank(self, points: int = 25, fillet: bool = False) -> Array:
         """Upper flank of the tooth about the x axis, root to tip: x, y [m], (points, 2).
 
-        Involute, and inside the base circle a radius ([V] 5.7); the fillet at the root, which the
-        cutter's corner makes, is drawn of undercut teeth only. [V] eqs. 5.17 to 5.19.
+        Involute, and inside the base circle a radius ([V] 5.7). [V] eqs. 5.17 to 5.19.
+
+        Parameters
+        ----------
+        fillet : the root as the rack's rounded corner cuts it, which undercut teeth always have;
+            internal teeth, which no rack cuts, have none
         """
         b, root, tip = self.form_radius, self.root_radius, self.tip_radius
-        if self.undercut:
-            fillet = Fillet.of(self).points(points // 2)
-            radii = np.linspace(b, tip, points - points // 2 + 1)[1:]
+        if self.undercut or (fillet and not self.internal):
+            cut = Fillet.of(self)
+            radii = np.linspace(cut.end, tip, points - points // 2 + 1)[1:]
             angles = np.array([self.half_angle(r) for r in radii])
             involute = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
-            return np.concatenate([fillet, involute])
+            return np.concatenate([cut.points(points // 2), involute])
         inner, outer = sorted((max(b, root), tip))
         radial = root < b
         # equal steps along the base circle's tangent
@@ -267,13 +271,15 @@ class Gear:
             radii, angles = radii[::-1], angles[::-1]
         return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
 
-    def outline(self, points: int = 25, angle: float = 0.0, arc: int = 0) -> Array:
+    def outline(
+        self, points: int = 25, angle: float = 0.0, arc: int = 0, fillet: bool = False
+    ) -> Array:
         """All teeth, counterclockwise, one of them at an angle [rad]: x, y [m], (n, 2).
 
         Tips and roots have `arc` points between flanks, n = 2 N (points + arc); without, they are
-        straight lines.
+        straight lines. `fillet` is as in `flank`.
         """
-        flank = self.flank(points) @ (1.0, 1.0j)
+        flank = self.flank(points, fillet) @ (1.0, 1.0j)
         inside = np.linspace(-1.0, 1.0, arc + 2)[1:-1]
         half_space, half_tip = math.pi / self.teeth - np.angle(flank[0]), np.angle(flank[-1])
         tip = abs(flank[-1]) * np.exp(1j * half_tip * inside)
@@ -330,7 +336,13 @@ class Fillet:
 
     @property
     def crossing(self) -> float:
-        """Place x [m] at which the fillet of an undercut tooth crosses the involute."""
+        """Place x [m] at which the fillet touches the involute, or where it undercuts crosses it.
+
+        Without undercut the arc goes over into the flank of the rack, and the fillet into the
+        involute, without a corner.
+        """
+        if not self.gear.undercut:
+            return self.last
         base, space = self.gear.base_radius, math.pi / self.gear.teeth
 
         def inside(x: float) -> float:

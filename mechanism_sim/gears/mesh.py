@@ -41,7 +41,9 @@ from mechanism_sim.planar.mechanism import (
     rotate,
 )
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View
+from mechanism_sim.planar.view import Array, Charted, Draft, ToothLoad, View, circle
+
+_FLANK = 14  # points of a drawn flank, its fillet among them
 
 
 class Teeth(NamedTuple):
@@ -91,6 +93,7 @@ class GearMesh(HigherPair):
     bearings: tuple[str, ...] = ()  #: shafts between gears and carrier, and the guide
     wheels: tuple[Teeth, ...] = ()
     contact_ratio: float = math.nan
+    sliding_arm: float = 0.0  #: [m] mean distance of contact from the pitch point
     helix_angle: float = 0.0  #: [rad] on the working pitch circles
     hand: int = 1  #: of the first: 1 right, -1 left
     along: tuple[float, float] = (0.0, 0.0)  #: [m] where both lie on their shafts
@@ -157,17 +160,14 @@ class GearMesh(HigherPair):
             if not draft.first(teeth.name):
                 continue
             if teeth.rack:
-                outline = self._straight_teeth(draft, teeth)
-            else:
-                outline = teeth.gear.outline(6, teeth.tooth)
-                if teeth.gear.internal:  # a ring around its teeth, cut open where they end
-                    rim = teeth.gear.root_radius + 2.0 * teeth.gear.module
-                    turn = np.linspace(0.0, 2.0 * math.pi, 181) + np.arctan2(*outline[0, ::-1])
-                    circle = rim * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-                    outline = np.concatenate([outline, outline[:1], circle[::-1]])
-                outline = outline + at
-            places = [(link, (float(x), float(y))) for x, y in outline]
-            draft.add('wheel', places, size=0.0 if teeth.rack else teeth.gear.tip_radius)
+                draft.add('wheel', link, self._straight_teeth(draft, teeth) + at)
+                continue
+            gear = teeth.gear
+            curves = [gear.outline(_FLANK, teeth.tooth, arc=2, fillet=True) + at]
+            if gear.internal:  # a ring around its teeth
+                rim = gear.root_radius + 2.0 * gear.module
+                curves.append(circle(rim, at))
+            draft.add('wheel', link, *curves, size=gear.tip_radius)
 
     def _straight_teeth(self, draft: Draft, teeth: Teeth) -> Array:
         """Of a rack, as many as the motion needs, with its back (k, 2) in its link's frame."""

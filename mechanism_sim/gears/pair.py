@@ -189,18 +189,27 @@ class Pair:
         """
         if not 0.0 <= friction < math.inf:
             raise InputError('a coefficient of friction is not negative')
-        (start, end), pitch = self.path, self.pinion.base_pitch
-        shifts = [k * pitch for k in range(math.ceil(self.contact_ratio) + 1)]
-        # between these the number of pairs in contact, and the sense of sliding, stay the same
-        places = {0.0, *(start + d for d in shifts), *(end - d for d in shifts)}
-        integral = 0.0
-        for a, b in pairwise(sorted(s for s in places if start <= s <= end)):
-            middle = (a + b) / 2.0
-            others = (side * d for side in (-1, 1) for d in shifts[1:])
-            touching = 1 + sum(start <= middle + d <= end for d in others)
-            integral += abs(b * b - a * a) / 2.0 / touching
         sliding = 1.0 / self.pinion.teeth + self._side / self.wheel.teeth
-        return 1.0 - 2.0 * math.pi * friction * sliding * integral / pitch**2
+        pitch = self.pinion.base_pitch
+        return 1.0 - 2.0 * math.pi * friction * sliding * sliding_arm(self.path, pitch) / pitch
+
+
+def sliding_arm(path: Path, pitch: float) -> float:
+    """Mean distance [m] of contact from the pitch point, of a force that all teeth share equally.
+
+    The integral of |s|/n along the path, over the base pitch; n pairs of teeth touch.
+    """
+    start, end = path
+    shifts = [k * pitch for k in range(math.ceil((end - start) / pitch) + 1)]
+    # between these the number of pairs in contact, and the sense of sliding, stay the same
+    places = {0.0, *(start + d for d in shifts), *(end - d for d in shifts)}
+    integral = 0.0
+    for a, b in pairwise(sorted(s for s in places if start <= s <= end)):
+        middle = (a + b) / 2.0
+        others = (side * d for side in (-1, 1) for d in shifts[1:])
+        touching = 1 + sum(start <= middle + d <= end for d in others)
+        integral += abs(b * b - a * a) / 2.0 / touching
+    return integral / pitch
 
 
 def path_with_rack(pinion: Gear, out: float = 0.0) -> Path:

@@ -19,7 +19,7 @@ import numpy as np
 from mechanism_sim.gears.forces import WormPair
 from mechanism_sim.gears.reading import GearReading
 from mechanism_sim.gears.transmission import Transmission
-from mechanism_sim.planar.view import Array, Draft, ToothLoad, View
+from mechanism_sim.planar.view import Array, Draft, ToothLoad, View, circle
 
 UNIT = WormPair(1, 1, 1.0, math.pi / 4)
 """What fields of dataclasses after others with defaults need."""
@@ -68,10 +68,9 @@ class SpatialPair(Transmission):
         for link, at, radius in zip(
             (self.first, self.second), (self.on_first, self.on_second), self.radii, strict=True
         ):
-            turn = np.linspace(0.0, 2.0 * math.pi, 73)
-            size = radius * np.where(np.arange(73) % 72, 1.0, 0.85)
-            points = np.stack([size * np.cos(turn), size * np.sin(turn)], axis=1) + at
-            draft.add('wheel', [(link, (float(x), float(y))) for x, y in points], size=radius)
+            notch = 0.85 * radius, 0.0
+            rim = np.vstack([np.array([notch]) + at, circle(radius, at)[1:]])
+            draft.add('wheel', link, rim, size=radius)
 
     def reading(self, view: View) -> GearReading:
         """Motion and torques, and the force on the second."""

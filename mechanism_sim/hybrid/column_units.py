@@ -13,6 +13,7 @@ _UNITS = {
     'gap': ('m', 'm'),
     'energy': ('J', 'J'),
     'drive_power': ('W', 'W'),
+    'friction_loss': ('W', 'W'),
     'drive_torque': ('N m', 'N'),
     'shaking_moment': ('N m', 'N m'),
     't': ('s', 's'),
@@ -20,6 +21,8 @@ _UNITS = {
     'contact': ('m', 'm'),
     'contact_speed': ('m/s', 'm/s'),
     'sliding_speed': ('m/s', 'm/s'),
+    'deflection': ('m', 'm'),
+    'stress': ('Pa', 'Pa'),
     'closed': ('', ''),
     'mode': ('', ''),
 }
@@ -49,6 +52,8 @@ def unit_of(run: HasPhysics, column: str) -> str:
     if part_of(column) in ('direction', 'moment'):
         return 'rad' if part_of(column) == 'direction' else 'N m'
     physics = run.physics
+    if kind == 'load':
+        return physics.unknowns[rest]
     first = physics.driven[:1] if kind == 'drive_torque' and not rest else (rest,)
     turning = all(c in physics.coordinates and c not in physics.displacements for c in first)
     return _UNITS.get(kind, ('N', 'N'))[0 if turning else 1]

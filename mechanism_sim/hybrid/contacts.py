@@ -136,6 +136,16 @@ class Contacts:
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     @property
+    def sides(self) -> tuple[float, ...]:
+        """Signs of what presses on lines that rub."""
+        return tuple(self._pars[i] for i in self._system.side_index)
+
+    @sides.setter
+    def sides(self, signs: Sequence[float]) -> None:
+        self._set(self._system.side_index, signs)
+        self._set_status()
+
+    @property
     def time(self) -> float:
         """Present time [s]."""
         return self.base.at(float(self._ta.time))
@@ -174,6 +184,7 @@ class Contacts:
 
     def _set_status(self) -> None:
         acting = tuple(self.switches[k] for k in self._system.holding)
+        acting += tuple(int(side > 0.0) for side in self.sides)
         self.status = Status(self.modes, self.approach, acting)
 
     def _set_flags(self, begins: bool) -> None:
@@ -259,6 +270,9 @@ class Contacts:
         if self.switches:
             self.set_switches()
             self.pass_edges()
+        if self._system.side_index:
+            self.sides = (1.0,) * len(self._system.side_index)
+            self._respond_to_missed()
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
             terms = self.terms()
@@ -296,7 +310,8 @@ class Contacts:
     def handle(self, guard: int) -> None:
         """A guard fell through zero."""
         found = self._system.guards[guard]
-        if self._flies_free and found.switch is None and self._bounce(found.gap):
+        flies = self._flies_free and found.gap >= 0
+        if flies and self._bounce(found.gap):
             if self._system.holding:
                 self._release()
             if len(self._floor) == len(self.modes):
@@ -325,6 +340,13 @@ class Contacts:
 
     def _resolve(self, guard: Guard) -> None:
         gap, before = guard.gap, self.modes
+        if guard == Guard(-1, 0):
+            raise self._rubbed_fast()
+        if guard.side is not None:
+            index = self._system.side_index[guard.side]
+            self._pars[index] = -self._pars[index]
+            self._set_status()
+            return
         if guard.switch is not None:
             k, rows = guard.switch, self.switches
             self._count_turns(k)
@@ -388,9 +410,7 @@ class Contacts:
             self._places()[switch],
         )
         if switch in self._system.holding:
-            own = 5 * [*self._system.holding].index(switch)
-            seen = self._at_present(self._system.holding_rates)[own : own + 5].tolist()
-            held = self._system.holding[switch].holding(row, seen, place)
+            held = self._system.holding[switch].holding(row, self._rates_of(switch), place)
             if held is not None:
                 return held
         try:
@@ -398,9 +418,33 @@ class Contacts:
         except RunError as error:
             raise RunError(f'{error} (t = {self.time:.9g} s)') from error
 
+    def _rates_of(self, switch: int) -> list[float]:
+        """What `Switch.holding` asks for of a switch of rates."""
+        system = self._system
+        own = [*system.holding].index(switch)
+        function, kept = system.holding_rates, self._parameters.copy()
+        part = float(self._at_present(function)[len(system.holding) + own])
+        seen = []
+        for others in (True, False):
+            for k, index in enumerate(system.switch_index):
+                if k in system.holding and (k == switch or not others):
+                    self._pars[index[1]] = 0.0
+            for flag in (0.0, 1.0):
+                self._pars[system.switch_index[switch][0]] = flag
+                seen.append(float(self._at_present(function)[own]))
+        self._parameters[:] = kept
+        return [*seen, part]
+
+    def _rubbed_fast(self) -> RunError:
+        joints = [rub.friction.name for rub in self._system.dynamics.rubs]
+        return RunError(
+            f'friction jams at t = {self.time:.9g} s{self._where}: in {", ".join(joints)} no '
+            'finite forces let the motion go on; a smaller coefficient or radius runs'
+        )
+
     def _freeze(self, held: Sequence[int]) -> None:
         """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._at_present(self._system.holding_rates)[4::5].tolist()
+        parts = self._at_present(self._system.holding_rates)[len(self._system.holding) :].tolist()
         for k, part in zip(self._system.holding, parts, strict=True):
             if k in held:
                 self._pars[self._system.switch_index[k][0]] = part

@@ -96,7 +96,7 @@ class Status(NamedTuple):
 
     modes: tuple[int, ...]
     approach: tuple[float, ...]
-    acting: tuple[int, ...] = ()  #: rows of the switches of rates
+    acting: tuple[int, ...] = ()  #: rows of the switches of rates, then of sides
 
 
 _BLOCK = 256  # steps

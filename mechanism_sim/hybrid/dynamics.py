@@ -33,6 +33,7 @@ from mechanism_sim.numerics.symbolic import (
 )
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
@@ -59,6 +60,13 @@ class Dynamics:
 
     Rows are the normals of all gaps and, if any gap has friction, the tangents of all gaps.
 
+    ``M + lent G^T G`` in the place of M changes the forces of closures only, by ``lent G a``,
+    which is known: so links without mass, whose M is singular, can be solved for.
+
+    Parameters
+    ----------
+    lent : [kg] to the rows of the closures; 0 for none
+
     Attributes
     ----------
     normal, tangent : jets of the gaps, and of their slip where there is friction
@@ -78,7 +86,8 @@ class Dynamics:
     jam_margin : determinant of the equations of the normal forces over that without the friction
         of what slides; where it is 0, that friction jams
     exact, stabilised : the solution without and with Baumgarte's terms
-    loads : forces and moments of the elements
+    loads : forces and moments of the elements, and of friction in ideal joints
+    rubs : that friction
     torques : of every powered coordinate the three coefficients of its law
     drive_torques : of every powered coordinate that of its law and of its motor [N m, N]
     """
@@ -93,9 +102,12 @@ class Dynamics:
         powered: Sequence[str],
         elements: Sequence[ForceElement] = (),
         motors: Sequence[Motor] = (),
+        frictions: Sequence[JointFriction] = (),
+        lent: float = 0.0,
     ) -> None:
         self.equations = eq = Equations(mechanism, gaps, relations)
         p = eq.parameters
+        self._lent = p('closures.lent', lent)
         self._free = [i for i, c in enumerate(eq.coordinates) if c not in prescribed]
         self._driven = [eq.coordinates.index(c) for c in prescribed]
         self._degree = degree
@@ -134,6 +146,8 @@ class Dynamics:
             self.active[: len(gaps)] = [hy.expression(0.0)] * len(gaps)
         self._gaps = tuple(gaps)
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
+        self.rubs: list[Rub] = rubs(frictions, eq.frames)
+        self.loads += [load for rub in self.rubs for load in rub.loads]
         self._pushes = generalised(self.loads, eq.frames, mechanism)
         self._reduce(powered)
         self.jam_margin: Term = None
@@ -170,6 +184,12 @@ class Dynamics:
         self.J: Matrix = [self._free_row(jet) for jet in self.rows]
         G = [self._free_row(jet) for jet in self.relation]
         M = [[eq.M[i][j] for j in free] for i in free]
+        if self._lent is not None:
+            for i, line in enumerate(M):
+                for j in range(len(M)):
+                    line[j] = add(
+                        line[j], mul(self._lent, dot([g[i] for g in G], [g[j] for g in G]))
+                    )
         solved = solve_symmetric(M, [rhs, *self.J, *G])
         self._unconstrained, W = solved[0], solved[1 : 1 + len(self.J)]
         self._W_G = solved[1 + len(self.J) :]
@@ -262,19 +282,20 @@ class Dynamics:
         a = self._unconstrained
         if not self.relation:
             return a, []
-        off = [
+        wanted = [  # of G a
             neg(
                 add(
-                    dot(row, a),
                     dot(self._driven_row(jet), self._a_p),
                     jet.curvature,
                     self._stabilising_term(jet, stabilised),
                 )
             )
-            for row, jet in zip(self._G, self.relation, strict=True)
+            for jet in self.relation
         ]
+        off = [add(x, neg(dot(row, a))) for row, x in zip(self._G, wanted, strict=True)]
         factors = solve_symmetric(self._S, [off])[0]
-        return self._with(a, self._W_G, factors), factors
+        forces = [add(f, neg(mul(self._lent, x))) for f, x in zip(factors, wanted, strict=True)]
+        return self._with(a, self._W_G, factors), forces
 
     def _second_derivatives(self, a: Vector, stabilised: bool = False) -> Vector:
         return [

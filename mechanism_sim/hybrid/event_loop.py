@@ -403,9 +403,10 @@ class EventLoop:
             self._back_to(tau)
             if self._contacts.singular_joints():
                 return self._singular.undecided()
+        far = ', or its elastic links bend too far' if self._system.mechanism.beams else ''
         return RunError(
             f'the integration broke down at t = {self._base.high + tau:.9g} s: the state '
-            'became infinite; the mechanism may be at a singular position'
+            f'became infinite; the mechanism may be at a singular position{far}'
         )
 
     def _cut(self, at: float) -> None:
@@ -552,6 +553,7 @@ class EventLoop:
             self._simultaneous,
             self.events,
             stride,
+            contacts.sides,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -566,6 +568,7 @@ class EventLoop:
         self._pars[self._stabilisation] = s.stabilisation
         self._contacts.set_modes(s.modes, s.approach)
         self._contacts.set_switches(s.switches)
+        self._contacts.sides = s.sides
         if self._touches:
             self._touches.present = tuple(Touch(*touch) for touch in s.touches)
         self._contacts.horizon = s.horizon

@@ -13,13 +13,13 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.system import Array, System
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
-from mechanism_sim.planar.loads import Wrench, together
-from mechanism_sim.planar.protocols import JointForce
-from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
+from mechanism_sim.planar.joint_friction import with_friction
+from mechanism_sim.planar.reactions import energies, generalized_forces
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 
@@ -33,7 +33,14 @@ class TouchTerms(NamedTuple):
     normal_angle: Array  #: (m, N) [rad]
 
 
-_OF_TOUCHES = 'holding_rate', 'contact_loss', 'gap_rate', 'normal_angle'
+_OF_TOUCHES = 'contact_loss', 'gap_rate', 'normal_angle'
+_OBSERVED = (
+    'acceleration', 'gap', 'closure', 'normal_force', 'friction_force', 'friction_power',
+    'drive_torque', 'reaction', 'moment', 'energy',
+)  # fmt: skip
+
+_RUBBED = 1e-9
+"""Of a bound: farther from its law no friction is let go."""
 
 _SWEEPS, _SETTLED = 1000, 1e-14  # of the iteration for switches that hold together
 
@@ -62,24 +69,7 @@ class Observer:
         a |= {
             c: eq.frames.a[c] if self.system.degree > 1 else None for c in self.system.prescribed
         }
-        cut: dict[str, Wrench] = {}
-        for gap, N, T in zip(self.system.gaps, solved.N, solved.T, strict=True):
-            pressed = gap.wrench(eq.frames, N, T)
-            before = cut.get(gap.joint)
-            cut[gap.joint] = together(before, pressed) if before else pressed
-        loads = []
-        for element in self.system.elements:
-            if isinstance(element, JointForce):
-                cut[element.name] = element.wrench(eq.frames)
-                loads += element.loads(eq.frames)[2:]
-            else:
-                loads += element.loads(eq.frames)
-        forces = list(solved.closing_forces)
-        for relation in self.system.relations:
-            count = len(relation.values(eq.frames))
-            cut[relation.name] = relation.wrench(eq.frames, forces[:count])
-            forces = forces[count:]
-        reactions = tree_reactions(eq, a, cut, loads)
+        reactions = with_friction(d.rubs, self.system.reactions(solved), eq.frames)
         supplied = generalized_forces(eq, a)
         torques = [
             add(supplied[self.system.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
@@ -87,6 +77,7 @@ class Observer:
         ]
         friction = [neg(mul(solved.T[i], d.tangent[i].rate)) for i in d.frictional]
         friction += [element.power_lost(eq.frames) for element in self.system.elements]
+        friction += [*(rub.power_lost for rub in d.rubs), eq.strain_loss]
         kinetic, potential = energies(eq)
         potential = add(
             potential, *(element.energy(eq.frames) for element in self.system.elements)
@@ -103,7 +94,7 @@ class Observer:
                 forces_N[i] = push
                 slides = mul(solved.T[i], d.tangent[i].rate) if i in d.tangent else None
                 losses.append(add(lost * rate, neg(slides)))
-        return {
+        terms: dict[str, list[Term]] = {
             'acceleration': [a[c] for c in self.system.coordinates],
             'gap': [jet.value for jet in d.normal],
             'closure': [jet.value for jet in d.relation],
@@ -122,6 +113,14 @@ class Observer:
             ],
             'normal_angle': self.system.normal_angles,
         }
+        if not d.rubs:
+            return terms
+        acts, parts = self.system.acting(solved), self.system.parts(solved)
+        terms['part'] = [s.flag for s in self.system.holding.values()]
+        found = {
+            name: list(hy.subs([dense(x) for x in group], parts)) for name, group in terms.items()
+        }
+        return found | {'residual': acts.residual}
 
     def _compiled(self, names: Sequence[str]) -> SwitchedFunction:
         """These terms as a function of what `_inputs` makes."""
@@ -136,6 +135,9 @@ class Observer:
             replace[constant] = hy.make_vars(f'torque{k}')
             variables.append(replace[constant])
             replace |= dict.fromkeys(others, hy.expression(0.0))
+        for k, side in enumerate(self.system.sides):
+            replace[side] = hy.make_vars(f'side{k}')
+            variables.append(replace[side])
         groups = [self.system.unpulled(self._terms[name]) for name in names]
         if replace:
             groups = [list(hy.subs(group, replace)) for group in groups]
@@ -144,6 +146,11 @@ class Observer:
         prescribed = [frames.a[c] for c in self.system.prescribed]
         variables = [*symbols, *prescribed, *variables, *frames.outside.values()]
         return SwitchedFunction(frames, groups, variables)
+
+    @property
+    def _rubs(self) -> bool:
+        """Whether ideal joints have friction, with which all that holds is found at once."""
+        return bool(self.system.dynamics.rubs)
 
     @cached_property
     def _holding_rates(self) -> SwitchedFunction:
@@ -156,7 +163,7 @@ class Observer:
         they hold, by projected Gauss-Seidel iteration.
         """
         flags, holds = self.system.holding_rows
-        if rows is None or not flags or not (held := rows[holds] > 0.0).any():
+        if rows is None or self._rubs or not flags or not (held := rows[holds] > 0.0).any():
             return rows
         columns = np.flatnonzero(held.any(axis=0))
         held, now, inputs = held[:, columns], rows[:, columns], inputs[:, columns]
@@ -186,7 +193,7 @@ class Observer:
 
     @cached_property
     def _observe(self) -> SwitchedFunction:
-        return self._compiled(list(self._terms)[: -len(_OF_TOUCHES)])
+        return self._compiled([*_OBSERVED, *(['residual'] if self._rubs else [])])
 
     @cached_property
     def _account(self) -> SwitchedFunction:
@@ -202,6 +209,7 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> Observation:
         """Accelerations, forces and energies at N instants.
 
@@ -214,11 +222,17 @@ class Observer:
         approach : (m, N) [m/s] of the first touch of compliant contacts
         outside : (k, N) what is named by the attribute `outside`
         rows : values of the switches, if not those at these places
+        sides : (k, N) signs of what presses on the lines that rub
         """
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
         (
-            a, gap, _, N, T, friction, drive_torque, reaction, moment, energy,
+            a, gap, _, N, T, friction, drive_torque, reaction, moment, energy, *residual,
         ) = self._observe(inputs, self._with_parts(inputs, rows))  # fmt: skip
+        if residual and np.abs(residual[0]).max(initial=0.0) > _RUBBED:
+            raise RunError(
+                'friction in ideal joints does not follow from their forces: it nearly jams; '
+                'a smaller coefficient or radius runs'
+            )
         return Observation(
             q,
             v,
@@ -245,9 +259,10 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> Account:
         """Terms of the energy balance at the instants of `observe`; far cheaper."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
         gap, closure, N, friction, drive_torque = self._account(
             inputs, self._with_parts(inputs, rows)
         )
@@ -268,16 +283,19 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> Array:
         """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
+        if self._rubs:
+            return self._compiled(['part'])(inputs, rows)[0]
         known = self._with_parts(inputs, rows)
         flags, _ = self.system.holding_rows
         return np.zeros((len(flags), q.shape[1])) if known is None else known[flags]
 
     @cached_property
     def _touch(self) -> SwitchedFunction:
-        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES[1:]])
+        return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES])
 
     def touch(
         self,
@@ -289,9 +307,10 @@ class Observer:
         approach: Array | None = None,
         outside: Array | None = None,
         rows: Array | None = None,
+        sides: Array | None = None,
     ) -> TouchTerms:
         """Compliant contacts at the instants that `observe` would be given."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside)
+        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
         return TouchTerms(*self._touch(inputs, self._with_parts(inputs, rows)))
 
     def _inputs(
@@ -303,6 +322,7 @@ class Observer:
         torque: Array | None,
         approach: Array | None,
         outside: Array | None,
+        sides: Array | None,
     ) -> Array:
         """One array of all inputs."""
         d, count = self.system.dynamics, q.shape[1]
@@ -317,7 +337,8 @@ class Observer:
             flags.append(np.ones_like(modes, float) if approach is None else approach)
             flags.append((modes > Mode.FREE_FLIGHT) & (modes < Mode.RECOVERING))
         given = np.zeros((len(self.system.outside), count)) if outside is None else outside
-        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, given)
+        known = np.ones((len(self.system.side_index), count)) if sides is None else sides
+        rows = (q, v, a_p, *(np.reshape(x, (-1, count)) for x in flags), torque, known, given)
         return np.concatenate(rows)
 
     def distances(self, values: Array) -> Array:

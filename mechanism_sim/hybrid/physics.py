@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -38,12 +39,19 @@ class Physics(Protocol):
         """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
 
     @property
+    def unknowns(self) -> Mapping[str, str]:
+        """Units of the loads whose sizes follow from the motion, by name."""
+
+    @property
     def displacements(self) -> tuple[str, ...]:
         """Names of the coordinates that are displacements."""
 
     @property
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
+
+    def strained(self, q: Array) -> dict[str, Array]:
+        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -79,6 +87,7 @@ class DynamicPhysics:
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
 
     has_forces = True
+    unknowns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, observer: Observer) -> None:
         self.observer = observer
@@ -88,6 +97,10 @@ class DynamicPhysics:
         self.driven = (*system.prescribed, *system.powered)
         self.displacements = system.mechanism.displacements
         self.clearances = tuple(gap.name for gap in system.gaps)
+
+    def strained(self, q: Array) -> dict[str, Array]:
+        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
+        return self.system.mechanism.strained(q)
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -142,7 +155,7 @@ class DynamicPhysics:
 
     def _state(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array, Array | None]:
+    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array, Array | None, Array]:
         """What `System.observe` asks for, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         if isinstance(dt, Nodes):
@@ -167,15 +180,25 @@ class DynamicPhysics:
             motion.approach_at(segments, dt),
             outside(self.system.outside, self.coordinates, curve, segments, dt),
             self._rows(motion, segments, dt),
+            self._sides(motion, segments, dt),
         )
 
     def _rows(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array | None:
         """Values of the switches: those of rates as they were, others by their places."""
         found = rows(self.system.edges, self.coordinates, motion.curve, segments, dt)
         if found is not None and motion.acting.size:
-            acting = np.repeat(motion.acting[segments], instants(dt), axis=0).T
             flags, holds = self.system.holding_rows
+            acting = np.repeat(motion.acting[segments, : len(flags)], instants(dt), axis=0).T
             found[flags], found[holds] = acting % HOLDS, acting == HOLDS
+        return found
+
+    def _sides(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Signs (k, N) of what presses on the lines that rub."""
+        count = len(self.system.side_index)
+        if not count:
+            return np.zeros((0, len(segments) * instants(dt)))
+        own = motion.acting[segments, -count:].astype(float)
+        found: Array = 2.0 * np.repeat(own, instants(dt), axis=0).T - 1.0
         return found
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:

@@ -82,6 +82,7 @@ def table(physics: Physics, s: Samples) -> dict[str, Array]:
         ('acceleration', o.acceleration),
     ):
         columns |= {f'{name}.{c}': row for c, row in zip(physics.coordinates, rows, strict=True)}
+    columns |= physics.strained(o.position)
     for i, joint in enumerate(physics.clearances):
         columns[f'gap.{joint}'] = o.gap[i]
         columns[f'normal_force.{joint}'] = o.normal_force[i]
@@ -97,6 +98,7 @@ def table(physics: Physics, s: Samples) -> dict[str, Array]:
         columns['drive_torque'] = o.drive_torque[0]
         for coordinate, row in zip(physics.driven[1:], o.drive_torque[1:], strict=True):
             columns[f'drive_torque.{coordinate}'] = row
+        columns |= {f'load.{x}': row for x, row in zip(physics.unknowns, o.load, strict=True)}
         columns['energy.kinetic'] = o.kinetic_energy
         columns['energy.potential'] = o.potential_energy
         columns['energy.drive_work'] = s.drive_work

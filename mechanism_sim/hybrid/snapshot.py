@@ -55,6 +55,7 @@ class Snapshot:
     simultaneous: int  #: events at that time
     events: int
     stride: float = 0.0  #: [s] of regular steps
+    sides: tuple[float, ...] = ()  #: signs of what presses on lines that rub
 
     @property
     def time(self) -> float:
@@ -103,6 +104,7 @@ class Snapshot:
             data['modes'] = tuple(data['modes'])
             data['touches'] = tuple(tuple(map(float.fromhex, x)) for x in data['touches'])
             data['switches'] = tuple(data['switches'])
+            data['sides'] = tuple(data['sides'])
             data['laws'] = tuple(_law_from_json(law) for law in data['laws'])
             data['coming'] = tuple(_law_from_json(law) for law in data['coming'])
             return cls(**data)

@@ -77,6 +77,7 @@ class Piece(Rich):
         ``reaction.JOINT.x``, ``.y`` [N] (of the first-named on the second-named link),
         ``.moment`` [N m] about its point on the latter where a joint transmits one,
         ``drive_torque`` [N m, or N] of the first drive and ``drive_torque.COORDINATE`` of others,
+        ``load.NAME`` [N, or N m] of loads whose size is unknown,
         ``energy.kinetic``, ``energy.potential``, ``energy.drive_work``,
         ``energy.dissipated`` [J].
 

@@ -10,19 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.contact.problem import Layout
-from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics
+from mechanism_sim.hybrid.dynamics import ROUGH, Dynamics, Solved
+from mechanism_sim.hybrid.holding import Acting, acting
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, solve_symmetric
+from mechanism_sim.planar.joint_friction import JointFriction, Pressed
+from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
-from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
+from mechanism_sim.planar.protocols import ForceElement, Gap, JointForce, Relation
+from mechanism_sim.planar.reactions import tree_reactions
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, by_level
 
@@ -54,14 +58,23 @@ JAMMED_ROUGH = 0.1
 """The same for rough contacts, which jam a little earlier than those of a large coefficient."""
 
 
+RUB_JAMMED = 1e-3
+"""`Acting.jam_margin` at which friction in ideal joints counts as jammed."""
+
+
 class Guard(NamedTuple):
-    """What a guard watches: the normal direction of a gap, its friction, or a switch."""
+    """What a guard watches: the normal direction of a gap, its friction, or a switch.
+
+    Or of friction in ideal joints the side on which a line presses; and where it is none of all
+    these, the margin to its jam.
+    """
 
     gap: int
     #: 0: touching or letting go; +1: sliding that ends, or sticking that gives way backwards;
     #: -1: sliding that jams, or sticking that gives way forwards
     friction: int
     switch: int | None = None
+    side: int | None = None
 
 
 class System:
@@ -77,6 +90,8 @@ class System:
     powered : names of the coordinates on which a drive's torque acts
     elements : forces between links that need no gap
     motors : of powered coordinates, beside the drive's torque
+    frictions : of ideal joints
+    lent : [kg] to closures, see `Dynamics`
 
     Attributes
     ----------
@@ -87,6 +102,7 @@ class System:
     law_index : of every prescribed coordinate, which of them are its law's coefficients
     torque_index : of every powered coordinate, likewise
     switch_levels : how many times rows must be set until each follows from those before it
+    sides, side_index : of every side of friction in ideal joints, which of them is its sign
     switch_index : of every switch, which of them its present row is
     outside_index : of the time of the base and of whole turns that loads ask for, which of them
     stabilisation_index : which of them is the rate of Baumgarte's method [1/s]
@@ -103,8 +119,11 @@ class System:
         powered: Sequence[str] = (),
         elements: Sequence[ForceElement] = (),
         motors: Sequence[Motor] = (),
+        frictions: Sequence[JointFriction] = (),
+        lent: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
+        self.lent = lent
         self.gaps = tuple(gaps)
         self.relations = tuple(relations)
         self.coordinates = mechanism.coordinates
@@ -116,13 +135,27 @@ class System:
         self.driven_index = [self.coordinates.index(c) for c in (*prescribed, *powered)]
         self.degree = degree
         self.dynamics = Dynamics(
-            mechanism, gaps, prescribed, degree, relations, powered, elements, motors
+            mechanism,
+            gaps,
+            prescribed,
+            degree,
+            relations,
+            powered,
+            elements,
+            motors,
+            frictions,
+            lent,
         )
         self.elements = tuple(elements)
+        self._acting: dict[int, Acting] = {}
         self.equations = self.dynamics.equations
         p = self.equations.parameters
         # all that is looked at in a run must have its parameters before they are counted
         self.normals = [gap.normal(self.equations.frames) for gap in self.gaps]
+        self._bounds = {
+            id(solved): self._bounds_by(solved)
+            for solved in (self.dynamics.exact, self.dynamics.stabilised)
+        }
         self._laws = {
             c: [p.reserve(f'drives:{c}.law.{k}') for k in range(degree + 1)]
             for c in self.prescribed
@@ -133,6 +166,10 @@ class System:
         frames = self.equations.frames
         self.switches = list(frames.switches.values())
         self.switch_levels = len(by_level(self.switches))
+        bounds = self._bounds[id(d.stabilised)].values()
+        self.sides = [x.side for bound in bounds for x in bound if x.side is not None]
+        self.guards += [Guard(-1, 0, side=k) for k in range(len(self.sides))]
+        self.guards += [Guard(-1, 0)] if d.rubs else []
         self.guards += [Guard(-1, 0, k) for k in range(len(self.switches))]
         self.outside = tuple(frames.outside)
         for name in self.outside:
@@ -155,6 +192,7 @@ class System:
         self.approach_index = [p.names[f'{g.name}.approach'] for g in self.gaps if g.law]
         self.presses_index = [p.names[f'{g.name}.presses'] for g in self.gaps if g.law]
         self.margin_index = p.names.get('release.margin')
+        self.side_index = [i for n, i in p.names.items() if '.friction.side.' in n]
         self.law_index = [
             [p.names[f'drives:{c}.law.{k}'] for k in range(degree + 1)] for c in self.prescribed
         ]
@@ -234,13 +272,20 @@ class System:
         """Functions that fall through zero at events, in the order of `guards`."""
         d, solved = self.dynamics, self.dynamics.stabilised
         result = []
-        for gap, friction, switch in self.guards:
+        for gap, friction, switch, side in self.guards:
             if switch is not None:
                 known = self.switches[switch]
                 guard = known.guard
                 if isinstance(known, Switch) and known.holds is not None:
                     guard += known.holds * (known.held_guard - 1.0)
                 result.append(guard + SWITCH_MARGIN)
+                continue
+            if side is not None:
+                pressed = self.acting(solved).pressed[side]
+                result.append(FORCE_SCALE * (self.sides[side] * pressed + self._unpressed))
+                continue
+            if gap < 0:
+                result.append(JAM_SCALE * (self.acting(solved).jam_margin - RUB_JAMMED) + TINY)
                 continue
             s = d.closed[gap]
             if not friction:
@@ -288,23 +333,75 @@ class System:
 
     @cached_property
     def _parts(self) -> dict[hy.expression, hy.expression]:
-        """By the flag of each switch of rates what acts of it, its part while it holds.
+        """What acts in the integrator's equations, as `acting` has it."""
+        return self.parts(self.dynamics.stabilised)
 
-        The parts keep the functions of all that hold at zero: their rates ``A + B parts`` vanish,
-        which depend linearly on the flags.
-        """
+    def parts(self, solved: Solved) -> dict[hy.expression, hy.expression]:
+        """By the flag of each switch of rates its part, by the T of each friction its value."""
+        found = self.acting(solved)
         flags = [s.flag for s in self.holding.values()]
-        none = dict.fromkeys(flags, hy.expression(0.0))
-        rates = self.rates_of_holding(self.dynamics.stabilised.a)
-        A = list(hy.subs(rates, none)) if rates else []
-        B = [list(hy.subs(rates, none | {flag: hy.expression(1.0)})) for flag in flags]
-        rows = []
-        for k, s in enumerate(self.holding.values()):
-            z: Any = s.holds
-            row = [z * (B[j][k] - A[k]) for j in range(len(flags))]
-            row[k] = row[k] - (1.0 - z)
-            rows.append([*row, -z * A[k] - (1.0 - z) * s.flag])
-        return dict(zip(flags, _eliminated(rows), strict=True))
+        return dict(zip(flags, found.parts, strict=True)) | found.values
+
+    def acting(self, solved: Solved) -> Acting:
+        """What acts of all that steps against the motion, by one of the solutions."""
+        if id(solved) not in self._acting:
+            switches, known = [*self.holding.values()], self._bounds[id(solved)]
+            forces = {rub.switch.flag: rub.T for rub in self.dynamics.rubs}
+            self._acting[id(solved)] = acting(
+                switches,
+                self.rates_of_holding(solved.a),
+                [forces.get(s.flag) for s in switches],
+                [known.get(s.flag, ()) for s in switches],
+            )
+        return self._acting[id(solved)]
+
+    @property
+    def _unpressed(self) -> Term:
+        """Half of the least force that rubs [N]: so far beyond zero a side turns over."""
+        return 0.5 * next(
+            x.resolution for b in self._bounds[id(self.dynamics.stabilised)].values() for x in b
+        )
+
+    def _bounds_by(self, solved: Solved) -> dict[hy.expression, list[Pressed]]:
+        """The terms of the bounds of all frictions, by the flags of their slips."""
+        if not self.dynamics.rubs:
+            return {}
+        carried, frames = self.reactions(solved), self.equations.frames
+        found = {}
+        for rub in self.dynamics.rubs:
+            name = rub.friction.name
+            key = f'{name}.friction.side'
+            found[rub.switch.flag] = [
+                x._replace(side=self.equations.parameters.reserve(f'{key}.{i}', 1.0))
+                if len(x.components) == 1
+                else x
+                for i, x in enumerate(rub.friction.pressed(frames, carried[name]))
+            ]
+        return found
+
+    def reactions(self, solved: Solved) -> dict[str, Wrench]:
+        """What the first-named does to the second-named link in every joint, without friction."""
+        eq = self.equations
+        a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
+        a |= {c: eq.frames.a[c] if self.degree > 1 else None for c in self.prescribed}
+        cut: dict[str, Wrench] = {}
+        for gap, N, T in zip(self.gaps, solved.N, solved.T, strict=True):
+            pressed = gap.wrench(eq.frames, N, T)
+            before = cut.get(gap.joint)
+            cut[gap.joint] = together(before, pressed) if before else pressed
+        loads = [load for rub in self.dynamics.rubs for load in rub.loads]
+        for element in self.elements:
+            if isinstance(element, JointForce):
+                cut[element.name] = element.wrench(eq.frames)
+                loads += element.loads(eq.frames)[2:]
+            else:
+                loads += element.loads(eq.frames)
+        forces = list(solved.closing_forces)
+        for relation in self.relations:
+            count = len(relation.values(eq.frames))
+            cut[relation.name] = relation.wrench(eq.frames, forces[:count])
+            forces = forces[count:]
+        return tree_reactions(eq, a, cut, loads)
 
     def _rate(self, function: hy.expression, a: Sequence[Term]) -> hy.expression:
         """Time derivative of a function of coordinates, rates and time."""
@@ -321,21 +418,9 @@ class System:
 
     @cached_property
     def holding_rates(self) -> hy.cfunc_dbl:
-        """Of each switch that may hold five numbers; of the same vector as `watch`.
-
-        Rates of its function with flag 0 and 1, while what holds goes on holding; the same while
-        nothing holds; and the part of the flag that acts.
-        """
-        outputs = []
-        plain = self.rates_of_holding(self.dynamics.stabilised.a)
-        for switch, rate in zip(self.holding.values(), plain, strict=True):
-            others = {x: part for x, part in self._parts.items() if x != switch.flag}
-            for known in (others, {}):
-                (own,) = hy.subs([rate], known) if known else [rate]
-                for flag in (0.0, 1.0):  # the others' parts depend on it, too
-                    outputs += hy.subs([own], {switch.flag: hy.expression(flag)})
-            outputs.append(self._parts[switch.flag])
-        return self._on_now(outputs)
+        """Rates of the functions of switches that may hold, then their parts; as `watch`."""
+        rates = self.rates_of_holding(self.dynamics.stabilised.a)
+        return self._on_now([*rates, *(s.flag for s in self.holding.values())], parts=True)
 
     @cached_property
     def edges(self) -> Edges | None:
@@ -496,17 +581,3 @@ class System:
             return found
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps))]
         return list(hy.subs(found, {x: hy.relu(x) for x in depths}))
-
-
-def _eliminated(rows: list[list[hy.expression]]) -> list[hy.expression]:
-    """Solve linear equations, the right side behind each row, by pivots on the diagonal."""
-    n = len(rows)
-    for k in range(n):
-        for i in range(k + 1, n):
-            factor = rows[i][k] / rows[k][k]
-            rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
-    found: list[hy.expression] = []
-    for k in reversed(range(n)):
-        known = [rows[k][k + 1 + j] * x for j, x in enumerate(found)]
-        found.insert(0, (rows[k][n] - hy.sum([hy.expression(0.0), *known])) / rows[k][k])
-    return found

@@ -13,7 +13,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
@@ -72,11 +72,13 @@ class BearingClearance:
         tangential: Jet = -(x.across(y) * self._minus_curvature(frames))
         joint = self.mechanism.joint(self.name)
         radius = self.pin_radius
-        for link, arm in ((joint.first, radius), (joint.second, -self.arm)):
-            frame = self.mechanism.frame(link)[0]
-            if frame != GROUND and arm != 0.0:
-                r = frames.parameters(f'{self.name}.slip:{link}', arm)
-                tangential += Jet(None, {frame: r}, mul(r, frames.v[frame]), None)
+        ends = (joint.first, joint.on_first, radius), (joint.second, joint.on_second, -self.arm)
+        for link, at, arm in ends:
+            for c, turn in self.mechanism.turns(link, at).items():
+                own = link if turn == 1.0 else f'{link}@{c}'
+                r = frames.parameters(f'{self.name}.slip:{own}', arm * turn)
+                if r is not None:
+                    tangential += Jet(None, {c: r}, mul(r, frames.v[c]), None)
         return tangential
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:

@@ -307,3 +307,32 @@ class AppliedForce(_Element):
     def energy(self, _: Frames) -> Term:
         """It stores none."""
         return None
+
+
+@dataclass(frozen=True)
+class UnknownForce(AppliedForce):
+    """A force of size one along a direction, or a torque of size one: how large it is follows."""
+
+    @property
+    def key(self) -> str:
+        """With which the keys of its parameters begin."""
+        return f'unknown:{self.label}'
+
+    @property
+    def label(self) -> str:
+        """Its name in columns and messages."""
+        return self.name.partition('.')[2]
+
+    @property
+    def unit(self) -> str:
+        """Of its size."""
+        return 'N' if any(self.force) else 'N m'
+
+
+@dataclass(frozen=True)
+class DriveEffort(AppliedForce):
+    """What a drive supplies, a number or a formula, while its motion is prescribed."""
+
+    def effort(self, frames: Frames) -> Term:
+        """Its torque [N m], or the force [N] of one that slides."""
+        return self.loads(frames)[0].moment

@@ -1,4 +1,4 @@
-"""A slider with play in its guide: each of its corners may touch a wall.
+"""A block with play in its guide: each of its corners may touch a wall.
 
 P. Flores, R. Leine, C. Glocker, Modeling and analysis of planar rigid multibody systems with
 translational clearance joints based on the non-smooth dynamics approach, Multibody System
@@ -7,18 +7,20 @@ Dynamics 23 (2010).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.numerics.symbolic import Term
+from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, contact_wrench
-from mechanism_sim.planar.mechanism import Mechanism, Vector2
+from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Side, Vector2, rotate
+from mechanism_sim.planar.play import SIDES, corner_name
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
@@ -26,17 +28,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GuideClearance:
-    """A corner of a link under the upper, or over the lower wall of a guide along the x axis.
+    """A corner of a block and the wall of its guide, to the left or right of the guide's axis.
 
-    The distance is ``height - y`` or ``y - height`` of the corner: smooth, with a straight normal.
+    With the corner at h to the left of the axis, the gap is ``width - h`` or ``width + h``:
+    smooth, with a normal that turns with the guide.
     """
 
+    joint: str
     name: str
     mechanism: Mechanism
-    link: str
-    corner: Vector2  #: [m] in the link's frame
-    wall: Literal['upper', 'lower']
-    height: float  #: [m] of the wall
+    side: Side
+    corner: Vector2  #: [m] in the block's frame
+    width: float  #: [m] of the guide, from its axis
     restitution: float
     friction: float = 0.0
     hypothesis: str = 'newton'
@@ -51,36 +54,52 @@ class GuideClearance:
         return -value
 
     @property
-    def _outwards(self) -> float:
-        return 1.0 if self.wall == 'upper' else -1.0
+    def _guide(self) -> Prismatic:
+        joint = self.mechanism.joint(self.joint)
+        if not isinstance(joint, Prismatic):
+            raise TypeError(f'{self.joint} is not a prismatic joint')
+        return joint
 
-    def _place(self, frames: Frames) -> tuple[Jet, Jet]:
-        return frames.position(self.mechanism.point(self.link, self.corner), self.name)
+    def _along(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
+        joint = self._guide
+        direction = self.mechanism.direction(joint.first, joint.axis + angle)
+        return frames.position(direction, f'{self.joint}.{what}')
+
+    def _off(self, frames: Frames, on: Vector2, link: str, what: str) -> tuple[Jet, Jet]:
+        """The corner from a point of a link."""
+        joint = self._guide
+        corner = frames.position(
+            self.mechanism.point(joint.second, self.corner), f'{self.name}.corner'
+        )
+        origin = frames.position(self.mechanism.point(link, on), f'{self.joint}.{what}')
+        return corner[0] - origin[0], corner[1] - origin[1]
 
     def value(self, frames: Frames) -> Jet:
         """Distance of the corner from the wall [m]."""
-        y = self._place(frames)[1]
-        height = lift(frames.parameters(f'{self.name}.height', self._outwards * self.height))
-        return height - y if self.wall == 'upper' else height + y
+        x, y = self._off(frames, self._guide.on_first, self._guide.first, 'axis')
+        nx, ny = self._along(frames, 0.5 * math.pi, 'normal')
+        width = lift(dense(frames.parameters(f'{self.joint}.width', self.width)))
+        height = nx * x + ny * y
+        return width - height if self.side == 'left' else width + height
 
     def slip(self, frames: Frames) -> Jet:
-        """Velocity of the corner along the outward normal turned by +90 degrees [m/s]."""
-        x = self._place(frames)[0]
-        along = -x if self.wall == 'upper' else x
-        return Jet(None, along.gradient, along.rate, along.curvature)
+        """Velocity of the wall along the corner, in the direction of the normal turned by +90."""
+        x, y = self._off(frames, self._guide.on_first, self._guide.first, 'axis')
+        ux, uy = self._along(frames, 0.0, 'along')
+        way = ux * x + uy * y
+        way = -way if self.side == 'left' else way
+        return Jet(None, way.gradient, way.rate, way.curvature)
 
-    @property
-    def joint(self) -> str:
-        """There is no joint: the gap stands for itself."""
-        return self.name
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """From the wall to the axis."""
+        nx, ny = self._along(frames, 0.5 * math.pi, 'normal')
+        return (-nx, -ny) if self.side == 'left' else (nx, ny)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the ground."""
-        return contact_wrench(self.normal(frames), N, T)
-
-    def normal(self, _: Frames) -> tuple[Jet, Jet]:
-        """Towards the wall."""
-        return lift(0.0), lift(self._outwards)
+        """What the wall does to the block, at the corner."""
+        force = contact_wrench(self.normal(frames), N, T)
+        x, y = self._off(frames, self._guide.on_second, self._guide.second, 'block')
+        return Wrench(force.x, force.y, moment_of((x.value, y.value), (force.x, force.y)))
 
     def distance(self, value: Array) -> Array:
         """The value is the distance."""
@@ -89,41 +108,32 @@ class GuideClearance:
 
 def corners(
     mechanism: Mechanism,
-    link: str,
-    centre: Vector2,
-    half_length: float,
-    half_height: float,
+    joint: str,
+    length: float,
+    height: float,
     clearance: float,
     restitution: float,
     friction: float = 0.0,
     hypothesis: str = 'newton',
-) -> list[GuideClearance]:
-    """The four corners of a rectangular slider in a guide about the x axis.
+    law: ForceLaw | None = None,
+) -> Iterator[GuideClearance]:
+    """The four corners of a block in its guide, the joint's point in its middle.
 
     Parameters
     ----------
-    centre : of the slider in its link's frame [m]
-    half_length, half_height : of the slider [m]
+    joint : a prismatic joint that is cut; the block is its second link
+    length, height : of the block along and across the guide [m]
     clearance : on each side [m]
-
-    Returns
-    -------
-    Rear and front corner at the upper wall, then at the lower; names ``LINK_1`` to ``LINK_4``.
     """
-    found: list[GuideClearance] = []
-    for wall, y in (('upper', half_height), ('lower', -half_height)):
-        for x in (-half_length, half_length):
-            found.append(
-                GuideClearance(
-                    f'{link}_{len(found) + 1}',
-                    mechanism,
-                    link,
-                    (centre[0] + x, centre[1] + y),
-                    'upper' if wall == 'upper' else 'lower',
-                    (half_height + clearance) * (1.0 if wall == 'upper' else -1.0),
-                    restitution,
-                    friction,
-                    hypothesis,
-                )
-            )
-    return found
+    guide = mechanism.joint(joint)
+    if not isinstance(guide, Prismatic):
+        raise TypeError(f'{joint} is not a prismatic joint')
+    x, y = guide.on_second
+    for end, side in SIDES:
+        along = 0.5 * length * (1.0 if end == 'front' else -1.0)
+        across = 0.5 * height * (1.0 if side == 'left' else -1.0)
+        dx, dy = rotate((along, across), guide.axis - guide.angle)
+        yield GuideClearance(
+            joint, corner_name(mechanism, guide, end, side), mechanism, side, (x + dx, y + dy),
+            0.5 * height + clearance, restitution, friction, hypothesis, law,
+        )  # fmt: skip

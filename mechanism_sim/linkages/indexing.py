@@ -33,7 +33,15 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
-from mechanism_sim.planar.view import Array, Charted, Draft, View
+from mechanism_sim.planar.view import (
+    SLOT,
+    Array,
+    Charted,
+    Draft,
+    View,
+    complex_of,
+    points_of,
+)
 
 Pair = tuple[Jet, Jet]
 
@@ -78,34 +86,34 @@ class Geneva(HigherPair):
         return driven_charts(slides=slides)
 
     def draw(self, draft: Draft) -> None:
-        """A pin, and a wheel: slots towards its centre, between them hollows for the crank."""
-        draft.pin((self.first, self.on_first), self.name)
-        pin = draft.within(self.second, (self.first, self.on_first))
-        link, (x, y) = self.second, self.on_second
-        away = pin - np.array([[x], [y]])
-        reach, n = np.hypot(*away), self.slots
-        inside = reach < self.entry * (1.0 + 1e-9)
-        turn = float(np.angle(np.exp(1j * n * np.arctan2(*away[::-1]))[inside].sum())) / n
-
-        def at(r: float, angle: float) -> LinkPoint:
-            return link, (x + r * math.cos(angle), y + r * math.sin(angle))
-
-        d, mouth = self.distance, self.entry
+        """A pin and a locking disc, and a wheel: open slots, between them hollows for the disc."""
+        pin, d, mouth, n = (self.first, self.on_first), self.distance, self.entry, self.slots
+        draft.pin(pin, self.name)
+        away = complex_of(draft.within(self.second, pin).T - self.on_second)
+        inside = np.abs(away) < mouth * (1.0 + 1e-9)
+        turn = float(np.angle((away[inside] ** n).sum())) / n
         crank = math.sqrt(d * d - mouth * mouth)
         hollow = 0.5 * (crank + d - mouth)
-        rim = []
-        for angle in np.linspace(0.0, 2.0 * math.pi, 24 * n, endpoint=False):
-            aside = (angle + math.pi / n) % (2.0 * math.pi / n) - math.pi / n
-            across = d * math.sin(aside)
-            r = mouth
-            if abs(across) < hollow:
-                r = min(r, d * math.cos(aside) - math.sqrt(hollow**2 - across**2))
-            rim.append(at(r, turn + math.pi / n + angle))
-        draft.add('wheel', rim)
-        deepest = float(reach.min()) - draft.symbol
-        for k in range(n):
-            direction = turn + 2.0 * math.pi * k / n
-            draft.add('slot', (at(deepest, direction), at(mouth, direction)))
+        half = SLOT * draft.symbol
+        bottom = float(np.abs(away).min()) + half * np.exp(1j * np.linspace(1.5, 0.5, 13) * np.pi)
+        edge = math.asin(min(half / mouth, 1.0))
+        aside = np.linspace(edge - math.pi / n, math.pi / n - edge, 49)
+        across = d * np.sin(aside)
+        depth = d * np.cos(aside) - np.sqrt(np.maximum(hollow**2 - across**2, 0.0))
+        radii = np.where(np.abs(across) < hollow, np.minimum(depth, mouth), mouth)
+        rim = radii * np.exp(1j * (aside + math.pi / n))
+        sectors = np.exp(1j * (turn + 2.0 * math.pi * np.arange(n) / n))
+        wheel = np.outer(sectors, np.concatenate([bottom, rim])).ravel()
+        draft.add('wheel', self.second, points_of(wheel) + self.on_second)
+        # the disc holds the wheel as soon as the pin has left it
+        middle = draft.at((self.second, self.on_second))[:, 0]
+        middle = middle + d * np.array([math.cos(self.towards), math.sin(self.towards)])
+        centre = draft.within(self.first, (GROUND, (float(middle[0]), float(middle[1]))))[:, 0]
+        out, free = complex_of(self.on_first - centre), math.acos(min(crank / d, 1.0))
+        lock = 0.98 * hollow * np.exp(1j * np.linspace(free, 2.0 * math.pi - free, 73))
+        clear = 0.96 * (d - mouth) * np.exp(1j * np.linspace(-free, free, 25))
+        disc = np.concatenate([lock, clear]) * out / abs(out)
+        draft.add('wheel', self.first, points_of(disc) + centre)
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """The wheel, as far as its slots reach."""
@@ -167,10 +175,9 @@ class SlottedRack(HigherPair):
         low, high = float(ends.min()) - spare, float(ends.max()) + spare
         for k in range(int(slots.min()) - 1, int(slots.max()) + 2):
             foot = base + k * self.pitch * along
-            line = [foot + s * across for s in (low, high)]
-            ends_of_slot = tuple((link, (float(p[0]), float(p[1]))) for p in line)
-            draft.add('slot', ends_of_slot)
-            draft.reach(ends_of_slot[0])
+            line = np.array([foot + s * across for s in (low, high)])
+            draft.add('slot', link, line)
+            draft.reach((link, (float(line[0, 0]), float(line[0, 1]))))
 
     def closure(self, mechanism: Mechanism) -> RackClosure:
         """Without play."""

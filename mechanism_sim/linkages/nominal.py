@@ -38,6 +38,7 @@ from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.switched_functions import Edges
+from mechanism_sim.planar.unknowns import NO_WORK
 
 _NODES = chebyshev_nodes(15)
 _ENDED = np.array([*_NODES, 1.0])
@@ -51,6 +52,7 @@ _SHORT, _MOST_SHORT = 2.0**-14, 400  # so many pieces of such a share in a row l
 _LONGEST = 0.1
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
+_SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
 _LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
 _AHEAD = 1e-9  # of a piece: where the rows are looked for that begin with it
 _END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
@@ -353,8 +355,13 @@ class NominalPhysics:
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
         self.displacements = mechanism.displacements
         self.has_forces = forces is not None
+        self.unknowns = forces.unknowns.units if forces else {}
         self._ideal = ideal
         self._forces = forces
+
+    def strained(self, _: Array) -> dict[str, Array]:
+        """None: its links are rigid."""
+        return {}
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -501,7 +508,7 @@ class NominalPhysics:
             return []
         segments = np.repeat(np.arange(count), _SEARCHED)
         dt = np.outer(curve.duration, np.linspace(0.0, 1.0, _SEARCHED)).ravel()
-        found: list[NoLimit] = []
+        found = self._without_work(motion)
         for turn in range(_ROUNDS):
             _, _, _, passage = self._motion(curve, segments, dt)
             if passage is None:
@@ -526,6 +533,66 @@ class NominalPhysics:
                 found.append(one)
         return sorted(found)
 
+    def _without_work(self, motion: Motion) -> list[NoLimit]:
+        """Where unknown loads do no work, so that no size of them balances the machine."""
+        if not self.unknowns:
+            return []
+        curve, count = motion.curve, len(motion)
+        shares = np.linspace(0.0, 1.0, _SEARCHED)
+        places = np.repeat(np.arange(count), _SEARCHED), np.outer(curve.duration, shares).ravel()
+        work = np.abs(self.work_of_unknowns(motion, *places)).reshape(count, _SEARCHED)
+        idle = np.pad(work[:, :-1].ravel() <= NO_WORK, 1)
+        stays = (idle[1:-1] & (idle[2:] | idle[:-2])).reshape(count, -1)
+        begins = np.nonzero(stays & ~idle[:-2].reshape(count, -1))
+        near = np.pad(work, ((0, 0), (1, 1)), constant_values=np.inf)
+        least = (near[:, 1:-1] <= near[:, :-2]) & (near[:, 1:-1] <= near[:, 2:])
+        least[:, :-1] &= ~stays
+        segments, k = np.nonzero(least)
+        step = curve.duration[segments] / (_SEARCHED - 1)
+        low, high = (np.clip(k + j, 0, _SEARCHED - 1) * step for j in (-1, 1))
+        for _ in range(_SECTIONS):  # the least of the size between two neighbours
+            one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
+            both = np.tile(segments, 2), np.concatenate([one, two])
+            a, b = np.abs(self.work_of_unknowns(motion, *both)).reshape(2, -1)
+            low, high = np.where(a <= b, low, one), np.where(a <= b, two, high)
+        times, end = 0.5 * (low + high), curve.duration[segments]
+        times = np.where(times < _END * end, 0.0, np.where(times > (1.0 - _END) * end, end, times))
+        idle = np.abs(self.work_of_unknowns(motion, segments, times)) <= NO_WORK
+        found = self._idle(motion, begins[0], curve.duration[begins[0]] * shares[begins[1]], True)
+        for single in self._idle(motion, segments[idle], times[idle], False):
+            if not any(single.is_at(other.t) for other in found):
+                found.append(single)
+        return sorted(found)
+
+    def _idle(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array, rests: bool
+    ) -> list[NoLimit]:
+        """What is said of instants at which unknown loads do no work, or from which on."""
+        if not dt.size:
+            return []
+        seen, t = self._observe(motion, segments, dt), motion.curve.start[segments] + dt
+        return [
+            NoLimit(
+                float(t[i]),
+                float(seen.position[self._ideal.driven[0], i]),
+                tuple(
+                    np.array(self.joints)[np.isnan(seen.reaction[:, :, i]).any(axis=1)].tolist()
+                ),
+                rests,
+                tuple(np.array([*self.unknowns])[np.isnan(seen.load[:, i])].tolist()),
+            )
+            for i in range(len(t))
+        ]
+
+    def work_of_unknowns(self, motion: Motion, segments: NDArray[np.intp], dt: Array) -> Array:
+        """Virtual power of the unknown loads (N,), see `planar.unknowns.Unknowns.work`."""
+        assert self._forces is not None  # noqa: S101 - nobody asks otherwise
+        curve = motion.curve
+        q, v, a, _ = self._motion(curve, segments, dt)
+        acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
+        outside = self._outside(curve, segments, dt)
+        return self._forces.work_of_unknowns(q, v, a, outside, acting)
+
     def _resting(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
     ) -> list[NoLimit]:
@@ -541,7 +608,7 @@ class NominalPhysics:
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance, and how far the interpolated loops are open."""
-        limited = len(self.driven) > 1  # one drive's torque follows without
+        limited = len(self.driven) > 1 or bool(self.unknowns)  # one drive's torque follows without
         seen = self._observe(motion, segments, dt, limited)
         left = self._ideal.left_open(motion.curve.local(segments, dt).T)
         return Account(seen.normal_force, seen.friction_power, seen.drive_power, left)

@@ -108,18 +108,19 @@ def with_limits(
     solved = np.where(beside, _stacked(seen)[:, passage.index], np.nan)
     found = np.where(np.isinf(found), solved, found)
     joints, held = len(seen.reaction), passage.kinematics.held
-    force, moment, torque = np.split(found, [2 * joints, 3 * joints])
-    if len(held) == 1:  # closures do no work along the branch
+    force, moment, torque, load = np.split(found, [2 * joints, 3 * joints, 3 * joints + len(held)])
+    if len(held) == 1 and not len(load):  # closures do no work along the branch
         _, slope, _ = passage.branch.at(np.zeros((count, 1)))
         torque = (slope[:, :, 0] * required).sum(axis=0)[None]
         torque[:, ~passage.branch.found] = np.nan
     seen.reaction[:, :, passage.index] = force.reshape(joints, 2, -1)
     seen.reaction_moment[:, passage.index] = moment
     seen.drive_torque[:, passage.index] = torque
+    seen.load[:, passage.index] = load
     return seen._replace(drive_power=power(seen.drive_torque, seen.velocity[held]))
 
 
 def _stacked(seen: Observation) -> Array:
-    """Forces, moments and torques in rows."""
+    """Forces, moments, torques and unknown loads in rows."""
     rows = seen.reaction.reshape(-1, seen.reaction.shape[-1])
-    return np.concatenate([rows, seen.reaction_moment, seen.drive_torque])
+    return np.concatenate([rows, seen.reaction_moment, seen.drive_torque, seen.load])

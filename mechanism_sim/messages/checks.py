@@ -37,7 +37,8 @@ def refusals(message: Any, path: str = '') -> Iterator[str]:
 
 
 UNKNOWN_AS_NAN = frozenset(
-    f'mechanism_sim/msg/{name}' for name in ('CamState', 'GearState', 'GenevaState')
+    f'mechanism_sim/msg/{name}'
+    for name in ('CamState', 'GearState', 'GenevaState', 'JointReactions')
 )
 """Messages that hold NaN for what is unknown."""
 

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from mechanism_sim.cycles.cycle import Cycle, cycle, is_steady
 from mechanism_sim.errors import InputError
-from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of, zigzag
+from mechanism_sim.export.shapes import coil
+from mechanism_sim.export.skeleton import Skeleton
+from mechanism_sim.export.stage import Frames, Stage, stage_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.peaks import LoadPeaks
 from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
@@ -20,7 +22,6 @@ from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Joint
 from mechanism_sim.scene import Machine
-from mechanism_sim.sensing.joint_view import JointView
 
 Array = NDArray[np.float64]
 
@@ -45,16 +46,32 @@ class Preview:
 
     Attributes
     ----------
-    low, high : corners (2,) [m] of all that moves, and room around it
     largest : joint reaction [N]; 0 where forces are not known
     """
 
-    machine: Machine
     found: Cycle
-    skeleton: Skeleton
-    low: Array
-    high: Array
+    stage: Stage
     largest: float
+
+    @property
+    def machine(self) -> Machine:
+        """The machine."""
+        return self.stage.machine
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """What it looks like."""
+        return self.stage.skeleton
+
+    @property
+    def low(self) -> Array:
+        """Lower left corner (2,) [m] of all that moves, and room around it."""
+        return self.stage.low
+
+    @property
+    def high(self) -> Array:
+        """Upper right corner (2,) [m]."""
+        return self.stage.high
 
     @property
     def centre(self) -> Array:
@@ -79,12 +96,10 @@ def preview(machine: Machine, duration: float | None = None) -> Preview:
     wanted = [d for d in (machine.scene.duration, duration) if d]
     found = cycle(machine, 180, duration=None if is_steady(machine) or not wanted else min(wanted))
     observed = found.solution.samples(found.t).observed
-    skeleton = skeleton_of(machine, observed.position)
-    low, high = bounds(skeleton, skeleton.placed(observed.position))
     peaks = LoadPeaks(machine.physics, float(found.t[0]))
     peaks.add(found.solution.motion)
     bounded = [x.value for x in peaks.forces.values() if math.isfinite(x.value)]
-    return Preview(machine, found, skeleton, low, high, max(bounded, default=0.0))
+    return Preview(found, stage_of(machine, observed), max(bounded, default=0.0))
 
 
 @dataclass(frozen=True)
@@ -97,7 +112,7 @@ class _Lens:
     magnification: float
     radial: float  #: [m] clearance
     arm: float  #: [m] from the bushing's centre to the contact
-    gap: int | None  #: its number among the machine's; none with an oil film
+    film: bool  #: of oil, on which the pin is carried
 
 
 class Picture:
@@ -127,12 +142,11 @@ class Picture:
         machine = self._machine = seen.machine
         self._prefix, self._symbol = prefix, seen.skeleton.symbol
         self._world = frame_of(GROUND, prefix)
-        self._size = seen.skeleton.size
-        self._forces = machine.physics.has_forces and machine.scene.outputs.forces
+        self._size, self._stage = seen.skeleton.size, seen.stage
         default = 0.5 * self._size / seen.largest if seen.largest else 0.0
         self.force_scale = force_scale or default
         self._lenses = [self._lens(seen, joint, magnification) for joint in machine.bearings]
-        self._springs = [s.outline for s in seen.skeleton.shapes if s.kind == 'spring']
+        self._springs = seen.skeleton.springs
         gaps = machine.system.gaps if machine.dynamic else []
         self._joint_of = {gap.name: machine.mechanism.joint(gap.joint) for gap in gaps}
         self._hardest = max((i.normal_impulse for i in seen.found.solution.impacts), default=0.0)
@@ -146,17 +160,17 @@ class Picture:
         out = place.mean(axis=1) - seen.centre
         far = float(np.hypot(*out))
         out = out / far if far > 1e-6 * self._size else np.array([0.0, 1.0])
-        known = joint.name in physics.clearances
-        gap = physics.clearances.index(joint.name) if known else None
+        film = joint.name not in physics.clearances
         arm = play.pin_radius + play.radial
-        return _Lens(joint, 2.0 * radius * out, radius, magnified, play.radial, arm, gap)
+        return _Lens(joint, 2.0 * radius * out, radius, magnified, play.radial, arm, film)
 
     def at(self, t: Array, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
         """MarkerArrays at times t (N,) [s] of an observed machine, the modes of its gaps (m, N).
 
         They are the same object every time, to be published before the next.
         """
-        writers = [*self._arrows(o, modes), *self._loose(o, modes), *self._coils(o)]
+        frames = self._stage.frames(t, o, modes)
+        writers = [*self._arrows(frames), *self._loose(frames), *self._coils(frames)]
         markers = [made for made, _ in writers]
         for i, time in enumerate(t.tolist()):
             now = stamp(time)
@@ -168,7 +182,7 @@ class Picture:
     @property
     def empty(self) -> bool:
         """Whether there is nothing to show."""
-        return not (self._forces or self._lenses or self._springs)
+        return not (self._stage.joints or self._lenses or self._springs)
 
     def flash(self, impact: Any) -> Any:
         """A flash at the joint of an Impact message; its volume stands for the impulse.
@@ -190,17 +204,14 @@ class Picture:
         flash.lifetime = message_class('builtin_interfaces/msg/Duration')(nanosec=_FLASH)
         return MarkerArray(markers=[flash])
 
-    def _view(self, joint: Joint, o: Observation, modes: NDArray[np.uint8]) -> JointView:
-        return JointView(self._machine.mechanism, joint, self._machine.physics, o, modes)
-
-    def _arrows(self, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
+    def _arrows(self, frames: Frames) -> Iterator[Any]:
         """The force of the first-named on the second-named link, from where it acts."""
         s = self._symbol
-        for k, joint in enumerate(self._machine.mechanism.joints if self._forces else ()):
-            view = self._view(joint, o, modes)
-            foot = view.foot
-            tip = foot + self.force_scale * view.force
-            shown = np.hypot(*view.force) * self.force_scale > SHORTEST * self._size
+        acting = frames.acting(self._stage)
+        for k, foot in enumerate(acting):
+            force = frames.forces[:, k].T
+            tip = foot + self.force_scale * force
+            shown = np.hypot(*force) * self.force_scale > SHORTEST * self._size
             arrow = marker(
                 'reactions', k, self._world, Marker.ARROW, FORCE, (0.5 * s, 1.2 * s, 1.8 * s),
                 [(0.0, 0.0), (0.0, 0.0)], _HEIGHT * s,
@@ -215,18 +226,16 @@ class Picture:
 
             yield arrow, write
 
-    def _loose(self, o: Observation, modes: NDArray[np.uint8]) -> Iterator[Any]:
+    def _loose(self, frames: Frames) -> Iterator[Any]:
         """Of each loose revolute joint the lens: bushing and pin; and where they touch."""
-        s = self._symbol
+        s, placed = self._symbol, self._stage.skeleton.placed
         for k, lens in enumerate(self._lenses):
-            joint, gap = lens.joint, lens.gap
-            view = self._view(joint, o, modes)
-            bushing = view.place(joint.second, joint.on_second)
-            out = view.place(joint.first, joint.on_first) - bushing
+            place = np.array([lens.joint.on_second])
+            bushing = placed(lens.joint.second, place, frames.poses)[:, 0].T
+            out = frames.pins[:, k].T
             middle = bushing + lens.away[:, None]
             pin = middle + lens.magnification * out
-            carried = np.ones(pin.shape[1], bool)
-            closed = carried if gap is None else modes[gap] > Mode.FREE_FLIGHT
+            closed = (frames.modes[:, k] > Mode.FREE_FLIGHT) | lens.film
             small = lens.radius - lens.magnification * lens.radial
             heights = _HEIGHT * s, (_HEIGHT + 0.5) * s
             flat = ((0.0, 0.0), heights[0], 0.1 * s), ((0.0, 0.0), heights[1], 0.1 * s)
@@ -234,7 +243,7 @@ class Picture:
             yield self._moving(made, middle)
             made = disc('lenses', 2 * k + 1, self._world, STEEL, small, *flat[1])
             yield self._moving(made, pin, [FLYING if not c else TOUCHING for c in closed.tolist()])
-            if gap is None:
+            if lens.film:
                 continue
             far = np.hypot(*out)
             touch = bushing + lens.arm * np.divide(out, far, out=np.zeros_like(out), where=far > 0)
@@ -258,15 +267,15 @@ class Picture:
 
         return made, write
 
-    def _coils(self, o: Observation) -> Iterator[Any]:
+    def _coils(self, frames: Frames) -> Iterator[Any]:
         """Springs as zigzags."""
-        locate, s = self._machine.mechanism.locate_all, self._symbol
+        placed, s = self._stage.skeleton.placed, self._symbol
         for k, places in enumerate(self._springs):
-            ends = np.array([locate(link, o.position, at) for link, at in places])
-            coil = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
+            ends = [placed(link, np.array([at]), frames.poses)[:, 0] for link, at in places]
+            made = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
 
-            def write(i: int, coil: Any = coil, ends: Any = ends) -> None:
-                line = zigzag(ends[:, :, i], 0.9 * s).T
-                coil.points = [Point(x=x, y=y) for x, y in line.tolist()]
+            def write(i: int, made: Any = made, ends: Any = ends) -> None:
+                line = coil(ends[0][i], ends[1][i], s)
+                made.points = [Point(x=x, y=y) for x, y in line.tolist()]
 
-            yield coil, write
+            yield made, write

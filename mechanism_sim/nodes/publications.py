@@ -88,6 +88,8 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
     joints = list(physics.joints)
     none = float64_array(np.zeros(len(joints)))
     message = JointReactions(joints=joints, force_x=none, force_y=none, moment=none)
+    message.loads = list(physics.unknowns)
+    message.load_sizes = float64_array(np.zeros(len(message.loads)))
     message.header.frame_id = world
     layout = Layout(message)
 
@@ -98,6 +100,8 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
             'moment': o.reaction_moment.T,
             'drive_torque': o.drive_torque[0],
         }
+        if message.loads:
+            columns['load_sizes'] = o.load.T
         return layout.write(t, columns)
 
     return write

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.export.stage import Frames, packed
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.force_markers import preview
 from mechanism_sim.pages.recorded import PER_TURN
-from mechanism_sim.pages.stage import Frames, packed, stage_of
 
 MOST, FEWEST = 120, 12
 """Instants of a batch: however much time it spans, and however little."""
@@ -38,9 +38,7 @@ class Live:
     def __init__(self, text: str) -> None:
         """`text`: the data of a message on ``scene``. InputError, RunError: no such machine."""
         self.text, self.machine = text, parse_description(text, 'the topic scene')
-        seen = preview(self.machine, _SEEN)
-        t = seen.found.t
-        self.stage = stage_of(self.machine, seen.found.solution.samples(t).observed)
+        self.stage = preview(self.machine, _SEEN).stage
         self.step = min(self.machine.period / PER_TURN, _SLOWEST)
         self.epoch, self.run = 0, 0
         self._forget()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.stage import Frames, Stage, packed, stage_of
 from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.pages.stage import Frames, Stage, packed, stage_of
 from mechanism_sim.planar.inverse_dynamics import Observation
 
 PER_TURN = 120
@@ -97,6 +97,16 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     return Recorded(record, stage, Frames.joined(parts), kept, hardest, left_out)
 
 
+def together(one: Recorded, two: Recorded) -> tuple[Recorded, Recorded]:
+    """Two runs on stages that hold both."""
+    low = np.minimum(one.stage.low, two.stage.low)
+    high = np.maximum(one.stage.high, two.stage.high)
+    first, second = (
+        replace(run, stage=replace(run.stage, low=low, high=high)) for run in (one, two)
+    )
+    return first, second
+
+
 def instants(record: Record, most: int = MOST) -> Array:
     """Times (N,) [s] over a run, closer together where the machine is faster.
 
@@ -133,4 +143,5 @@ def _observe(record: Record, t: Array) -> tuple[Observation, NDArray[np.uint8]]:
 def _size(stage: Stage) -> int:
     """Bytes of an instant on the page."""
     numbers = 3 * len(stage.links) + 4 * len(stage.bearings) + 2 * len(stage.joints)
-    return 16 + 4 * numbers + len(stage.bearings)
+    numbers += 2 * len(stage.plays)
+    return 16 + 4 * numbers + len(stage.bearings) + len(stage.plays)

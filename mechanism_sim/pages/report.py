@@ -6,16 +6,21 @@ import base64
 import gzip
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from mechanism_sim import strict_json
+from mechanism_sim.analysis.comparison import Difference, texts
 from mechanism_sim.catalogue import installed_version
+from mechanism_sim.export.palette import css
 from mechanism_sim.pages.assets import asset, embedded, import_map, render
 from mechanism_sim.pages.charts import Section
+from mechanism_sim.pages.charts.style import NIGHT
 from mechanism_sim.pages.recorded import Recorded
+from mechanism_sim.units import typeset
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'report'
 
@@ -29,7 +34,23 @@ class Fact:
     long: str = ''
 
 
-def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest: str = '') -> str:
+class Beside(NamedTuple):
+    """Another run that a page compares its own with.
+
+    Attributes
+    ----------
+    names : of both runs
+    """
+
+    run: Recorded
+    names: tuple[str, ...]
+    differences: Sequence[Difference]
+
+
+def page(
+    run: Recorded, parts: Sequence[Section] = (), source: str = '', digest: str = '',
+    beside: Beside | None = None,
+) -> str:  # fmt: skip
     """The page of a run as HTML.
 
     Parameters
@@ -37,27 +58,46 @@ def page(run: Recorded, parts: Sequence[Section] = (), source: str = '', digest:
     parts : the charts, section by section
     source : the file it was recorded in
     digest : of the whole run, where this is a part of one
+    beside : a second run; its machine is a ghost, and `parts` have the lines of both
     """
     record = run.record
     scene = record.machine.scene
-    data = strict_json.dumps({**run.to_json(), 'turn': _turn(run)})
+    runs = [run, beside.run] if beside else [run]
+    loose = [j.name for x in runs for joints in (x.stage.bearings, x.stage.plays) for j in joints]
+    bearings = list(dict.fromkeys(loose))
+    other = {'other': beside.run.to_json()} if beside else {}
+    data = strict_json.dumps(
+        {**run.to_json(), 'turn': _turn(run), 'bearings': bearings, 'dark': NIGHT, **other}
+    )
     charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
         version=installed_version(),
-        title=scene.title,
+        title=' and '.join(dict.fromkeys(x.record.machine.scene.title for x in runs)),
         scene=record.machine.name,
         description=scene.description.strip(),
         facts=_facts(run, source, digest or record.digest()),
         sections=parts,
-        bearings=[joint.name.replace('_', ' ') for joint in run.stage.bearings],
+        bearings=[name.replace('_', ' ') for name in bearings],
+        names=beside.names if beside else (),
+        differences=_rows(beside.differences) if beside else (),
         forces=bool(run.stage.joints),
-        style=Markup(asset('style.css')),  # noqa: S704 - ours
+        points=any(s.kind == 'point' and s.number >= 0 for s in run.stage.skeleton.shapes),
+        style=Markup(css() + asset('style.css')),  # noqa: S704 - ours
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),
         charts=embedded(charts),
         plotly=_packed(get_plotlyjs()) if charts else '',
     )
+
+
+def _rows(differences: Sequence[Difference]) -> list[tuple[str, ...]]:
+    """Of the table: subject, name with its unit, both values, change and ratio."""
+    rows = []
+    for d in differences:
+        unit = f' [{typeset(d.unit)}]' if d.unit else ''
+        rows.append((d.subject, d.name.replace('_', ' ') + unit, *texts(d)))
+    return rows
 
 
 def _turn(run: Recorded) -> float | None:

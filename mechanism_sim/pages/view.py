@@ -11,6 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from mechanism_sim.errors import InputError, RunError, quoted
+from mechanism_sim.export.palette import css
 from mechanism_sim.messages import Impact, Motion, String
 from mechanism_sim.middleware import (
     HistoryPolicy,
@@ -262,6 +263,6 @@ def page() -> str:
     """The page as HTML."""
     return render(
         'live.html.jinja',
-        style=Markup(asset('style.css') + asset('live.css')),  # noqa: S704 - ours
+        style=Markup(css() + asset('style.css') + asset('live.css')),  # noqa: S704 - ours
         imports=embedded({name: f'/{name}.js' for name in MODULES}),
     )

@@ -179,3 +179,28 @@ def off_line(
         np.array([*-normal, by_angle]),
         np.array([*normal, normal @ p[1]]),
     )
+
+
+def converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
+    """Coordinates (n,) of a mechanism cut elsewhere, from those of the ideal one."""
+    known = dict(zip(ideal.coordinates, q.tolist(), strict=True))
+    found = []
+    for name in loose.coordinates:
+        link, _, axis = name.partition('.')
+        if name in ideal.deformations:
+            found.append(known[name])
+        elif axis:
+            place = ideal.locate(link, known, loose.body(link).cog)
+            found.append(place['xy'.index(axis)])
+        elif name in loose.displacements:
+            j = loose.tree_joints[link]
+            assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
+            a, b = (
+                ideal.locate(j.first, known, j.on_first),
+                ideal.locate(j.second, known, j.on_second),
+            )
+            way = ideal.angle(j.first, known) + j.axis
+            found.append((b[0] - a[0]) * np.cos(way) + (b[1] - a[1]) * np.sin(way))
+        else:
+            found.append(ideal.angle(link, known))
+    return np.array(found)

@@ -14,11 +14,15 @@ beforehand.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import heyoka as hy
+import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, add, mul
+from mechanism_sim.planar.elastic import ROUNDING
 from mechanism_sim.planar.frames import Frames, Parameters, rotate_quarter
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Spread, factors
 from mechanism_sim.planar.protocols import Gap, Relation
 
 
@@ -28,8 +32,9 @@ class Equations:
     Attributes
     ----------
     M : (n, n) mass matrix, [kg m^2] for angles
-    weight : (n,) minus the generalised forces of gravity, [N m] for angles
-    bias : (n,) velocity products and weight, on the left-hand side, likewise
+    weight : (n,) minus the generalised forces of gravity and elasticity, [N m] for angles
+    bias : (n,) velocity products, weight and damping in links, on the left-hand side, likewise
+    strain_energy, strain_loss : of elastic links [J], [W]
     gap_jets : (m,) gaps with their derivatives [m]
     relation_jets : every component of every relation, likewise
     """
@@ -46,46 +51,66 @@ class Equations:
         self.parameters = Parameters()
         self.coordinates = mechanism.coordinates
         self.frames = Frames(self.coordinates, self.parameters)
-        self._arms = {b.name: mechanism.point(b.name, b.cog) for b in mechanism.bodies}
+        self._spread = {b.name: mechanism.spread(b.name) for b in mechanism.bodies}
+        self._beams = _Beams(mechanism, self.frames)
         self.M = [[self._inertia(f, g) for g in self.coordinates] for f in self.coordinates]
         self.weight = [self._weight(f) for f in self.coordinates]
         self.bias = [
-            add(self._velocity_product(f), weight)
+            add(self._velocity_product(f), weight, self._beams.damping(f))
             for f, weight in zip(self.coordinates, self.weight, strict=True)
         ]
+        self.strain_energy, self.strain_loss = self._beams.energy, self._beams.loss
         self.gap_jets = [gap.value(self.frames) for gap in self.gaps]
         self.relation_jets = [v for r in self.relations for v in r.values(self.frames)]
 
-    def _tangents(self, body: str, c: str) -> list[_Vector]:
-        """How the centre of gravity of a body moves with a coordinate."""
+    @staticmethod
+    def _tangents(point: Spread, c: str) -> list[_Vector]:
+        """How a point moves with a coordinate."""
         found = []
-        for (frame, slide), d in self._arms[body].items():
-            if slide == c:
-                found.append(_Vector(frame, None, d))
+        for (frame, slide), (x, y) in point.items():
+            scale = factors(slide)
+            if c in scale:
+                k, n = scale.index(c), scale.count(c)
+                found.append(_Vector(frame, scale[:k] + scale[k + 1 :], (n * x, n * y)))
             elif frame == c:
-                found.append(_Vector(frame, slide, rotate_quarter(d)))
+                found.append(_Vector(frame, scale, rotate_quarter((x, y))))
         return found
 
-    def _accelerated(self, body: str) -> list[tuple[_Vector, tuple[str, str]]]:
+    @staticmethod
+    def _accelerated(point: Spread) -> list[tuple[_Vector, tuple[str, str]]]:
         """Its acceleration at constant rates: vectors, each with two rates that multiply it."""
         found = []
-        for (frame, slide), (x, y) in self._arms[body].items():
+        for (frame, slide), (x, y) in point.items():
+            scale = factors(slide)
             if frame != GROUND:
-                found.append((_Vector(frame, slide, (-x, -y)), (frame, frame)))
-                if slide is not None:
-                    found.append((_Vector(frame, None, (-2.0 * y, 2.0 * x)), (slide, frame)))
+                found.append((_Vector(frame, scale, (-x, -y)), (frame, frame)))
+                for k, c in enumerate(scale):
+                    rest = scale[:k] + scale[k + 1 :]
+                    found.append((_Vector(frame, rest, (-2.0 * y, 2.0 * x)), (c, frame)))
+            for k, c in enumerate(scale):
+                for m, other in enumerate(scale[:k]):
+                    rest = scale[:m] + scale[m + 1 : k] + scale[k + 1 :]
+                    found.append((_Vector(frame, rest, (2.0 * x, 2.0 * y)), (other, c)))
         return found
 
-    def _products(self, name: str, pairs: Iterable[tuple[float, _Vector, _Vector]]) -> Term:
+    def _products(self, name: str, pairs: Iterable[tuple[Any, _Vector, _Vector]]) -> Term:
         """``sum m a . b``, with the constants of equal frames and displacements collected."""
+        total = np.sum if self.mechanism.beams else float
         sums: dict[tuple[str, str, tuple[str, ...]], tuple[float, float]] = {}
+        sizes: dict[tuple[str, str, tuple[str, ...]], float] = {}
         order = self.coordinates
         for mass, a, b in pairs:
-            slides = tuple(sorted((x.slide for x in (a, b) if x.slide), key=order.index))
+            slides = tuple(sorted((*a.scale, *b.scale), key=order.index))
             key = (a.frame, b.frame, slides)
             inner, outer = sums.get(key, (0.0, 0.0))
-            inner += mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1])
-            outer += mass * (a.d[0] * b.d[1] - a.d[1] * b.d[0])
+            inner += total(mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1]))
+            outer += total(mass * (a.d[0] * b.d[1] - a.d[1] * b.d[0]))
+            sums[key] = inner, outer
+            if self.mechanism.beams:
+                size = np.sum(np.abs(mass) * np.hypot(*a.d) * np.hypot(*b.d))
+                sizes[key] = sizes.get(key, 0.0) + float(size)
+        for key, size in sizes.items():  # what orthogonal shapes leave of integrals is rounding
+            inner, outer = (float(x) if abs(x) > ROUNDING * size else 0.0 for x in sums[key])
             sums[key] = inner, outer
         p, found = self.parameters, []
         for k, ((f, g, slides), (inner, outer)) in enumerate(sums.items()):
@@ -101,25 +126,29 @@ class Equations:
             f, g = g, f
         pairs = []
         for body in self.mechanism.bodies:
+            mass, point = self._spread[body.name]
             pairs += [
-                (body.mass, a, b)
-                for a in self._tangents(body.name, f)
-                for b in self._tangents(body.name, g)
+                (mass, a, b)
+                for a in self._tangents(point, f)
+                for b in self._tangents(point, g)
+                if self._beams.counts((f, g), a, b)
             ]
             if f == g == self.mechanism.frame(body.name)[0]:
                 # about the centre of gravity, as if of a mass at the radius of gyration
-                unit = _Vector(f, None, (1.0, 0.0))
-                pairs.append((body.inertia, unit, unit))
+                unit = _Vector(f, (), (1.0, 0.0))
+                pairs.append((body.beam.spin if body.beam else body.inertia, unit, unit))
         return self._products(f'inertia:{f}:{g}', pairs)
 
     def _velocity_product(self, f: str) -> Term:
         """``sum_b m_b t_bf . p''`` at constant rates: centripetal and Coriolis terms of row f."""
-        pairs: dict[tuple[str, str], list[tuple[float, _Vector, _Vector]]] = {}
-        for body in self.mechanism.bodies:
-            for tangent in self._tangents(body.name, f):
-                for vector, rates in self._accelerated(body.name):
-                    if rates != (f, f):  # arms that turn together: nothing along the tangent
-                        pairs.setdefault(rates, []).append((body.mass, tangent, vector))
+        pairs: dict[tuple[str, str], list[tuple[Any, _Vector, _Vector]]] = {}
+        for mass, point in self._spread.values():
+            accelerated = self._accelerated(point)
+            for tangent in self._tangents(point, f):
+                for vector, rates in accelerated:
+                    # arms that turn together: nothing along the tangent
+                    if rates != (f, f) and self._beams.counts((f, *rates), tangent, vector):
+                        pairs.setdefault(rates, []).append((mass, tangent, vector))
         order = {c: i for i, c in enumerate(self.coordinates)}
         rows = []
         for (a, b), products in sorted(pairs.items(), key=lambda x: [order[c] for c in x[0]]):
@@ -129,21 +158,58 @@ class Equations:
         return add(*rows)
 
     def _weight(self, f: str) -> Term:
-        """Minus the generalised force of gravity on coordinate f."""
-        gravity = _Vector(GROUND, None, self.mechanism.gravity)
-        return self._products(
+        """Minus the generalised force of gravity and elasticity on coordinate f."""
+        gravity = _Vector(GROUND, (), self.mechanism.gravity)
+        weight = self._products(
             f'weight:{f}',
             (
-                (-body.mass, gravity, tangent)
-                for body in self.mechanism.bodies
-                for tangent in self._tangents(body.name, f)
+                (-mass, gravity, tangent)
+                for mass, point in self._spread.values()
+                for tangent in self._tangents(point, f)
             ),
         )
+        return add(weight, self._beams.stiffness(f))
 
 
 class _Vector(NamedTuple):
     """``s R(theta) d``."""
 
     frame: str
-    slide: str | None
-    d: Vector2
+    scale: tuple[str, ...]
+    d: tuple[Any, Any]  #: one vector, or (2, K) at the K particles of an elastic link
+
+
+class _Beams:
+    """What elastic links add: strain energy, damping, and which terms are of too high an order."""
+
+    def __init__(self, mechanism: Mechanism, frames: Frames) -> None:
+        self._elastic = frozenset(mechanism.deformations)
+        q, v = frames.q, frames.v
+        p, half = frames.parameters, hy.expression(0.5)
+        self._forces: dict[str, Term] = {}
+        self._losses: dict[str, Term] = {}
+        for link, beam in mechanism.beams.items():
+            for name, size in beam.stiffness.items():
+                c = f'{link}.{name}'
+                self._forces[c] = mul(p(f'links:{c}.stiffness', size), q[c])
+                damping = p(f'links:{c}.damping', beam.resistance[name])
+                self._losses[c] = mul(damping, v[c])
+        self.energy: Term = add(*(mul(half, mul(f, q[c])) for c, f in self._forces.items()))
+        self.loss: Term = add(*(mul(f, v[c]) for c, f in self._losses.items()))
+
+    def counts(self, coordinates: Iterable[str], a: _Vector, b: _Vector) -> bool:
+        """Whether a term of the equation of the first of `coordinates` is kept.
+
+        Kinetic energy is taken up to the second order in elastic coordinates and their rates.
+        """
+        if not self._elastic:
+            return True
+        return sum(c in self._elastic for c in (*coordinates, *a.scale, *b.scale)) <= 2
+
+    def stiffness(self, c: str) -> Term:
+        """Minus the elastic force on a coordinate [N]."""
+        return self._forces.get(c)
+
+    def damping(self, c: str) -> Term:
+        """Minus the damping force on a coordinate [N]."""
+        return self._losses.get(c)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.mechanism import GROUND, Point, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Point, Vector2, factors
 from mechanism_sim.planar.switches import Array, Switch, Table
 
 
@@ -81,6 +84,7 @@ class Frames:
         )
         self.outside: dict[str, hy.expression] = {}
         self.switches: dict[str, Switch | Table] = {}
+        self._slips: set[str] = set()
         self.formulas: set[str] = set()
 
     @property
@@ -98,15 +102,25 @@ class Frames:
 
     def switch(self, name: str, guard: hy.expression) -> hy.expression:
         """A flag that is 1 where `guard` is positive and 0 elsewhere."""
-        for known in self.switches.values():
-            if isinstance(known, Switch) and known.inside == guard:
-                return known.flag
-        if name not in self.switches:
+        for other, known in self.switches.items():
+            alike = isinstance(known, Switch) and known.inside == guard
+            if alike and other not in self._slips:
+                return known.symbols[0]
+        return self._switch(name, guard).flag
+
+    def slip(self, name: str, rate: hy.expression) -> Switch:
+        """The switch of a friction, on the rate that it acts against: no load shares it."""
+        self._slips.add(name)
+        return self._switch(name, rate)
+
+    def _switch(self, name: str, guard: hy.expression) -> Switch:
+        known = self.switches.get(name)
+        if not isinstance(known, Switch):
             number = len(self.switches)
             rated = {str(v) for v in self.v.values()}.intersection(hy.get_variables(guard))
             holds = hy.make_vars(f'holds{number}') if rated else None
-            self.switches[name] = Switch(hy.make_vars(f'on{number}'), guard, holds)
-        return self.switches[name].symbols[0]
+            known = self.switches[name] = Switch(hy.make_vars(f'on{number}'), guard, holds)
+        return known
 
     def table(
         self, name: str, along: Jet, breaks: Array, rows: Array, periodic: bool
@@ -166,7 +180,7 @@ class Frames:
         x: list[Jet] = []
         y: list[Jet] = []
         for (frame, slide), d in point.items():
-            name = f'{label}@{frame}' if slide is None else f'{label}@{frame}@{slide}'
+            name = '@'.join((label, frame, *factors(slide)))
             given = (f'{name}.x', d[0]), (f'{name}.y', d[1])
             if slide is None:
                 arm = tuple(self.parameters(*each) for each in given)
@@ -174,7 +188,8 @@ class Frames:
             else:
                 arm = tuple(self._component(*each) for each in given)
                 way = self.turned(frame, *arm)
-                turned = self.displacement(slide) * way[0], self.displacement(slide) * way[1]
+                scale = reduce(operator.mul, map(self.displacement, factors(slide)))
+                turned = scale * way[0], scale * way[1]
             x.append(turned[0])
             y.append(turned[1])
         zero = Jet(None, {}, None, None)
@@ -201,6 +216,16 @@ class Frames:
     def angle(self, frame: str) -> Jet:
         """The angle of a frame, without whole turns [rad]."""
         return lift(0.0) if frame == GROUND else self.displacement(frame)
+
+    def turn(self, turns: Mapping[str, float], label: str) -> Jet:
+        """The angle of a link at a point, by how much each coordinate turns it there."""
+        found = Jet(None, {}, None, None)
+        for c, slope in turns.items():
+            turn = self.displacement(c)
+            if slope != 1.0:
+                turn = turn * dense(self.parameters(f'{label}.turn@{c}', slope))
+            found += turn
+        return found
 
     def _component(self, name: str, value: float) -> Term:
         """Of a unit vector: ones need no parameter."""

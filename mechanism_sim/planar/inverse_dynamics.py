@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.evaluation import COLUMNS
-from mechanism_sim.numerics.symbolic import add, neg
+from mechanism_sim.numerics.symbolic import add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.joint_friction import JointFriction, rubs, solve_friction, with_friction
 from mechanism_sim.planar.loads import generalised
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
+from mechanism_sim.planar.switches import REST
+from mechanism_sim.planar.unknowns import Effort, UnknownLoad, Unknowns
 
 Array = NDArray[np.float64]
 
@@ -38,6 +43,7 @@ class Observation(NamedTuple):
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
+    load: Array = np.zeros((0, 1))  #: (u, N) [N, N m] sizes of loads that follow from the motion
 
 
 class NoLimit(NamedTuple):
@@ -46,7 +52,8 @@ class NoLimit(NamedTuple):
     t: float  #: [s]
     drive: float  #: position of the first drive [rad, m]
     joints: tuple[str, ...]  #: whose forces do
-    rests: bool = False  #: the drive rests in a singular position, and forces are not determined
+    rests: bool = False  #: drive or load rest there for a while: forces are not determined
+    loads: tuple[str, ...] = ()  #: which do no work there, so that their sizes are not determined
 
     def is_at(self, t: float) -> bool:
         """Whether it is at a time but for rounding."""
@@ -75,8 +82,11 @@ class InverseDynamics:
     relations : its cut joints
     driven : names of the coordinates with a drive
     elements : springs, dampers and loads
+    frictions : of ideal joints
     inertia : whether ``M a`` and the velocity products count; statics leaves them out, and nothing
         else: weights and all that loads owe to speed stay
+    unknowns : loads whose sizes follow from the efforts of as many drives
+    efforts : of these drives, by coordinate
     """
 
     def __init__(
@@ -85,7 +95,10 @@ class InverseDynamics:
         relations: Sequence[Relation],
         driven: Sequence[str],
         elements: Sequence[ForceElement] = (),
+        frictions: Sequence[JointFriction] = (),
         inertia: bool = True,
+        unknowns: Sequence[UnknownLoad] = (),
+        efforts: Mapping[str, Effort] | None = None,
     ) -> None:
         self.mechanism = mechanism
         self._inertia = inertia
@@ -93,7 +106,11 @@ class InverseDynamics:
         self.elements = tuple(elements)
         self._driven = [mechanism.coordinates.index(c) for c in driven]
         self.equations = Equations(mechanism, relations=relations)
-        self._loads = [x for e in elements for x in e.loads(self.equations.frames)]
+        frames = self.equations.frames
+        self._loads = [x for e in elements for x in e.loads(frames)]
+        self.unknowns = Unknowns(mechanism, frames, unknowns, efforts or {}, driven)
+        self._rubs = rubs(frictions, frames)
+        self._loads += [load for rub in self._rubs for load in rub.loads]
 
     @property
     def outside(self) -> tuple[str, ...]:
@@ -129,16 +146,37 @@ class InverseDynamics:
             own = [hy.make_vars(f'force{k}_{i}') for i in range(count)]
             cut[relation.name] = relation.wrench(frames, own)
             closing += own
-        wrenches = tree_reactions(eq, accelerated, cut, self._loads).values()
+        sizes = self.unknowns.sizes
+        loads = [*self._loads, *self.unknowns.acting]
+        carried = tree_reactions(eq, accelerated, cut, loads)
+        wrenches = with_friction(self._rubs, carried, frames).values()
         forces = [x for w in wrenches for x in (w.x, w.y)]
         moments = [w.moment for w in wrenches]
         kinetic, potential = energies(eq)
         potential = add(potential, *(e.energy(frames) for e in self.elements))
-        lost = add(*(e.power_lost(frames) for e in self.elements))
+        lost = add(
+            *(x.power_lost(frames) for x in self.elements), *(x.power_lost for x in self._rubs)
+        )
         motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
-        first = SwitchedFunction(frames, [supplied, rows], motion)
+        motion += [rub.T for rub in self._rubs]
+        groups = [supplied, rows, self.unknowns.terms] if sizes else [supplied, rows]
+        first = SwitchedFunction(frames, groups, motion)
         balance = [kinetic, potential, lost]
-        second = SwitchedFunction(frames, [forces, moments, balance], [*motion, *closing])
+        groups = [forces, moments, balance]
+        if self._rubs:
+            bounds = [r.friction.pressed(frames, carried[r.friction.name]) for r in self._rubs]
+            self._sizes = [[len(p.components) for p in bound] for bound in bounds]
+            groups += [
+                [x for bound in bounds for p in bound for x in p.components],
+                [x for bound in bounds for p in bound for x in (p.coefficient, p.resolution)],
+                [1.0 - 2.0 * dense(rub.switch.flag) for rub in self._rubs],
+                [rub.slip.rate for rub in self._rubs],
+                [
+                    add(r.slip.curvature, dot(r.slip.row(eq.coordinates), [*a.values()]))
+                    for r in self._rubs
+                ],
+            ]
+        second = SwitchedFunction(frames, groups, [*motion, *closing, *sizes])
         return first, second
 
     def __call__(
@@ -166,19 +204,14 @@ class InverseDynamics:
                 for b in blocks
             ]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
-        first, second = self._functions
-        closures = n - len(self._driven)
         motion = np.concatenate([q, v, a, given])
-        supplied, closing = first(motion, rows)
-        matrix = self._matrix(closing, count)
-        singular = np.linalg.det(matrix) == 0.0
-        matrix[singular] = np.eye(n)
-        unknown = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
-        unknown[:, singular] = np.nan
-        forces, moments, balance = second(np.concatenate([motion, unknown[:closures]]), rows)
+        T = self._rubbed(motion, rows) if self._rubs else np.zeros((0, count))
+        unknown, sizes, (forces, moments, balance, *_) = self._solved(motion, T, rows)
+        closures = n - len(self._driven)
         joints = len(self.mechanism.joints)
         none = np.zeros((0, count))
         torque = np.asarray(unknown[closures:], np.float64)
+        supplying = power(torque, v[self._driven])
         return Observation(
             q,
             v,
@@ -190,17 +223,96 @@ class InverseDynamics:
             forces.reshape(joints, 2, count),
             moments,
             torque,
-            power(torque, v[self._driven]),
+            supplying,
             balance[0],
             balance[1],
+            sizes,
         )
+
+    def _solved(
+        self, motion: Array, T: Array, rows: Array | None
+    ) -> tuple[Any, Array, list[Array]]:
+        """Under frictions T (m, N): forces of closures and drives (n, N), sizes of loads, more."""
+        first, second = self._functions
+        n, count = len(self.mechanism.coordinates), motion.shape[1]
+        motion = np.concatenate([motion, T])
+        supplied, closing, *terms = first(motion, rows)
+        matrix = self._matrix(closing, count)
+        singular = np.linalg.det(matrix) == 0.0
+        matrix[singular] = np.eye(n)
+        unknown: Any = np.linalg.solve(matrix, supplied.T[:, :, None])[:, :, 0].T
+        unknown[:, singular] = np.nan
+        sizes = np.zeros((0, count))
+        if terms:
+            unknown, sizes = self.unknowns.solve(matrix, unknown, *terms)
+        known = [motion, unknown[: n - len(self._driven)], sizes]
+        found = second(np.concatenate(known), rows)
+        if terms:
+            v = motion[n : 2 * n]
+            fed = self.unknowns.power(v, sizes, *terms)
+            supplying = power(unknown[n - len(self._driven) :], v[self._driven])
+            balanced = (v * supplied).sum(axis=0) - supplying  # where they have no size
+            found[2][2] -= np.where(np.isnan(fed), balanced, fed)
+        return unknown, sizes, found
+
+    def _rubbed(self, motion: Array, rows: Array | None) -> Array:
+        """Every T (m, N): ``-b sign(rate)``, zero where a joint rests for longer than an instant.
+
+        Raises
+        ------
+        RunError
+            Where the friction is so large that no forces keep up the motion.
+        """
+        m, count = len(self._rubs), motion.shape[1]
+        none = np.zeros((m, count))
+        *_, (*_, start, numbers, ways, rates, onward) = self._solved(motion, none, rows)
+        ways = np.where((np.abs(rates) <= REST) & (np.abs(onward) <= REST), 0.0, ways)
+        slopes = []
+        for k in range(m):
+            unit = none.copy()
+            unit[k] = 1.0
+            slopes.append(self._solved(motion, unit, rows)[2][3] - start)
+        known = np.isfinite(start).all(axis=0)
+        T, sound = solve_friction(
+            start[:, known], np.array(slopes)[:, :, known], numbers[:, known], ways[:, known],
+            self._sizes,
+        )  # fmt: skip
+        if not sound.all():
+            worst = motion[self._driven[0], np.flatnonzero(known)[sound.argmin()]]
+            joints = ', '.join(rub.friction.name for rub in self._rubs)
+            name = self.mechanism.coordinates[self._driven[0]]
+            place = (
+                f'{1e3 * worst:.6g} mm'
+                if name in self.mechanism.displacements
+                else f'{math.degrees(worst) % 360.0:.6g} deg'
+            )
+            raise RunError(
+                f'friction locks the machine, {name} at {place}: in {joints} no finite forces '
+                'keep up the motion; less friction, or a drive elsewhere, moves it'
+            )
+        every = np.full((m, count), np.nan)
+        every[:, known] = T
+        return every
 
     def required(
         self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
     ) -> Array:
         """Generalised forces (n, N) that closures and drives together must supply."""
-        supplied: Array = self._functions[0](np.concatenate([q, v, a, outside]), rows)[0]
+        none = np.zeros((len(self._rubs), q.shape[1]))
+        supplied: Array = self._functions[0](np.concatenate([q, v, a, outside, none]), rows)[0]
         return supplied
+
+    def work_of_unknowns(
+        self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
+    ) -> Array:
+        """See `Unknowns.work`, (N,)."""
+        none = np.zeros((len(self._rubs), q.shape[1]))
+        motion = np.concatenate([q, v, a, outside, none])
+        _, closing, terms = self._functions[0](motion, rows)
+        matrix = self._matrix(closing, q.shape[1])
+        singular = np.linalg.det(matrix) == 0.0
+        matrix[singular] = np.eye(len(q))
+        return np.where(singular, np.inf, self.unknowns.work(matrix, terms))
 
     def _matrix(self, rows: Array, count: int) -> Array:
         """``J^T`` beside the columns of the drives, (N, n, n)."""

@@ -73,9 +73,10 @@ def generalised(loads: Iterable[Load], frames: Frames, mechanism: Mechanism) -> 
         for jet, force in zip(load.place(frames, mechanism), load.force, strict=True):
             for c, slope in jet.gradient.items():
                 found[c] = add(found.get(c), mul(force, slope))
-        frame = mechanism.frame(load.link)[0]
-        if frame != GROUND:
-            found[frame] = add(found.get(frame), load.moment)
+        for c, slope in mechanism.turns(load.link, load.at).items():
+            share = frames.parameters(f'{load.name}.turn@{c}', slope)
+            moment = load.moment if slope == 1.0 else mul(share, load.moment)
+            found[c] = add(found.get(c), moment)
     return {c: term for c, term in found.items() if term is not None}
 
 

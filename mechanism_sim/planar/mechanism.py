@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from mechanism_sim.planar.elastic import Beam
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
@@ -20,20 +21,26 @@ GROUND = 'ground'
 
 Vector2 = tuple[float, float]
 Side: TypeAlias = Literal['left', 'right']
-Arm: TypeAlias = tuple[str, str | None]
+Slide: TypeAlias = str | tuple[str, ...] | None
+"""The displacement that scales a vector, or several whose product does."""
+Arm: TypeAlias = tuple[str, Slide]
 """The angle with which a vector turns (or the ground), and the displacement that scales it."""
 Point: TypeAlias = dict[Arm, Vector2]
 """A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
 
+Spread: TypeAlias = dict[Arm, Any]
+"""The same of one point, or of K points at once, whose vectors are arrays (2, K)."""
+
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid link."""
+    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed."""
 
     name: str
     mass: float  #: [kg]
     inertia: float  #: [kg m^2] about the centre of gravity
     cog: Vector2  #: [m] centre of gravity in the link's frame
+    beam: Beam | None = None  #: what is elastic of it
 
 
 @dataclass(frozen=True)
@@ -168,7 +175,8 @@ class Mechanism:
     Coordinates are named after their links, in the order of `bodies`: the absolute angle [rad] of
     a link, or the displacement [m] of a link that a prismatic joint of the tree carries. A link
     that no uncut joint ties to the ground, not even by way of others, floats: its angle is
-    followed, after those of all links, by two displacements of its centre of gravity.
+    followed, after those of all links, by two displacements of its centre of gravity. Last come
+    the elastic coordinates, see `Beam`.
     """
 
     bodies: tuple[Body, ...]
@@ -178,9 +186,30 @@ class Mechanism:
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
-        """Names: of the links, then ``LINK.x`` and ``LINK.y`` of the floating ones."""
+        """Names: of the links, then ``LINK.x`` and ``LINK.y`` of the floating ones.
+
+        Then those of the elastic ones as ``LINK.bend1``.
+        """
         placed = (f'{link}.{axis}' for link in self.floating for axis in 'xy')
-        return (*(body.name for body in self.bodies), *placed)
+        return (*(body.name for body in self.bodies), *placed, *self.deformations)
+
+    @cached_property
+    def beams(self) -> dict[str, Beam]:
+        """What is elastic, by link."""
+        return {body.name: body.beam for body in self.bodies if body.beam}
+
+    @cached_property
+    def deformations(self) -> tuple[str, ...]:
+        """The elastic coordinates."""
+        return tuple(f'{link}.{name}' for link, beam in self.beams.items() for name in beam.names)
+
+    def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
+        found: dict[str, NDArray[np.float64]] = {}
+        for link, beam in self.beams.items():
+            own = [self.coordinates.index(f'{link}.{name}') for name in beam.names]
+            found |= {f'{what}.{link}': x for what, x in beam.columns(q[own]).items()}
+        return found
 
     @cached_property
     def displacements(self) -> tuple[str, ...]:
@@ -290,8 +319,11 @@ class Mechanism:
         frame, offset = self.frame(link)
         return {(frame, None): rotate((1.0, 0.0), angle + offset)}
 
-    def point(self, link: str, at: Vector2 = (0.0, 0.0)) -> Point:
-        """The point `at` (in the link's frame, [m]) as a sum over arms."""
+    def point(self, link: str, at: Vector2 = (0.0, 0.0), deformed: bool = True) -> Point:
+        """The point `at` (in the link's frame, [m]) as a sum over arms.
+
+        Of an elastic link it moves with its deformation, or with its frame if not `deformed`.
+        """
         if link == GROUND:
             return {(GROUND, None): at}
         frame, offset = self.frame(link)
@@ -301,7 +333,8 @@ class Mechanism:
                 (GROUND, f'{link}.x'): (1.0, 0.0),
                 (GROUND, f'{link}.y'): (0.0, 1.0),
             }
-            return _plus(slides, {(frame, None): (at[0] - cog[0], at[1] - cog[1])})
+            placed = _plus(slides, {(frame, None): (at[0] - cog[0], at[1] - cog[1])})
+            return _plus(placed, self._deformed(link, at)) if deformed else placed
         j = self.tree_joints[link]
         here, there = (j.on_first, j.on_second) if j.first == link else (j.on_second, j.on_first)
         result = self.point(self.parent(link), there)
@@ -310,14 +343,71 @@ class Mechanism:
             if j.first == link:  # the line, not the point on it, is carried
                 way = (-way[0], -way[1])
             result = _plus(result, {(frame, link): way})
-        return _plus(result, {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)})
+        moved = _minus(self._deformed(link, here))
+        if deformed:
+            moved = _plus(self._deformed(link, at), moved)
+        rigid: Point = {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)}
+        return _plus(_plus(result, rigid), moved)
+
+    def _deformed(self, link: str, at: Vector2) -> Point:
+        """How the deformation of a link moves its points in its frame."""
+        if link not in self.beams:
+            return {}
+        return {
+            (link, names[0] if len(names) == 1 else names): d
+            for own, d in self.beams[link].arms(at).items()
+            for names in [tuple(f'{link}.{name}' for name in own)]
+        }
+
+    def particles(self, link: str) -> list[tuple[float, Point]]:
+        """Masses [kg] of a link and their points, whose motion is that of all of it.
+
+        A rigid link has one, at its centre of gravity, beside its moment of inertia.
+        """
+        body = self.body(link)
+        if not body.beam:
+            return [(body.mass, self.point(link, body.cog))]
+        return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+
+    def spread(self, link: str) -> tuple[Any, Spread]:
+        """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
+
+        Of a rigid link, numbers instead.
+        """
+        found = self.particles(link)
+        if link not in self.beams:
+            return found[0]
+        arms = dict.fromkeys(arm for _, point in found for arm in point)
+        none = (0.0, 0.0)
+        return np.array([mass for mass, _ in found]), {
+            arm: np.array([point.get(arm, none) for _, point in found]).T for arm in arms
+        }
+
+    def centre(self, link: str) -> Point:
+        """The centre of gravity of a link."""
+        body = self.body(link)
+        if not body.beam:
+            return self.point(link, body.cog)
+        found: Point = {}
+        for mass, point in self.particles(link):
+            share = mass / body.mass
+            found = _plus(found, {arm: (share * x, share * y) for arm, (x, y) in point.items()})
+        return found
+
+    def turns(self, link: str, at: Vector2) -> dict[str, float]:
+        """How much a link turns at a point with each coordinate: 1, or [rad/m]."""
+        frame = self.frame(link)[0]
+        found = {} if frame == GROUND else {frame: 1.0}
+        if link in self.beams:
+            found |= {f'{link}.{name}': x for name, x in self.beams[link].slopes(at).items()}
+        return found
 
     def locate(self, link: str, q: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
         """World coordinates [m] of a point of a link; the default is its origin."""
         x = y = 0.0
         for (frame, slide), d in self.point(link, at).items():
             dx, dy = rotate(d, 0.0 if frame == GROUND else q[frame])
-            s = 1.0 if slide is None else q[slide]
+            s = math.prod(q[c] for c in factors(slide))
             x += s * dx
             y += s * dy
         return x, y
@@ -326,10 +416,10 @@ class Mechanism:
         self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
     ) -> NDArray[np.float64]:
         """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
-        place = np.zeros((2, q.shape[1]))
+        place, index = np.zeros((2, q.shape[1])), self.coordinates.index
         for (frame, slide), (x, y) in self.point(link, at).items():
-            angle = 0.0 if frame == GROUND else q[self.coordinates.index(frame)]
-            s = 1.0 if slide is None else q[self.coordinates.index(slide)]
+            angle = 0.0 if frame == GROUND else q[index(frame)]
+            s = math.prod(q[index(c)] for c in factors(slide))
             c, sn = np.cos(angle), np.sin(angle)
             place += s * np.array([[c * x - sn * y], [sn * x + c * y]]).reshape(2, -1)
         return place
@@ -352,7 +442,7 @@ class Mechanism:
         velocity, index = np.zeros((2, q.shape[1])), self.coordinates.index
         for (frame, slide), (x, y) in self.point(link, at).items():
             angle, w = (0.0, 0.0) if frame == GROUND else (q[index(frame)], v[index(frame)])
-            s, rate = (1.0, 0.0) if slide is None else (q[index(slide)], v[index(slide)])
+            s, rate, _ = product(slide, lambda c: (q[index(c)], v[index(c)], 0.0))
             c, sn = np.cos(angle), np.sin(angle)
             px, py = c * x - sn * y, sn * x + c * y
             velocity[0] += rate * px - s * w * py
@@ -370,11 +460,7 @@ class Mechanism:
         none = np.zeros((3, q.shape[1]))
         for (frame, slide), (x, y) in self.point(link, (0.0, 0.0)).items():
             angle, w, dw = none if frame == GROUND else (u[index(frame)] for u in (q, v, a))
-            s, ds, dds = (
-                np.array([[1.0], [0.0], [0.0]])
-                if slide is None
-                else (u[index(slide)] for u in (q, v, a))
-            )
+            s, ds, dds = product(slide, lambda c: (q[index(c)], v[index(c)], a[index(c)]))
             c, sn = np.cos(angle), np.sin(angle)
             px, py = c * x - sn * y, sn * x + c * y
             along, across = dds - s * w**2, 2.0 * ds * w + s * dw
@@ -389,8 +475,7 @@ class Mechanism:
     def separation(self, joint: str) -> Point:
         """Point of the first link minus point of the second link at a cut joint."""
         j = self.joint(joint)
-        behind = {arm: (-x, -y) for arm, (x, y) in self.point(j.second, j.on_second).items()}
-        return _plus(self.point(j.first, j.on_first), behind)
+        return _plus(self.point(j.first, j.on_first), _minus(self.point(j.second, j.on_second)))
 
 
 def closing_joints(
@@ -450,6 +535,27 @@ def rotate(v: Vector2, angle: float) -> Vector2:
     else:
         c, s = math.cos(angle), math.sin(angle)
     return c * v[0] - s * v[1], s * v[0] + c * v[1]
+
+
+def factors(slide: Slide) -> tuple[str, ...]:
+    """The displacements whose product scales an arm."""
+    return () if slide is None else (slide,) if isinstance(slide, str) else slide
+
+
+def product(slide: Any, course: Callable[[Any], Sequence[Any]]) -> tuple[Any, Any, Any]:
+    """What scales an arm, with its first two time derivatives, from those of coordinates."""
+    names = factors(slide)
+    if not names:
+        return 1.0, 0.0, 0.0
+    s, ds, dds = course(names[0])
+    for name in names[1:]:
+        r, dr, ddr = course(name)
+        s, ds, dds = s * r, ds * r + s * dr, dds * r + 2.0 * ds * dr + s * ddr
+    return s, ds, dds
+
+
+def _minus(a: Point) -> Point:
+    return {arm: (-x, -y) for arm, (x, y) in a.items()}
 
 
 def _plus(a: Point, b: Point) -> Point:

@@ -12,7 +12,7 @@ from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Side
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Side
 from mechanism_sim.planar.protocols import ForceLaw, PairClosure
 
 Array = NDArray[np.float64]
@@ -83,10 +83,23 @@ class Wall:
 
 def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:
     """Of a wall of a joint: ``JOINT_left``, or ``JOINT.left`` if another joint is called so."""
-    if len(joint.sides) < 2:
-        return joint.name
-    plain = f'{joint.name}_{side}'
-    return f'{joint.name}.{side}' if any(j.name == plain for j in mechanism.joints) else plain
+    return _name_of(mechanism, joint, side) if len(joint.sides) > 1 else joint.name
+
+
+def _name_of(mechanism: Mechanism, joint: Joint, place: str) -> str:
+    plain = f'{joint.name}_{place}'
+    return f'{joint.name}.{place}' if any(j.name == plain for j in mechanism.joints) else plain
+
+
+SIDES: tuple[tuple[str, Side], ...] = (
+    ('rear', 'left'), ('front', 'left'), ('rear', 'right'), ('front', 'right'),
+)  # fmt: skip
+"""The corners of a block in its guide, by the direction of the guide's axis."""
+
+
+def corner_name(mechanism: Mechanism, joint: Prismatic, end: str, side: Side) -> str:
+    """Of the gap at a corner of a block in a guide: ``JOINT_front_left`` and so on."""
+    return _name_of(mechanism, joint, f'{end}_{side}')
 
 
 def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
@@ -101,6 +114,8 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
         own = [joint.name]
         if isinstance(joint, HigherPair):
             own += [wall_name(mechanism, joint, side) for side in joint.sides]
+        if isinstance(joint, Prismatic):
+            own += [corner_name(mechanism, joint, *corner) for corner in SIDES]
         if gap in own:
             return joint
     raise KeyError(gap)

@@ -78,7 +78,7 @@ def _inertia_force(
     """``m (p_G'' - g)`` of a link, ``-m g`` without inertia [N]."""
     mechanism, body = equations.mechanism, equations.mechanism.body(link)
     mass = equations.parameters(f'links:{link}.mass', body.mass)
-    position = equations.frames.position(mechanism.point(link, body.cog), f'links:{link}.cog')
+    position = equations.frames.position(mechanism.centre(link), f'links:{link}.cog')
     found = []
     for axis, (jet, g) in enumerate(zip(position, mechanism.gravity, strict=True)):
         gravity = equations.parameters(f'gravity:{axis}', g)
@@ -144,9 +144,9 @@ def energies(equations: Equations) -> tuple[Term, Term]:
     """Kinetic and potential energy [J]."""
     v: list[Term] = [equations.frames.v[c] for c in equations.coordinates]
     kinetic = dot(v, [dot(row, v) for row in equations.M])
-    potential: list[Term] = []
+    potential: list[Term] = [equations.strain_energy]
     for body in equations.mechanism.bodies:
-        point = equations.mechanism.point(body.name, body.cog)
+        point = equations.mechanism.centre(body.name)
         position = equations.frames.position(point, f'links:{body.name}.cog')
         mass = equations.parameters(f'links:{body.name}.mass', body.mass)
         for axis, (jet, g) in enumerate(zip(position, equations.mechanism.gravity, strict=True)):

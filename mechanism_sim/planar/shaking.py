@@ -11,7 +11,7 @@ not be known; in a step of the velocities the same sums give the impulse.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.loads import moment_of
-from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Point
 from mechanism_sim.planar.protocols import ForceElement
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 
@@ -44,17 +44,17 @@ class ShakingForce:
     def __init__(self, mechanism: Mechanism, applied: Sequence[ForceElement] = ()) -> None:
         frames = Frames(mechanism.coordinates, Parameters())
         parts: list[list[Term]] = []
-        for body in mechanism.bodies:
-            place = frames.position(mechanism.point(body.name, body.cog), f'links:{body.name}.cog')
-            mass = frames.parameters(f'links:{body.name}.mass', body.mass)
+        for name, link, own, point, turning in _masses(mechanism):
+            place = frames.position(point, f'links:{name}.cog')
+            mass = frames.parameters(f'links:{name}.mass', own)
             force = []
             for axis, (jet, g) in enumerate(zip(place, mechanism.gravity, strict=True)):
                 moved = [mul(slope, frames.a[c]) for c, slope in jet.gradient.items()]
                 gravity = frames.parameters(f'gravity:{axis}', g)
                 force.append(mul(mass, add(gravity, neg(add(*moved, jet.curvature)))))
-            frame, spin = mechanism.frame(body.name)[0], None
-            if frame != GROUND:
-                inertia = frames.parameters(f'links:{body.name}.inertia', body.inertia)
+            frame, spin = mechanism.frame(link)[0], None
+            if frame != GROUND and turning:
+                inertia = frames.parameters(f'links:{name}.inertia', turning)
                 spin = neg(mul(inertia, frames.a[frame]))
             moment = moment_of((place[0].value, place[1].value), (force[0], force[1]))
             parts.append([*force, add(moment, spin)])
@@ -92,3 +92,16 @@ class ShakingForce:
         """
         rest = np.zeros_like(q)
         return self(q, rest, step, outside) - self(q, rest, rest, outside)
+
+
+def _masses(mechanism: Mechanism) -> Iterator[tuple[str, str, float, Point, float]]:
+    """Names, links, masses [kg], points, and moments of inertia [kg m^2] that turn with links.
+
+    A rigid link has one mass, an elastic one many.
+    """
+    for body in mechanism.bodies:
+        if not body.beam:
+            yield body.name, body.name, body.mass, mechanism.centre(body.name), body.inertia
+            continue
+        for k, (mass, point) in enumerate(mechanism.particles(body.name)):
+            yield f'{body.name}@{k}', body.name, mass, point, 0.0 if k else body.beam.spin

@@ -12,7 +12,7 @@ from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.evaluation import Evaluation
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.switches import SWITCH_MARGIN, Switch, Table, by_level
+from mechanism_sim.planar.switches import REST, SWITCH_MARGIN, Switch, Table, by_level
 
 Array = NDArray[np.float64]
 
@@ -150,6 +150,9 @@ class Edges:
             [s.guard for s in every], [*variables, *self._switches.symbols]
         )
         self._guards = Evaluation(function, frames.parameters.values, [len(every)])
+        # what rests has a rate that is nothing but rounding
+        held = [isinstance(s, Switch) and s.holds is not None for s in every]
+        self._slack = np.where(held, REST, 0.0)[:, None]
 
     def check(self, q: Array) -> None:
         """Refuse coordinates (n, N) at rest, at time zero, where a switch has no row.
@@ -188,7 +191,8 @@ class Edges:
     def left(self, states: Array, present: Array) -> Array:
         """What is negative (g, N) in states (2n + k, N) where the present rows have ended."""
         known = np.repeat(present, states.shape[1], axis=1)
-        return self._guards(np.concatenate([states, known]))[0]
+        found: Array = self._guards(np.concatenate([states, known]))[0] + self._slack
+        return found
 
 
 def _with_all_turns(

@@ -86,7 +86,8 @@ class Switch(NamedTuple):
 
         Parameters
         ----------
-        seen : `System.holding_rates` of this switch
+        seen : rates of its function with the flag 0 and 1 while what else holds goes on holding;
+            the same while nothing holds; and the part that acts
         place : value of the function
         """
         below, above, free_below, free_above, part = seen

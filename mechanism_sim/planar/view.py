@@ -6,7 +6,6 @@ readings are worth a chart; sensors, nodes, drawings and pages only ask.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -16,7 +15,10 @@ if TYPE_CHECKING:
     from mechanism_sim.planar.mechanism import LinkPoint, Side, Vector2
 
 Array = NDArray[np.float64]
-Kind = Literal['rail', 'support', 'spring', 'wheel', 'cam', 'link', 'slot', 'slider', 'pin']
+Kind = Literal[
+    'frame', 'belt', 'wheel', 'cam', 'rail', 'support', 'link', 'slot', 'slider', 'bushing', 'pin',
+    'cog', 'point', 'drive',
+]  # fmt: skip
 """Of shapes, in the order in which they are painted."""
 
 
@@ -88,6 +90,26 @@ class View(Protocol):
         """Distance (N,) [m] and whether it is closed (N,), of the joint's gap at that side."""
 
 
+SLOT = 0.75
+"""Half the width of a drawn slot, in units of the drawing's symbols."""
+
+
+def complex_of(points: Array) -> NDArray[np.complex128]:
+    """Points (..., 2) as complex numbers."""
+    return np.asarray(points @ (1.0, 1.0j))
+
+
+def points_of(numbers: NDArray[np.complex128]) -> Array:
+    """Complex numbers as points (..., 2)."""
+    return np.stack([numbers.real, numbers.imag], axis=-1)
+
+
+def circle(radius: float, centre: Vector2 | Array = (0.0, 0.0), points: int = 96) -> Array:
+    """A closed curve (points, 2) [m] to be drawn, the first point not repeated."""
+    turn = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False)
+    return np.asarray(centre) + radius * points_of(np.exp(1j * turn))
+
+
 class Draft(Protocol):
     """A drawing of a mechanism at N instants of its motion, to which joints add their shapes."""
 
@@ -103,10 +125,13 @@ class Draft(Protocol):
     def turned(self, link: str) -> float:
         """Angle of a link in the world at the first instant [rad]."""
 
-    def add(
-        self, kind: Kind, outline: Sequence[LinkPoint], label: str = '', size: float = 0.0
-    ) -> None:
-        """A shape, which gives its links bodies; of wheels the largest are painted first."""
+    def add(self, kind: Kind, link: str, *curves: Array, size: float = 0.0) -> None:
+        """A shape of a link, which gives it a body; of wheels the largest are painted first.
+
+        Parameters
+        ----------
+        curves : (k, 2) [m] each, in the frame of the link; what lies within two of them is open
+        """
 
     def pin(self, place: LinkPoint, label: str) -> None:
         """A pin, to which its link reaches."""

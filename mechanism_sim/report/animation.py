@@ -13,7 +13,7 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import figures
-from mechanism_sim.report.stage import Shown, Stage
+from mechanism_sim.report.screen import Screen, Shown
 from mechanism_sim.report.video import Target
 
 _TURN = 3.0  # [s] of film for a turn of the drive
@@ -62,12 +62,12 @@ class Film:
             If ffmpeg fails.
         """
         with figures.style():
-            stage = Stage(self.record, self.t, shown, self.speed, size or self.target.usual_size)
-            with self.target.writing(stage.figure, self.fps, len(self.t)) as grab:
-                for i in stage.frames():
+            screen = Screen(self.record, self.t, shown, self.speed, size or self.target.usual_size)
+            with self.target.writing(screen.figure, self.fps, len(self.t)) as grab:
+                for i in screen.frames():
                     grab()
                     show(i + 1, 0)
-        return self.target.files, stage.size
+        return self.target.files, screen.size
 
 
 def film(

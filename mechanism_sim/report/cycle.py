@@ -99,6 +99,8 @@ def _drive(cycle: Cycle) -> Iterator[str]:
     if abs(power) <= 1e-12 * cycle.rms('drive_power'):
         power = 0.0  # what is given is taken back
     yield f'mean power of the drive {power:.6g} W'
+    if (efficiency := cycle.efficiency) is not None:
+        yield f'efficiency {efficiency:.6g}: the rest is friction in ideal joints'
 
 
 def to_json(cycle: Cycle) -> dict[str, object]:
@@ -123,6 +125,7 @@ def to_json(cycle: Cycle) -> dict[str, object]:
         },
         'rms': {name: strict_json.plain(cycle.rms(name)) for name in cycle.drive_torques},
         'mean_power': strict_json.plain(cycle.mean_power) if forces else None,
+        'efficiency': cycle.efficiency if forces else None,
         'no_limits': no_limits_to_json(cycle.no_limits),
         'unbounded': sorted(cycle.unbounded),
     }

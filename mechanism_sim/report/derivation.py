@@ -48,6 +48,9 @@ class _Derivation:
         model = self._system or machine.inverse_dynamics
         self._equations = model.equations
         self._elements = () if machine.level is Level.KINEMATIC else model.elements
+        ideal, plan = machine.plan.ideal, machine.plan
+        self._unknowns = plan.unknowns(ideal)
+        self._efforts = {c: effort(ideal) for c, effort in plan.efforts.items()}
         self._symbols = Symbols(self._equations)
         self._vectors = Vectors(self._equations, self._symbols)
         self._in_symbols, self._terms = self._vectors.in_symbols, self._vectors.terms
@@ -129,14 +132,16 @@ class _Derivation:
             self._vectors.use_seen()
             for index, jet in zip('xy' if plain else '12', [next(jets) for _ in values]):  # noqa: B905
                 joint = relation.name
+                of_angle = self._symbols.is_of_angle(joint, jet.value)
                 orders[0].append(Equation(joint, self._terms(jet.value), zero))
                 if self._rates:
                     for line, terms in zip(orders[1:], self._derivatives(jet), strict=True):
                         line.append(Equation(joint, terms, zero))
                 if self._machine.level is not Level.KINEMATIC:
                     where = 'on the first link of' if plain else 'along a closure of'
-                    meaning = f'force {index} {where} {joint}'
-                    force = self._symbols.make(f'lambda{index}', (joint,), joint, meaning, 'N')
+                    what, unit = ('moment', 'N m') if of_angle else ('force', 'N')
+                    meaning = f'{what} {index} {where} {joint}'
+                    force = self._symbols.make(f'lambda{index}', (joint,), joint, meaning, unit)
                     self._push(jet, force)
         return tuple(map(tuple, orders))
 
@@ -200,6 +205,14 @@ class _Derivation:
                 self._on[c].append(Q)
                 self._forces.append(Equation(element.name, (Q,), self._terms(term)))
 
+        for load in self._unknowns:
+            found = generalised(load.loads(self._vectors.frames), self._vectors.frames, mechanism)
+            self._vectors.use_seen()
+            meaning = f'size of the load {load.label}, which is unknown'
+            size = self._symbols.make('f', (load.label,), load.name, meaning, load.unit)
+            for c, term in found.items():
+                self._on[c].append(sympy.Mul(size, self._in_symbols(term)))
+
     def _switches(self, parts: Sequence[Part]) -> tuple[Equation, ...]:
         """Where that acts which does so in a part of the cycle only."""
         lines, used = [], _symbols_of(parts)
@@ -255,6 +268,9 @@ class _Derivation:
                 if self._machine.level is not Level.KINEMATIC:
                     twice = sympy.diff(sympy.Add(*given), symbols.time, 2)
                     lines.append(Equation(c, (symbols.a[c],), (twice,), since))
+            if c in self._efforts:
+                given = self._terms(self._efforts[c].effort(self._vectors.frames))
+                lines.append(Equation(c, (self._on[c][-1],), given or (sympy.Integer(0),)))
         return tuple(lines)
 
     def _idle(self, c: str) -> bool:

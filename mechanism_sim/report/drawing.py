@@ -1,27 +1,35 @@
-"""Pictures of mechanisms: bars, pivots, sliders on their rails, ghosts of other positions."""
+"""Pictures of mechanisms at an instant, with ghosts of other positions and paths of points."""
 
 from __future__ import annotations
 
 from itertools import cycle as endless
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.export.skeleton import bounds, skeleton_of
-from mechanism_sim.report.brush import INK, Brush
+from mechanism_sim.cycles.points import Poses
+from mechanism_sim.export.palette import INK, colour
+from mechanism_sim.export.skeleton import Skeleton, bounds, scale_bar, skeleton_of
+from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.picture import Picture
 
 _SIDES = 7.5, 6.0
 """Width and height of a picture at most [in]."""
 
+_BENDS = 41  # points along the axis of an elastic link
+
 PATHS = ('-', '--', '-.', ':')
 
 
 def draw(
-    cycle: Cycle, t: float, positions: int = 1, labels: Literal['all', 'links', 'none'] = 'all'
+    cycle: Cycle,
+    t: float,
+    positions: int = 1,
+    labels: Literal['all', 'links', 'none'] = 'all',
+    magnified: float = 0.0,
 ) -> Picture:
     """A machine at one instant, with the paths of the cycle's points.
 
@@ -30,34 +38,36 @@ def draw(
     t : [s] within the cycle
     positions : this one, and as many others as ghosts, evenly over the cycle
     labels : of links and joints, of links only, or none
+    magnified : how many times as much elastic links deform in lines over them; 0: no lines
     """
     sweep = _coordinates(cycle, cycle.t)
-    skeleton = skeleton_of(cycle.machine, sweep, cycle.points.values())
+    skeleton = skeleton_of(cycle.machine, sweep)
     here = cycle.at(np.array([t]))
-    now = skeleton.placed(_coordinates(cycle, np.array([t])))
+    (now,) = skeleton.poses(_coordinates(cycle, np.array([t])))
     since = np.arange(1, positions) / positions * cycle.duration
     others = cycle.t[0] + (t - cycle.t[0] + since) % cycle.duration
-    ghosts = skeleton.placed(_coordinates(cycle, others)) if positions > 1 else []
-    low, high = bounds(skeleton, [*skeleton.placed(sweep), *now])
+    low, high = bounds(skeleton, np.concatenate([skeleton.poses(sweep), now[None]]))
     figure = Picture()
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     inch = float(max((high - low) / _SIDES))  # [m] in the drawing
-    brush = Brush(axes, skeleton.symbol, 72.0 / inch)
+    brush = Brush(axes, skeleton, 72.0 / inch)
     names = Labels(axes, brush, skeleton.symbol, low, high)
-    for k in range(positions - 1):
-        for shape, outline in zip(skeleton.shapes, ghosts, strict=True):
-            brush.ghost(shape, outline[:, :, k])
+    if positions > 1:
+        for pose in skeleton.poses(_coordinates(cycle, others)):
+            brush.ghost(pose)
     for name, line in zip(cycle.points, endless(PATHS)):
         path = np.stack([cycle[f'position.{name}.{axis}'] for axis in 'xy'], axis=1)
-        axes.plot(*path.T, color='0.35', lw=0.9, ls=line, zorder=4.0, label=name)
-        at = (here[f'position.{name}.{axis}'] for axis in 'xy')
+        trace(axes, skeleton, name, path, line)
+        at = [here[f'position.{name}.{axis}'] for axis in 'xy']
         axes.plot(*at, 'o', color=INK, ms=3.0, zorder=4.5)
         names.avoid(path)
-    outlines = [outline[:, :, 0] for outline in now]
-    for shape, outline in zip(skeleton.shapes, outlines, strict=True):
-        brush.paint(shape, outline)
+    brush.paint(now)
+    if magnified:
+        _bend(axes, skeleton, _coordinates(cycle, np.array([t])), magnified)
+        if positions > 1:
+            _bend(axes, skeleton, _coordinates(cycle, others), magnified, 0.35)
     if labels != 'none':
-        names.write(skeleton.shapes, outlines, labels == 'all')
+        names.write(skeleton, now, labels == 'all')
     title = brush.thick(14.0)
     axes.text(
         0.5 * (low[0] + high[0]), high[1] + 0.6 * title, cycle.machine.scene.title,
@@ -65,11 +75,42 @@ def draw(
     )  # fmt: skip
     if len(cycle.points) > 1:
         axes.legend(loc='lower right', frameon=False, fontsize=7.0)
-    top = high[1] + 2.6 * title
-    figure.set_size_inches((high[0] - low[0]) / inch, (top - low[1]) / inch)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], top), aspect='equal')
+    bottom, top = low[1] - 1.4 * title, high[1] + 2.6 * title
+    rule(axes, (low[0] + title, bottom + 0.5 * title), high[0] - low[0])
+    figure.set_size_inches((high[0] - low[0]) / inch, (top - bottom) / inch)
+    axes.set(xlim=(low[0], high[0]), ylim=(bottom, top), aspect='equal')
     axes.set_axis_off()
     return figure
+
+
+def _bend(axes: Any, skeleton: Skeleton, q: Array, magnified: float, opacity: float = 1.0) -> None:
+    """The axes of elastic links at coordinates (n, N), in the colours of the links."""
+    poses = Poses(skeleton.mechanism, q, magnified)
+    for link, beam in skeleton.mechanism.beams.items():
+        along = np.linspace(0.0, beam.length, _BENDS).tolist()
+        x, y = np.array([poses.at((link, (x, 0.0))) for x in along]).swapaxes(0, 1)
+        shade = colour(skeleton.links.index(link))
+        axes.plot(x, y, color=shade, lw=1.8, alpha=opacity, zorder=7.5)
+
+
+def trace(axes: Any, skeleton: Skeleton, point: str, path: Array, line: Any) -> None:
+    """The path (k, 2) of a point of a link, in the colour of its link."""
+    link = point.partition('.')[0]
+    shade = colour(skeleton.links.index(link) if link in skeleton.links else -1)
+    axes.plot(*path.T, color=shade, lw=1.0, ls=line, zorder=1.4, label=point)
+
+
+def rule(axes: Any, at: tuple[float, float], width: float) -> None:
+    """The scale bar of a drawing that is so wide [m]."""
+    length, text = scale_bar(width)
+    x = np.array([at[0], at[0] + length])
+    axes.plot(
+        x, [at[1]] * 2, color=INK, lw=1.6, solid_capstyle='butt', zorder=8.0, marker='|', ms=5
+    )
+    axes.annotate(
+        text, (x[1], at[1]), (4.0, 0.0), textcoords='offset points', va='center',
+        fontsize=7.0, color=INK,
+    )  # fmt: skip
 
 
 def _coordinates(cycle: Cycle, t: Array) -> Array:

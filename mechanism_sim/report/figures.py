@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.palette import colour
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,6 +20,8 @@ if TYPE_CHECKING:
 SUFFIXES = ('.png', '.svg', '.pdf')
 
 _DASHES = ('-', '--', '-.', ':', (0, (5, 1)), (0, (1, 1)), (0, (3, 1, 1, 1, 1, 1)))
+
+_LETTERS = 110  # in a line of a legend
 
 _STYLE: dict[Any, Any] = {
     'font.size': 9.0,
@@ -66,11 +71,31 @@ def few_ticks(axes: Any) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(4))
 
 
-def strokes(count: int) -> Iterator[dict[str, Any]]:
-    """How so many lines are drawn, told apart in grey: from dark to light, dashed or dotted."""
-    for k in range(count):
-        shade = f'{0.55 * k / max(1, count - 1):.2f}'
-        yield {'color': shade, 'ls': _DASHES[k % len(_DASHES)], 'lw': 1.1}
+def strokes(
+    names: Iterable[str], numbers: Mapping[str, int] | None = None
+) -> Iterator[dict[str, Any]]:
+    """How lines are drawn: in the colour of what they are of, dashed to tell apart those of one.
+
+    Parameters
+    ----------
+    names : of the lines, ``velocity.crank``, ``reaction.crank_coupler.x``
+    numbers : of links and joints, whose colours their lines have; the others have the next ones
+    """
+    known, used, others = numbers or {}, Counter[str](), count()
+    for name in names:
+        number = next((known[part] for part in name.split('.') if part in known), None)
+        shade = colour(next(others) if number is None else number)
+        yield {'color': shade, 'ls': _DASHES[used[shade] % len(_DASHES)], 'lw': 1.2}
+        used[shade] += 1
+
+
+def legend(axes: Any, **more: Any) -> None:
+    """A legend above axes, where there are no curves, of as many columns as there is room for."""
+    longest = max(len(text) for text in axes.get_legend_handles_labels()[1])
+    axes.legend(
+        loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, frameon=False,
+        fontsize=7.5, ncols=max(1, _LETTERS // (longest + 8)), handlelength=2.6, **more,
+    )  # fmt: skip
 
 
 def check_picture(option: str, file: str, folder_too: bool = False) -> Path:

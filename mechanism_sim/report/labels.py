@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.textpath import TextPath
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.skeleton import Shape
+from mechanism_sim.export.shapes import Shape
+from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.planar.mechanism import GROUND
-from mechanism_sim.report.brush import Brush, Move
+from mechanism_sim.report.brush import Brush
 
 _SIZE = 7.5  # of letters [points]
 _STEP = 0.6  # between points of what is in the way, in units of symbols
 _NAME, _PIN, _BAR = 6.0, 2.0, 1.0  # what covering such a point costs
 _LATER = 0.8  # what a place costs more than the one before it
 _AWAY = np.radians([0.0, 40.0, -40.0, 80.0, -80.0, 120.0, -120.0, 160.0, -160.0])
+
+
+Move = Callable[[Array], None]
+"""Takes a name to where the outline (k, 2) [m] of its shape is now."""
 
 
 class _Spot(NamedTuple):
@@ -52,25 +57,36 @@ class Labels:
         self._points.append(line)
         self._costs.append(np.full(len(line), cost))
 
-    def write(
-        self, shapes: Sequence[Shape], outlines: Sequence[Array], joints: bool
-    ) -> list[tuple[int, Move]]:
-        """Name all links, and joints too; gives back what moves the name of which shape."""
-        self._placed = list(zip(shapes, outlines, strict=True))
+    def write(self, skeleton: Skeleton, pose: Array, joints: bool) -> Move:
+        """Name all links, and joints too, at a pose (L, 3); gives back what moves them to others.
+
+        Names of what else is there keep off it.
+        """
+
+        def placed(shape: Shape, pose: Array, points: Array | None = None) -> Array:
+            points = shape.outline if points is None else points
+            return np.asarray(skeleton.placed(shape.link, points, pose[None])[0])
+
+        self._placed = [(shape, placed(shape, pose)) for shape in skeleton.shapes]
         for shape, outline in self._placed:
-            closed = len(outline) > 2 and shape.kind != 'spring'
-            pin = shape.kind in ('pin', 'support')
-            self.avoid(
-                outline[[*range(len(outline)), 0]] if closed else outline, _PIN if pin else _BAR
-            )
-        written = []
+            if shape.kind in ('pin', 'support', 'cog', 'point', 'drive'):
+                self.avoid(placed(shape, pose, shape.hull), _PIN)
+            elif shape.paths:
+                closed = [*range(len(outline)), 0] if len(outline) > 2 else slice(None)
+                self.avoid(outline[closed], _BAR)
+        moves = []
         for named in ('link', 'joint'):
-            for i, (shape, outline) in enumerate(self._placed):
+            for shape, outline in self._placed:
                 if named == 'link' and shape.kind == 'link':
-                    written.append((i, self._link(shape.label, outline)))
-                elif named == 'joint' and joints and shape.label and shape.kind != 'link':
-                    written.append((i, self._joint(shape, outline)))
-        return written
+                    moves.append((shape, self._link(shape.label, outline)))
+                elif named == 'joint' and joints and shape.kind in ('pin', 'slider'):
+                    moves.append((shape, self._joint(shape, outline)))
+
+        def move(pose: Array) -> None:
+            for shape, take in moves:
+                take(placed(shape, pose))
+
+        return move
 
     def _link(self, name: str, outline: Array) -> Move:
         """Along a bar, on its outer side; inside a plate; above a slider that is all there is."""

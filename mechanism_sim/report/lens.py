@@ -1,22 +1,20 @@
-"""A loose bearing under a lens: where the pin is in its bushing, its clearance magnified."""
+"""Plays under a lens: where a pin is in its bushing, or a part between walls, magnified."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from matplotlib.patches import Circle
-from numpy.typing import NDArray
+from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.palette import ACCENT, INK, colour, tint
+from mechanism_sim.export.stage import Frames, Stage
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.report.brush import FILL, INK
-from mechanism_sim.sensing.joint_view import JointView
 
-ACCENT, FLASH = '#b03a2e', '#e2b3ad'
-"""Of forces, and of impacts."""
+FLASH = tint(ACCENT, 0.4)
+"""Of impacts."""
 
 EDGE = 1.32
 """Half the width of the lens, in radii of the bushing."""
@@ -32,9 +30,8 @@ class Lens:
     Parameters
     ----------
     axes : Matplotlib's, square
+    stage, frames : what moves, at N instants
     joint : a revolute joint with clearance
-    t : (N,) [s] of the frames
-    observed, modes : the machine then
     pace : simulated seconds in a second of film
 
     Attributes
@@ -43,27 +40,28 @@ class Lens:
     """
 
     def __init__(
-        self, axes: Any, record: Record, joint: str, t: Array, observed: Observation,
-        modes: NDArray[np.uint8], pace: float,
-    ) -> None:  # fmt: skip
-        machine = record.machine
+        self, axes: Any, record: Record, stage: Stage, joint: str, frames: Frames, pace: float
+    ) -> None:
+        machine, t = record.machine, frames.t
         self._t, self._pace, self._axes = t, pace, axes
         steady = not record.slides and record.rate > 0.0
         self._turn = 1.0 / record.rate if steady else 0.25 * float(t[-1] - t[0])
         self._joint = machine.mechanism.joint(joint)
         self.metre = _PLAY / machine.clearances[joint].radial
-        view = JointView(machine.mechanism, self._joint, machine.physics, observed, modes)
-        self._force = -view.force  # of the bushing on the pin
+        bearing = [j.name for j in stage.bearings].index(joint)
+        # of the bushing on the pin; stages without forces have no joints
+        known = self._joint in stage.joints
+        k = stage.joints.index(self._joint) if known else 0
+        self._force = -frames.forces[:, k].T if known else np.zeros((2, len(t)))
         self._largest = float(np.nanmax(np.hypot(*self._force), initial=0.0)) or 1.0
-        known = machine.physics.clearances  # a film of oil has no modes
-        numbers = modes[known.index(joint)].tolist() if joint in known else [0] * len(t)
+        numbers = frames.modes[:, bearing].tolist()
         self._words = [Mode(k).name.replace('_', ' ').lower() if k else '' for k in numbers]
         self._struck = np.array([i.t for i in record.piece.impacts if i.joint == joint])
         events = self._struck[(self._struck >= t[0]) & (self._struck <= t[-1])]
         self._times = np.union1d(np.linspace(t[0], t[-1], _POINTS * len(t)), events)
         self._path = self._separation(record, self._times)
-        self._pin = self._separation(record, t)
-        self._paint(axes, joint)
+        self._pin = self.metre * frames.pins[:, bearing].T
+        self._paint(axes, joint, stage)
 
     def _separation(self, record: Record, t: Array) -> Array:
         """From the bushing's centre to the pin's (2, N), in radii of the bushing."""
@@ -72,17 +70,24 @@ class Lens:
         bushing = mechanism.locate_all(j.second, q, j.on_second)
         return self.metre * (mechanism.locate_all(j.first, q, j.on_first) - bushing)
 
-    def _paint(self, axes: Any, joint: str) -> None:
+    def _paint(self, axes: Any, joint: str, stage: Stage) -> None:
         axes.set(xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE), aspect='equal')
         axes.set_axis_off()
-        self._rim = axes.add_patch(Circle((0.0, 0.0), 1.14, fc=FILL, ec=INK, lw=1.0, zorder=1))
+        links = stage.links
+        pin, self._fill = (
+            tint(colour(links.index(x) if x in links else -1))
+            for x in (self._joint.first, self._joint.second)
+        )
+        self._rim = axes.add_patch(
+            Circle((0.0, 0.0), 1.14, fc=self._fill, ec=INK, lw=1.0, zorder=1)
+        )
         axes.add_patch(Circle((0.0, 0.0), 1.0, fc='white', ec=INK, lw=0.8, zorder=2))
         axes.add_patch(
             Circle((0.0, 0.0), _PLAY, fc='none', ec='0.75', lw=0.7, ls=(0, (4, 3)), zorder=4)
         )
         axes.plot(0.0, 0.0, '+', color='0.6', ms=7.0, mew=0.7, zorder=4)
         self._disc = axes.add_patch(
-            Circle((0.0, 0.0), 1.0 - _PLAY, fc='0.80', ec=INK, lw=1.0, alpha=0.8, zorder=3)
+            Circle((0.0, 0.0), 1.0 - _PLAY, fc=pin, ec=INK, lw=1.0, alpha=0.9, zorder=3)
         )
         self._disc.set_gid(f'lens-{joint}')
         (self._trace,) = axes.plot([], [], color='0.25', lw=0.8, zorder=5)
@@ -109,5 +114,57 @@ class Lens:
         self._arrow.set_UVC(arrow[:1], arrow[1:])
         self._arrow.set_visible(bool(np.hypot(*arrow) > 1e-3))
         before = np.searchsorted(self._struck, [now - _FLASH * self._pace, now], side='right')
-        self._rim.set_facecolor(FLASH if before[1] > before[0] else FILL)
+        self._rim.set_facecolor(FLASH if before[1] > before[0] else self._fill)
+        self._mode.set_text(self._words[i])
+
+
+class Slit:
+    """A part between the walls of a pair with play, or off the one it may leave.
+
+    Parameters
+    ----------
+    axes : Matplotlib's, square
+    stage, frames : what moves, at N instants
+    joint : one of the plays of the stage
+
+    Attributes
+    ----------
+    metre : a metre of play, in halves of the space between the walls
+    """
+
+    def __init__(self, axes: Any, stage: Stage, joint: str, frames: Frames) -> None:
+        self._axes = axes
+        k = [pair.name for pair in stage.plays].index(joint)
+        about = stage.to_json()['plays'][k]
+        two = about['walls'] > 1
+        self.metre = 2.0 * _PLAY / about['width']
+        left, right = frames.walls[:, k].T
+        self._at = self.metre * (0.5 * (left - right) if two else -right) + (not two) * _PLAY
+        names = ('between the walls', 'on the left', 'on the right', 'on both sides')
+        self._words = [
+            names[x] if two else ('in contact' if x else 'lifted off')
+            for x in frames.touching[:, k].tolist()
+        ]
+        axes.set(xlim=(-EDGE, EDGE), ylim=(-EDGE, EDGE), aspect='equal')
+        axes.set_axis_off()
+        face, body = (colour(about[x]) for x in ('face', 'body'))
+        for x in (-1.25, 1.0) if two else (1.0,):
+            axes.add_patch(Rectangle((x, -1.0), 0.25, 2.0, fc=tint(face), ec=face))
+        half = 1.0 - _PLAY
+        shape = FancyBboxPatch(
+            (-half, -0.6), 2.0 * half, 1.2, boxstyle='round,pad=0,rounding_size=0.1',
+            fc=tint(body), ec=body,
+        )  # fmt: skip
+        self._body = axes.add_patch(shape)
+        self._body.set_gid(f'lens-{joint}')
+        self._half = half
+        self._mode = axes.text(0.0, -EDGE, '', ha='center', va='top', fontsize=9.0)
+
+    def title(self, text: str) -> None:
+        """Write above the lens."""
+        self._axes.text(0.0, EDGE, text, ha='center', va='bottom', fontsize=9.0)
+
+    def show(self, i: int) -> None:
+        """The instant of frame i."""
+        self._body.set_x(float(self._at[i]) - self._half)
         self._mode.set_text(self._words[i])

@@ -2,35 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import MultipleLocator
+from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series, chosen, instants, sampled, with_extremes
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.palette import numbers
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report import figures
 from mechanism_sim.report.cycle import for_people
 from mechanism_sim.report.picture import Picture
+from mechanism_sim.units import typeset
 
 _MOST = 100  # lines that axes and legend have room for
-_LETTERS = 110  # in a line of a legend
-_WIDTH, _PANEL, _ROW, _REST = 8.0, 1.9, 0.28, 0.9  # [in]
+_TOGETHER = 4  # lines that axes hold; more are put beside each other by what they are of
+_WIDTH, _PANEL, _SMALL, _ROW, _REST = 8.0, 1.9, 1.15, 0.28, 0.9  # [in]
+_TURNS = 3  # drawn one upon the other; of more, the last one and a band around all
+_STEPS = 721  # places in a turn of such a band
 _SHADES = {
-    Mode.FREE_FLIGHT: '0.15', Mode.FOLLOWING: '0.80', Mode.STICKING: '0.60',
-    Mode.SLIDING_FORWARD: '0.72', Mode.SLIDING_BACKWARD: '0.88', Mode.UNKNOWN: '1.0',
-    Mode.RECOVERING: '0.35',
+    Mode.FREE_FLIGHT: '#1d372a', Mode.FOLLOWING: '#e6a065', Mode.STICKING: '#a8500f',
+    Mode.SLIDING_FORWARD: '#f0c896', Mode.SLIDING_BACKWARD: '#cf7d33', Mode.UNKNOWN: '1.0',
+    Mode.RECOVERING: '#c3bfe0',
 }  # fmt: skip
-
-_IDEAL = {'color': '0.80', 'lw': 3.2}
+_IDEAL = {'alpha': 0.3, 'lw': 4.0}
+_STRUCK = '#b35900'
 
 
 class Abscissa(NamedTuple):
@@ -55,8 +61,18 @@ def over_angle_of(record: Record) -> Abscissa:
     return _over_angle_of(record.piece, record.machine.main)
 
 
-def draw(series: Sequence[Series], title: str, over: Abscissa = TIME) -> Picture:
+def draw(
+    series: Sequence[Series], title: str, over: Abscissa = TIME,
+    numbers: Mapping[str, int] | None = None, impacts: Sequence[float] = (),
+) -> Picture:  # fmt: skip
     """Lines over a common abscissa: those of one unit share axes, modes of contact are bands.
+
+    More than a few of a unit get axes for each link or joint, of the same scale.
+
+    Parameters
+    ----------
+    numbers : of links and joints, for their colours
+    impacts : times that are marked [s]
 
     Raises
     ------
@@ -70,18 +86,21 @@ def draw(series: Sequence[Series], title: str, over: Abscissa = TIME) -> Picture
         )
     with figures.style():
         bands = [] if over.wraps else [s for s in series if s.name.startswith('mode.')]
-        panels: dict[str, list[Series]] = {}
-        for s in series:
-            if s not in bands:
-                panels.setdefault(s.unit, []).append(s)
-        heights = [_PANEL] * len(panels) + [_ROW * (len(bands) + 1)] * bool(bands)
+        panels = _panels([s for s in series if s not in bands], numbers or {})
+        heights = [_PANEL if alone else _SMALL for alone, _ in panels]
+        heights += [_ROW * (len(bands) + 1)] * bool(bands)
         figure = Picture((_WIDTH, sum(heights) + _REST), layout='constrained')
         figure.suptitle(title, fontsize=10.0)
         grid = figure.subplots(
             len(heights), 1, sharex=True, squeeze=False, gridspec_kw={'height_ratios': heights}
         )[:, 0]
-        for axes, (unit, lines) in zip(grid, panels.items(), strict=False):
-            _panel(axes, unit, lines, over)
+        same: dict[str, Any] = {}
+        for axes, (alone, lines) in zip(grid, panels, strict=False):
+            _panel(axes, lines[0].unit, lines, over, numbers or {})
+            if not alone:
+                axes.sharey(same.setdefault(lines[0].unit, axes))
+        if len(impacts):
+            _marks(grid[0], over.at(np.array(impacts)))
         if bands:
             _bands(grid[-1], bands)
         grid[-1].set_xlabel(over.label)
@@ -97,12 +116,33 @@ def draw(series: Sequence[Series], title: str, over: Abscissa = TIME) -> Picture
     return figure
 
 
-def _panel(axes: Any, unit: str, lines: Sequence[Series], over: Abscissa) -> None:
+def _panels(
+    series: Sequence[Series], numbers: Mapping[str, int]
+) -> list[tuple[bool, list[Series]]]:
+    """What shares axes, and whether it is all of its unit."""
+    units: dict[str, list[Series]] = {}
+    for s in series:
+        units.setdefault(s.unit, []).append(s)
+    found = []
+    for lines in units.values():
+        items: dict[str, list[Series]] = {}
+        for s in lines:
+            known = [part for part in s.name.split('.') if part in numbers]
+            plain = s.name[:-2] if s.name.endswith(('.x', '.y')) else s.name
+            items.setdefault(known[0] if known else plain, []).append(s)
+        alone = len({s.name for s in lines}) <= _TOGETHER or len(items) == 1
+        found += [(True, lines)] if alone else [(False, some) for some in items.values()]
+    return found
+
+
+def _panel(
+    axes: Any, unit: str, lines: Sequence[Series], over: Abscissa, numbers: Mapping[str, int]
+) -> None:
     """Lines of one unit."""
     shown, scale = for_people(unit)
     kinds = {_parts(s.name)[0] for s in lines}
     names = list(dict.fromkeys(s.name for s in lines))
-    strokes = dict(zip(names, figures.strokes(len(names)), strict=True))
+    strokes = dict(zip(names, figures.strokes(names, numbers), strict=True))
     for s in lines:
         stroke = strokes[s.name]
         x, y = over.at(s.t), scale * s.values
@@ -112,18 +152,49 @@ def _panel(axes: Any, unit: str, lines: Sequence[Series], over: Abscissa) -> Non
             continue
         if over.wraps:  # no stroke back from one turn to the next
             ends = np.flatnonzero(np.abs(np.diff(x)) > 180.0) + 1
+            if len(ends) > _TURNS:
+                grid, low, high = _envelope(x, y, ends)
+                axes.fill_between(grid, low, high, color=stroke['color'], alpha=0.25, lw=0.0)
+                whole = [(a, b) for a, b in pairwise([*ends, len(x)]) if np.ptp(x[a:b]) > 350.0]
+                first, last = whole[-1]
+                x, y, ends = x[first:last], y[first:last], ends[:0]
             x, y = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan)
         if s.ideal:
             label, stroke = f'{label}, ideal', {**stroke, **_IDEAL}
         axes.plot(x, y, label=label, **stroke)
     words = kinds.pop().replace('_', ' ') if len(kinds) == 1 else ''
-    axes.set_ylabel(f'{words} [{shown.replace("^2", "²")}]'.strip() if unit else words)
+    axes.set_ylabel(f'{words} [{typeset(shown)}]'.strip() if unit else words)
     if len(lines) > 1 or not words:
-        longest = max(len(text) for text in axes.get_legend_handles_labels()[1])
-        axes.legend(
-            loc='lower left', bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, frameon=False,
-            fontsize=7.5, ncols=max(1, _LETTERS // (longest + 8)), handlelength=2.6,
-        )  # fmt: skip
+        figures.legend(axes)
+
+
+def _envelope(x: Array, y: Array, ends: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    """Angles [deg] of a turn, and the least and the greatest there of all turns.
+
+    Parameters
+    ----------
+    x, y : (N,) angles within a turn [deg], and values
+    ends : where turns begin, other than the first
+    """
+    grid = np.linspace(0.0, 360.0, _STEPS)
+    turns = []
+    for angle, value in zip(np.split(x, ends), np.split(y, ends), strict=True):
+        order = np.argsort(angle, kind='stable')
+        turns.append(np.interp(grid, angle[order], value[order], left=np.nan, right=np.nan))
+    low, high = np.fmin.reduce(turns), np.fmax.reduce(turns)
+    near = np.rint(x / 360.0 * (_STEPS - 1)).astype(int)
+    np.fmin.at(low, near, y)  # peaks between the angles of the grid
+    np.fmax.at(high, near, y)
+    return grid, low, high
+
+
+def _marks(axes: Any, x: Array) -> None:
+    """Impacts, at the upper edge of axes."""
+    axes.plot(
+        x, np.full(len(x), 0.97), '|', transform=axes.get_xaxis_transform(), color=_STRUCK,
+        ms=5.0, mew=0.7, label='impact', zorder=5,
+    )  # fmt: skip
+    figures.legend(axes)
 
 
 def _parts(name: str) -> tuple[str, str]:
@@ -201,10 +272,14 @@ def plot(
         series, title = sampled(piece, wanted, t), getattr(run, 'scene', '')
     if not names:
         series = list(_overview(series))
-    if against != 'angle':
-        return draw(series, title)
-    drive = (*piece.physics.driven, *piece.physics.coordinates)[0]
-    return draw(series, title, _over_angle_of(piece, drive))
+    physics, over = piece.physics, TIME
+    if against == 'angle':
+        over = _over_angle_of(piece, (*physics.driven, *physics.coordinates)[0])
+    own = {name: k for x in (physics.joints, physics.coordinates) for k, name in enumerate(x)}
+    if isinstance(run, Cycle):
+        own = numbers(run.machine.mechanism)
+    struck = [i.t for i in piece.impacts if begin <= i.t <= finish]
+    return draw(series, title, over, own, struck)
 
 
 def _over_angle_of(piece: Piece, drive: str) -> Abscissa:

@@ -31,7 +31,7 @@ def describe(name: str, equations: Equations) -> Description:
             subjects = tuple(bare(x) for x in match.groups())
             said = meaning.format(*subjects)
             return Description(
-                stem, subjects, said, unit, stem in ('ex', 'ey'), stem in ('sigma', 'v0')
+                stem, subjects, said, unit, stem in ('ex', 'ey', 'ez'), stem in ('sigma', 'v0')
             )
     return Description('p', (bare(name),), name, '')
 
@@ -42,9 +42,11 @@ def bare(subject: str) -> str:
 
 
 _MEANINGS = (
+    (r'unknown:(.+)\.x', 'ex', 'x of the direction of {0}', ''),
+    (r'unknown:(.+)\.y', 'ey', 'y of the direction of {0}', ''),
+    (r'unknown:(.+)\.torque', 'ez', 'sense of {0}', ''),
     (r'(.+)\.slip:(.+)', 'r', 'arm of the friction in {0} on {1}', 'm'),
     (r'(.+)\.height', 'h', 'height of the wall of {0}', 'm'),
-    (r'(.+)\.size', 'L', 'length that makes a distance of the angle in {0}', 'm'),
     (r'(.+)\.closed', 'sigma', '1 while {0} is closed, otherwise 0', ''),
     (
         r'(.+)\.approach',
@@ -64,6 +66,20 @@ _MEANINGS = (
     (r'(.+)\.wave', 'K', 'angle by length of the slots of {0}', 'rad/m'),
     (r'(.+)\.(?:middle|offset|towards|axis)\.x', 'ex', 'x of the direction of {0}', ''),
     (r'(.+)\.(?:middle|offset|towards|axis)\.y', 'ey', 'y of the direction of {0}', ''),
+    (r'(.+)\.lowest', 's0', 'place of the follower of {0} on the base circle', 'm or rad'),
+    (r'(.+)\.offset', 'e', 'offset of the follower of {0}', 'm'),
+    (r'(.+)\.pivot_distance', 'D', 'distance of the pivot of the follower of {0}', 'm'),
+    (r'(.+)\.place', 'theta0', 'angle of the frame of {0}', 'rad'),
+    (r'(.+)\.arm\.0', 'r1', 'radius of the first pulley of {0}', 'm'),
+    (r'(.+)\.arm\.1', 'r2', 'radius of the second pulley of {0}', 'm'),
+    (r'(.+)\.pull', 'r2', 'radius of the second pulley of {0}', 'm'),
+    (r'(.+)\.stretched', 'z0', 'stretch of {0} by its pretension', 'm'),
+    (r'(.+)\.apart', 'D', 'distance of the pulleys of {0}', 'm'),
+    (r'(.+)\.motor\.ratio', 'i', 'turns of the motor of {0} in one of the link', ''),
+    (r'(.+)\.motor\.pace', 'T0', 'reciprocal of the synchronous speed of {0}', 's/rad'),
+    (r'(.+)\.motor\.slip', 'sk', 'slip of the motor of {0} at its breakdown torque', ''),
+    (r'(.+)\.motor\.breakdown', 'Mk', 'breakdown torque of the motor of {0}', 'N m'),
+    (r'(.+)\.arm', 'r', 'length of the follower of {0}', 'm'),
     (r'(.+)\.per_phase', 'b', 'way of the flanks of {0} by phase of the teeth', 'm/rad'),
     (r'(.+)\.phase', 'u0', 'phase of the teeth of {0} at the start', 'rad'),
     (r'(.+)\.play', 'c', 'play of {0} to either side', 'm'),
@@ -117,7 +133,7 @@ def _of_vectors(name: str, equations: Equations) -> Description | None:
     if slide:
         meaning = f'{axis} in the frame of {frame} of the direction of {slide[0]}'
         return Description(f'e{axis}', (slide[0],), meaning, '', direction=True)
-    joint, _, part = label.rpartition('.')
+    joint, _, part = label.removesuffix('.x').rpartition('.')
     joints = {joint.name for joint in equations.mechanism.joints}
     if joint in joints and part in ('normal', 'first', 'second'):
         meaning = f'{axis} in the frame of {frame} of a direction in {joint}'

@@ -10,8 +10,10 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import unit_of
 from mechanism_sim.cycles.cycle import Cycle
+from mechanism_sim.export.palette import colour, numbers
 from mechanism_sim.report.cycle import for_people
-from mechanism_sim.report.figures import few_ticks, strokes, titled
+from mechanism_sim.report.figures import few_ticks, legend, strokes, titled
+from mechanism_sim.units import typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,15 +47,16 @@ def _abscissa(cycle: Cycle) -> tuple[Array, str]:
 def _lines(axes: Any, cycle: Cycle, columns: dict[str, str], words: str) -> None:
     """Columns of one unit over the cycle; values are their labels."""
     x, _ = _abscissa(cycle)
+    own = numbers(cycle.machine.mechanism)
     shown, scale = for_people(unit_of(cycle.machine, next(iter(columns))))
-    for (column, label), stroke in zip(columns.items(), strokes(len(columns)), strict=True):
+    for (column, label), stroke in zip(columns.items(), strokes(columns, own), strict=True):
         axes.plot(x, scale * cycle[column], label=label, **stroke)
-    axes.set_ylabel(f'{words} [{shown}]')
+    axes.set_ylabel(f'{words} [{typeset(shown)}]')
     if cycle.repeats:
         axes.set_xlim(x.min(), x.max())
         axes.xaxis.set_major_locator(_degrees(float(np.ptp(x))))
     if len(columns) > 1:
-        axes.legend(frameon=False, fontsize=7.5, ncols=min(3, len(columns)), handlelength=2.6)
+        legend(axes)
 
 
 def _degrees(width: float) -> Any:
@@ -97,14 +100,18 @@ def _phase(cycle: Cycle) -> Figure:
     """Rate over position of each coordinate, a dot at the start."""
     names = cycle.machine.physics.coordinates
     figure = titled(cycle.machine.scene.title, *_size(len(names), 3.0))
+    own = numbers(cycle.machine.mechanism)
     for name, axes in zip(names, _grid(figure, len(names)), strict=True):
         unit = unit_of(cycle.machine, f'position.{name}')
         shown, scale = for_people(unit)
         x, y = scale * cycle[f'position.{name}'], cycle[f'velocity.{name}']
-        axes.plot(x, y, color='0.1', lw=1.1)
-        axes.plot(x[:1], y[:1], 'o', color='0.1', ms=4.0)
+        shade = colour(own.get(name, 0))
+        axes.plot(x, y, color=shade, lw=1.2)
+        axes.plot(x[:1], y[:1], 'o', color=shade, ms=4.0)
         axes.set_title(name, fontsize=9.0)
-        axes.set(xlabel=f'{_WORDS[unit][0]} [{shown}]', ylabel=f'{_WORDS[unit][1]} [{unit}/s]')
+        axes.set(
+            xlabel=f'{_WORDS[unit][0]} [{shown}]', ylabel=f'{_WORDS[unit][1]} [{typeset(unit)}/s]'
+        )
     return figure
 
 
@@ -156,11 +163,12 @@ def _drive(cycle: Cycle) -> Figure:
 def _paths(cycle: Cycle) -> Figure:
     figure = titled(cycle.machine.scene.title, 5.5, 4.5)
     axes = figure.subplots()
-    for name, stroke in zip(cycle.points, strokes(len(cycle.points)), strict=True):
+    own = numbers(cycle.machine.mechanism)
+    for name, stroke in zip(cycle.points, strokes(cycle.points, own), strict=True):
         x, y = (1e3 * cycle[f'position.{name}.{axis}'] for axis in 'xy')
         axes.plot(x, y, label=name, **stroke)
         axes.plot(x[:1], y[:1], 'o', color=stroke['color'], ms=4.0)
     axes.set_aspect('equal', adjustable='datalim')
     axes.set(xlabel='x [mm]', ylabel='y [mm]')
-    axes.legend(frameon=False, fontsize=7.5)
+    legend(axes)
     return figure

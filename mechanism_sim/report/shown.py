@@ -10,7 +10,7 @@ from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.report import animation, drawing, figures
 from mechanism_sim.report.picture import Picture
-from mechanism_sim.report.stage import Shown
+from mechanism_sim.report.screen import Shown
 from mechanism_sim.report.video import Target
 from mechanism_sim.scene import Machine, simulate
 
@@ -57,7 +57,7 @@ def animate(
     run : what it does, such as a solution; the scene's own run if not
     start, end, fps, speed : as `mechanism_sim.report.animation.film` has them
     size : longer side, or width and height [pixels]
-    shown : ``lens``, ``forces``, ``paths``, ``labels`` as `mechanism_sim.report.stage.Shown` has
+    shown : ``lens``, ``forces``, ``paths``, ``labels`` as `mechanism_sim.report.screen.Shown` has
         them
 
     Raises

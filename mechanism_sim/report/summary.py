@@ -68,7 +68,10 @@ def to_json(
 
 def no_limits_to_json(found: list[NoLimit]) -> list[dict[str, object]]:
     """The instants at which forces have no limit."""
-    return [{'t': x.t, 'drive': x.drive, 'joints': list(x.joints)} for x in found]
+    return [
+        {'t': x.t, 'drive': x.drive, 'joints': list(x.joints), 'loads': list(x.loads)}
+        for x in found
+    ]
 
 
 def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
@@ -85,6 +88,17 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
         why = 'have no limit: they grow beyond all bounds'
         if x.rests:
             why = 'are not determined while the drive rests'
+        if x.loads:
+            forces = f', nor are the forces in {", ".join(x.joints)}' if x.joints else ''
+            since, work = (
+                ('from', 'does no work for a while') if x.rests else ('at', 'does no work')
+            )
+            yield (
+                f'{since} {machine.main} = {place}, t = {x.t:.9g} s, the unknown '
+                f'{" or ".join(x.loads)} {work}: its size is not determined{forces}; '
+                'they are left out'
+            )
+            continue
         yield (
             f'at {machine.main} = {place}, t = {x.t:.9g} s, a singular position, the forces in '
             f'{", ".join(x.joints)} {why}; they are left out'
@@ -106,6 +120,11 @@ def _final(run: Stream) -> dict[str, object]:
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
     }
+    strained: dict[str, dict[str, float]] = {}
+    for name, row in physics.strained(o.position).items():
+        kind, _, link = name.partition('.')
+        strained.setdefault(kind, {})[link] = float(row[0])
+    final |= strained
     if physics.has_forces:
         final['reactions'] = {
             joint: plain(force[:, 0].tolist())
@@ -116,6 +135,8 @@ def _final(run: Stream) -> dict[str, object]:
         final['drive_torque'] = plain(float(o.drive_torque[0, 0]))
         torques = zip(physics.driven, o.drive_torque[:, 0].tolist(), strict=True)
         final['drive_torques'] = plain(dict(torques))
+        loads = zip(physics.unknowns, o.load[:, 0].tolist(), strict=True)
+        final['loads'] = plain(dict(loads))
     return final
 
 
@@ -157,6 +178,10 @@ def render(run: Stream) -> str:
         q, v, a = (data[k][c] for k in ('position', 'velocity', 'acceleration'))  # type: ignore[index]
         unit = 'm' if c in run.machine.physics.displacements else 'rad'
         lines.append(f'    {c:9} {q:16.10g} {unit} {v:16.10g} {unit}/s {a:16.10g} {unit}/s^2')
+    stresses: dict[str, float] = data.get('stress', {})  # type: ignore[assignment]
+    for link, deflection in data.get('deflection', {}).items():  # type: ignore[attr-defined]
+        stress = f', stress {stresses[link]:.9g} Pa' if link in stresses else ''
+        lines.append(f'    {link:9} deflection {deflection:.9g} m{stress}')
     for joint, (x, y) in data.get('reactions', {}).items():  # type: ignore[attr-defined]
         moment = data['reaction_moments'].get(joint)  # type: ignore[attr-defined]
         turning = f' {moment:14.9g} N m' if moment else ''
@@ -169,4 +194,8 @@ def render(run: Stream) -> str:
         kind, unit = ('force ', 'N') if straight else ('torque', 'N m')
         size = 'not determined' if torque is None else f'{torque:14.9g}'
         lines.append(f'    drive {kind}{of}     {size} {unit}')
+    loads: dict[str, float | None] = data.get('loads', {})  # type: ignore[assignment]
+    for name, load in loads.items():
+        size = 'not determined' if load is None else f'{load:14.9g}'
+        lines.append(f'    load {name}     {size} {run.machine.physics.unknowns[name]}')
     return '\n'.join(lines)

@@ -144,6 +144,11 @@ class Symbols:
         self.known[text] = Symbol(symbol, _latex(stem, labels), name, meaning, unit, value)
         return symbol
 
+    def is_of_angle(self, joint: str, closure: Term) -> bool:
+        """Whether a closure is an angle, of which the engine makes a distance."""
+        index = self._equations.parameters.names.get(f'{joint}.size')
+        return index is not None and hy.par[index] in hy.get_params(dense(closure))
+
     def translate(self, term: Term) -> Expression:
         """A term of the engine in these symbols, lightly simplified."""
         found = hy.to_sympy(dense(term))
@@ -164,6 +169,8 @@ class Symbols:
         """The parameter `name` by a symbol of positive value."""
         if re.search(r'\.number\.\d+$', name):  # as it is written in a formula
             return _number(value)
+        if name.endswith('.size'):  # with which the engine makes a distance of an angle
+            return sympy.Integer(1)
         if name.endswith('.half_clearance'):
             return self._clearance(name, 2.0 * value) / 2
         if name.endswith('.minus_curvature'):

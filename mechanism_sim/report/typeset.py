@@ -13,8 +13,11 @@ from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
 from mechanism_sim import output
+from mechanism_sim.report import mathml
+from mechanism_sim.report.derivation import derive
 from mechanism_sim.report.equations import Equation, MachineEquations
 from mechanism_sim.report.symbols import Symbol
+from mechanism_sim.scene.machine import Machine
 
 _LINE = 150
 """Characters of text that fit beside each other in a LaTeX line."""
@@ -134,6 +137,29 @@ class Typesetter:
             out += [line for text in part.notes for line in ('', text)]
         return '\n'.join(out) + '\n'
 
+    def html(self) -> str:
+        """A page with formulas as MathML, which needs no other file."""
+        return mathml.page(self.equations, list(self._tables()))
+
+    def _repr_latex_(self) -> str:
+        """For notebooks: every part with its equations, set."""
+        rows = []
+        for part in self.equations.parts:
+            rows.append(rf'\textbf{{{_escaped(part.heading)}}}')
+            rows += [
+                f'\\begin{{aligned}}\n{self.equation_latex(e)}\n\\end{{aligned}}'
+                for e in part.equations
+            ]
+        body = ' \\\\[4pt]\n'.join(rows)
+        return f'$$\n\\begin{{array}}{{l}}\n{body}\n\\end{{array}}\n$$'
+
+    def _repr_markdown_(self) -> str:
+        """For notebooks that set Markdown: with the tables of symbols."""
+        return self.markdown()
+
+    def __str__(self) -> str:
+        return self.plain()
+
     def to_json(self) -> dict[str, object]:
         """Symbols, and every part as a list of equations."""
         eq = self.equations
@@ -214,15 +240,29 @@ def _escaped(text: str) -> str:
     )
 
 
+def equations(machine: Machine, rates: bool = False) -> Typesetter:
+    """The equations of a machine, from what is compiled, as `mechanism-sim equations` has them.
+
+    A notebook sets them; ``print`` writes them as text that Python and sympy read; ``latex()``,
+    ``markdown()``, ``html()``, ``to_json()`` are the other forms.
+
+    Parameters
+    ----------
+    rates : also the first and second derivatives of closures and gaps
+    """
+    return Typesetter(derive(machine, rates))
+
+
 _FORMS: dict[str, Callable[[Typesetter], str]] = {
     '.txt': lambda t: t.plain() + '\n',
     '.tex': Typesetter.document,
     '.md': Typesetter.markdown,
+    '.html': Typesetter.html,
 }
 
 
 def write(setter: Typesetter, file: str) -> None:
-    """Write a file whose ending says the form: .tex a LaTeX document, .md Markdown, .txt text.
+    """Write a file in the form that its ending says: .tex (a document), .md, .html or .txt.
 
     Raises
     ------

@@ -124,7 +124,7 @@ def modes_picture(table: ModeTable, title: str) -> Any:
     axes = figure.subplots()
     x = [table.abscissa(s) for s in table.stations]
     count = min(len(s.modes) for s in table.stations)
-    for k, stroke in enumerate(strokes(count)):
+    for k, stroke in enumerate(strokes(map(str, range(count)))):
         axes.plot(x, [s.modes[k].frequency for s in table.stations], label=f'{k + 1}', **stroke)
     if table.over == 'speed':
         axes.plot(x, np.abs(x) / (2.0 * np.pi), color='0.6', lw=0.6, label='rotation')
@@ -175,7 +175,7 @@ def response_picture(found: FrequencyResponse, title: str) -> Any:
     units = list(dict.fromkeys(_per(found, name) for name in found.amplitudes))
     figure = titled(title, height=1.4 + 1.6 * len(units))
     rows = np.ravel(figure.subplots(len(units) + 1, 1, sharex=True))
-    lines = strokes(len(found.amplitudes))
+    lines = strokes(found.amplitudes)
     for (name, z), stroke in zip(found.amplitudes.items(), lines, strict=True):
         axes = rows[units.index(_per(found, name))]
         axes.plot(found.frequency, np.abs(z), label=name, **stroke)

@@ -13,14 +13,13 @@ from typing import Any, cast
 import matplotlib as mpl
 import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter
-from matplotlib.colors import to_rgb
 from PIL import Image
 
 from mechanism_sim import output
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.export.palette import ACCENT, GROUND, LINKS, rgb
 from mechanism_sim.report import figures
-from mechanism_sim.report.lens import ACCENT
-from mechanism_sim.report.stage import DENSITY
+from mechanism_sim.report.screen import DENSITY
 
 _USUAL = {'.mp4': (30.0, 960), '.gif': (20.0, 560), '': (25.0, 960)}
 """Frames a second and longer side [pixels] unless told."""
@@ -130,7 +129,7 @@ class Target:
 
 
 class _GifWriter(AbstractMovieWriter):
-    """All frames in the colours of our pictures: greys, and the accent.
+    """All frames in the colours of our pictures: greys, the accent, and those of links.
 
     Matplotlib's own chooses other colours for each frame and dithers, which is ten times as large.
     """
@@ -157,9 +156,11 @@ class _GifWriter(AbstractMovieWriter):
 
 def _palette() -> list[int]:
     """Red, green and blue of each colour, 0 to 255."""
-    shares, accent = np.linspace(0.0, 1.0, _SHADES)[:, None], np.array(to_rgb(ACCENT))
+    shares, accent = np.linspace(0.0, 1.0, _SHADES)[:, None], np.array(rgb(ACCENT))
+    part = np.linspace(0.15, 1.0, 12)[:, None]
     # none so near to white that white would be taken for it
     mixed = [shares * np.ones(3), accent + shares[:-4] * (1.0 - accent), shares[8:] * accent]
+    mixed += [1.0 - part * (1.0 - np.array(rgb(x))) for x in (GROUND, *LINKS)]
     return [int(x) for x in np.rint(255.0 * np.concatenate(mixed)).ravel()]
 
 

@@ -134,7 +134,8 @@ def closed_four_bar(machine: MachineModel) -> FourBarLoop | None:
     Closed forms know two branches of a four-bar; through a change point neither goes on.
     """
     plan = machine.plan
-    loop = whole_four_bar(plan.ideal, machine.main) if len(plan.laws) == 1 else None
+    rigid = len(plan.laws) == 1 and not plan.ideal.beams
+    loop = whole_four_bar(plan.ideal, machine.main) if rigid else None
     if loop is None or change_points(loop.linkage):
         return None
     near = plan.guess | plan.given[0]
@@ -294,7 +295,10 @@ def _meet(kinematics: Kinematics, q: Array) -> bool:
     joints = Constraints.of(kinematics.mechanism)
     known = dict(zip(kinematics.coordinates, q.tolist(), strict=True))
     residual, _ = joints.normalise(poses(kinematics.mechanism, known))
-    return bool(np.abs(residual).max(initial=0.0) < _MEETING)
+    # poses are those of undeformed links
+    deformed = sum(abs(known[c]) for c in kinematics.mechanism.deformations)
+    allowed = _MEETING + 10.0 * deformed / kinematics.mechanism.size
+    return bool(np.abs(residual).max(initial=0.0) < allowed)
 
 
 def nearest_rates(

@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
+import numpy as np
+
 from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.nominal import NominalPhysics
+from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.kinematics import Array, Kinematics
+from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
+from mechanism_sim.planar.unknowns import NO_WORK
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.instruments import check_sensors
@@ -13,6 +20,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import check_oscillators
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.singular_start import neighbours
 
 
 def build(name: str, scene: Scene) -> Machine:
@@ -58,7 +66,7 @@ def _check_freedom(machine: Machine) -> None:
             "others, so that the joint forces are not determined; set 'outputs.forces: false' for "
             f'kinematics, or make a redundant joint a slot{_redundant(machine)}'
         )
-    given = [n for n, link in machine.links.items() if link.mass is not None]
+    given = [n for n, link in machine.links.items() if link.mass is not None or link.elastic]
     if machine.level is Level.SMOOTH and not given:
         freedom = assembly.freedom + len(plan.prescribed)
         drives = ', '.join(plan.prescribed) or 'none'
@@ -80,23 +88,104 @@ def _check_freedom(machine: Machine) -> None:
                 "prescribed 'drive' and without 'lift_off' and clearance"
             )
     check_scenes_way(machine)
+    _check_unknowns(machine)
+
+
+def _check_unknowns(machine: Machine) -> None:
+    """Whether as many loads are unknown as efforts are given, of a motion that is known."""
+    plan = machine.plan
+    labels = [load.label for load in plan.unknowns(plan.ideal)]
+    if not labels and not plan.efforts:
+        return
+    unknown = ', '.join(f'loads.{label}' for label in labels) or 'no load'
+    given = ', '.join(plan.efforts) or 'none'
+    start = f'{machine.name}: unknown is {unknown}, and drives with a given effort are {given}'
+    if machine.level is not Level.INVERSE_DYNAMICS:
+        raise InputError(
+            f'{start}: that needs prescribed drives, masses (0 kg will do) and no clearance; this '
+            f'scene is one of {machine.level.value}'
+        )
+    if len(labels) > len(plan.efforts):
+        silent = [c for c in plan.prescribed if c not in plan.efforts]
+        key = 'drive' if silent[:1] == [machine.main] else f'drives.{(silent or [""])[0]}'
+        cure = f"give '{key}.effort'" if silent else "leave out 'unknown: true' of a load"
+        raise InputError(
+            f'{start}: {len(labels) - len(plan.efforts)} too many are unknown, for each needs a '
+            f'prescribed drive whose torque or force is given; {cure}'
+        )
+    if len(labels) < len(plan.efforts):
+        raise InputError(
+            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown, for nothing would '
+            "balance what the drives supply; set 'loads.LOAD.unknown: true', or leave out an "
+            "'effort'"
+        )
+    duration = min(machine.scene.duration or math.inf, machine.period)
+    if duration == math.inf:
+        return
+    run = machine.nominal([plan.laws[c][0] for c in plan.prescribed])
+    for later in (law for c in plan.prescribed for law in plan.laws[c][1:]):
+        run.change_law(later)
+    run.advance(duration, final=True)
+    motion, _, _ = run.drain()
+    physics = machine.physics
+    assert isinstance(physics, NominalPhysics)  # noqa: S101 - its level says so
+    segments = np.arange(len(motion))
+    work = physics.work_of_unknowns(motion, segments, 0.37 * motion.curve.duration)
+    if (np.abs(work) <= NO_WORK).all():
+        raise InputError(
+            f'{start}: the sizes cannot be found, for in the given motion these loads do no work, '
+            'or do it in one proportion; let them act where something moves, along its motion'
+        )
 
 
 def _check_inertia(machine: Machine) -> None:
-    """Whether every free coordinate moves something that resists."""
-    mechanism = machine.mechanism
-    for c in mechanism.coordinates:
-        moved = c in machine.plan.prescribed or any(
-            (b.inertia and mechanism.frame(b.name)[0] == c)
-            or (b.mass and any(c in arm for arm in mechanism.point(b.name, b.cog)))
-            for b in mechanism.bodies
+    """Whether every motion that drives and closed loops leave free moves something that resists.
+
+    While loose joints are open they keep nothing together.
+    """
+    mechanism, prescribed = machine.mechanism, machine.plan.prescribed
+    firm = [j for j in mechanism.cut if j not in machine.clearances]
+    loops = Kinematics(mechanism, closures(mechanism, firm), prescribed)
+    q = machine.at_start(mechanism)
+    direction = _without_mass(loops, q)
+    if direction is not None and loops.rows:  # at this position only, if it is singular
+        _, J = loops.closure(q[:, None])
+        beside = neighbours(loops, q)
+        ranks = [np.linalg.matrix_rank(x) for x in loops.closure(beside)[1]]
+        if ranks and max(ranks) > np.linalg.matrix_rank(J[0]):
+            q = beside[:, int(np.argmax(ranks))]
+            direction = _without_mass(loops, q)
+    if direction is None:
+        return
+    links = moving(mechanism, q, direction)
+    bare = [x for x in links if not mechanism.body(x).mass]
+    open_ = ' while loose joints are open,' if machine.clearances else ''
+    if len(links) == 1 and not bare:
+        (link,) = links
+        raise InputError(
+            f'{machine.name}: nothing that turns with the link {link} has inertia, so that its '
+            f"motion is not determined: give 'links.{link}.inertia' more than 0, or its mass "
+            'away from its joint'
         )
-        if not moved:
-            raise InputError(
-                f'{machine.name}: nothing that turns with the link {c} has inertia, so that its '
-                f"motion is not determined: give 'links.{c}.inertia' more than 0, or its mass "
-                'away from its joint'
-            )
+    several = len(links) > 1
+    key = f'links.{(bare or links)[0]}'
+    raise InputError(
+        f'{machine.name}: {" and ".join(links)} can move{open_} without moving any mass, so that '
+        f"{'their' if several else 'its'} motion is not determined: give '{key}.mass' or "
+        f"'{key}.inertia' more than 0, or a point mass that moves along"
+    )
+
+
+def _without_mass(loops: Kinematics, q: Array) -> Array | None:
+    """A direction (n,) in which free coordinates move and no mass does; None if there is none."""
+    _, J = loops.closure(q[:, None])
+    motion = inertial_motion(loops.mechanism, q) * loops.scale
+    found = without_mass(motion[:, loops.sought], (J[0] * loops.scale)[:, loops.sought])
+    if not found.size:
+        return None
+    direction = np.zeros(len(q))
+    direction[loops.sought] = found[:, 0]
+    return direction * loops.scale
 
 
 def _check_joints(machine: Machine) -> None:

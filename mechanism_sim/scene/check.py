@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Revolute
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Prismatic, Revolute
 from mechanism_sim.scene.doubts import doubts
+from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import admit
 from mechanism_sim.scene.instruments import sensor_notes
 from mechanism_sim.scene.kinds import KINDS
@@ -16,6 +17,7 @@ from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.nominal_model import Level
 from mechanism_sim.scene.oscillators import oscillator_notes
+from mechanism_sim.units import Measure
 
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
@@ -98,8 +100,10 @@ def check(machine: Machine) -> Report:
             )
             continue
         friction = f', friction {c.friction:g}' if c.friction else ''
+        block = isinstance(pair, Prismatic)
+        kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
         gaps.append(
-            f'{joint}: pin in bushing, radial clearance {c.radial:g} m, '
+            f'{joint}: {kind} {c.radial:g} m{" to either side" if block else ""}, '
             f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}, start '
             f'{scene.start}'
         )
@@ -188,9 +192,13 @@ def _drive(machine: Machine, coordinate: str) -> str:
             f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '
             f'speed, from {begin:g} {pace}'
         )
+    given = machine.scene.drives.get(coordinate, machine.scene.drive)
+    effort = given.effort if given else None
+    shown = f'{effort.value:g} {force}' if isinstance(effort, Measure) else effort
+    with_effort = '' if effort is None else f', with {shown}'
     if len(laws) > 1:
-        return f'prescribed, a profile of speeds in {len(laws)} pieces'
-    return f'prescribed, {law.coefficients[1]:g} {pace}'
+        return f'prescribed, a profile of speeds in {len(laws)} pieces{with_effort}'
+    return f'prescribed, {law.coefficients[1]:g} {pace}{with_effort}'
 
 
 def _notes(machine: Machine) -> list[str]:
@@ -199,8 +207,14 @@ def _notes(machine: Machine) -> list[str]:
     notes = motion_notes(mechanism, start, machine.plan.laws)
     for joint in machine.plan.joints:
         notes += KINDS[scene.joints[joint.name].kind].notes(machine, joint)
+    notes += [f'{f.name}: friction, {f.words}' for f in machine.plan.frictions(mechanism)]
+    notes += elastic_notes(machine.mechanism, machine.period, bool(machine.clearances))
     notes += sensor_notes(machine)
     notes += oscillator_notes(machine)
+    for load in machine.plan.unknowns(machine.plan.ideal):
+        notes.append(
+            f'{load.name}: its size [{load.unit}] follows from the motion and the efforts'
+        )
     if machine.dynamic:
         notes.append(f'rtol {scene.solver.rtol:g}, atol {scene.solver.atol:g} m')
     return notes

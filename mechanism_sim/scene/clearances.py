@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism
+from mechanism_sim.linkages.guide import corners
+from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
-from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.contact_keys import Clearance, Play
 
 
 def gaps_and_films(
@@ -27,6 +28,11 @@ def gaps_and_films(
             if not joint.elastic:
                 closure, law = joint.closure(mechanism), force_law(c)
                 gaps += walls(closure, c.radial, c.restitution, c.hypothesis, law)
+        elif isinstance(joint, Prismatic) and isinstance(c, Clearance):
+            gaps += corners(
+                mechanism, name, c.length or 0.0, c.height or 0.0, c.radial, c.restitution,
+                c.friction, c.hypothesis, force_law(c),
+            )  # fmt: skip
         elif film:
             films.append(FilmBearing(name, mechanism, film))
         else:

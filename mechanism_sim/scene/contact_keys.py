@@ -10,11 +10,13 @@ from mechanism_sim.scene.quantities import (
     POSITIVE,
     Coefficient,
     Displacement,
-    Friction,
     Length,
     Part,
     Radius,
     si,
+)
+from mechanism_sim.scene.quantities import (
+    Friction as FrictionCoefficient,
 )
 
 
@@ -35,6 +37,17 @@ class Contact(Part):
     """Of the journal; required for a film."""
 
 
+class Friction(Part):
+    """Coulomb friction in an ideal joint, under its own force."""
+
+    coefficient: Annotated[float, si(''), Field(ge=0.0, allow_inf_nan=False)]
+    """Coulomb's coefficient; a joint that rests sticks with the same."""
+    radius: Length | None = None
+    """Of a pin, the arm of its friction; required there."""
+    length: Length | None = None
+    """Of a block along its guide, about its point: its ends carry moments; else none rub."""
+
+
 class Play(Part):
     """How loose a joint is, and what its contacts are like."""
 
@@ -44,7 +57,7 @@ class Play(Part):
     """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     """What the coefficient relates: speeds, impulses or works; without friction the same."""
-    friction: Friction = 0.0
+    friction: FrictionCoefficient = 0.0
     """Coulomb's coefficient, in impacts and in following."""
     pin_radius: Radius = 0.0
     """The arm of friction; only with friction."""
@@ -53,7 +66,11 @@ class Play(Part):
 
 
 class Clearance(Play):
-    """A pin on the first-named link, loose in a bushing on the second-named one."""
+    """A pin on the first-named link, loose in a bushing on the second-named one; or a block."""
 
     radial: Length
-    """Radius of the circle in which the pin's centre can move."""
+    """Radius of the circle in which the pin's centre can move; of a block, its play each side."""
+    length: Length | None = None
+    """Of a block along its guide, about its point; required there."""
+    height: Length | None = None
+    """Of a block across its guide; required there."""

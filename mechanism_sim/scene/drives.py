@@ -45,6 +45,11 @@ def read_drives(places: Places) -> dict[str, DrivePart]:
     return found
 
 
+def drive_key(places: Places, coordinate: str) -> str:
+    """Where the scene says what moves a driven coordinate."""
+    return f'drives.{coordinate}' if coordinate in places.scene.drives else 'drive'
+
+
 def is_straight(drive: DrivePart) -> bool:
     """Whether what is given of a drive belongs to a displacement."""
     paces = [drive.speed, *(p for _, p in (drive.profile.points if drive.profile else []))]
@@ -65,17 +70,15 @@ def read_laws(
     InputError
         If what is given does not fit together, or the coordinate.
     """
-    drive_key = 'drive' if drive is places.scene.drive else f'drives.{c}'
-    where = f'{places.name}: {drive_key}'
+    own = drive_key(places, c)
+    where = f'{places.name}: {own}'
     straight = c in tree.displacements
     ways = [way for way in _WAYS if getattr(drive, way) is not None]
     if len(ways) > 1:
-        raise InputError(
-            f'{where}.{ways[0]} and {drive_key}.{ways[1]} exclude each other: keep one'
-        )
+        raise InputError(f'{where}.{ways[0]} and {own}.{ways[1]} exclude each other: keep one')
     if drive.profile and drive.speed is not None:
         raise InputError(
-            f'{where}.speed and {drive_key}.profile exclude each other: a profile gives every '
+            f'{where}.speed and {own}.profile exclude each other: a profile gives every '
             'speed, the first at its first point'
         )
     wrong = {'torque', 'motor', 'start_angle'} if straight else {'force', 'start_position'}
@@ -88,9 +91,14 @@ def read_laws(
     value = start if start is not None else places.values(
         'guess', places.scene.guess, tree, ('rad', 'm')).get(c, 0.0)  # fmt: skip
     speed = 0.0 if drive.speed is None else places.measure(
-        f'{drive_key}.speed', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
+        f'{own}.speed', drive.speed, straight, ('rad/s', 'm/s'))  # fmt: skip
     begin = value, speed
     powered = drive.torque or drive.force or drive.motor
+    if powered and drive.effort is not None:
+        raise InputError(
+            f"{where}.effort and {own}.{ways[0]} exclude each other: 'effort' is what a drive "
+            f"supplies whose motion is prescribed, by 'speed' or 'profile'"
+        )
     reason = _POWERED if powered else 'a displacement takes none' if straight else ''
     _check_commands(where, drive.commands, reason)
     if powered:
@@ -104,14 +112,14 @@ def read_laws(
     if drive.profile:
         _check_times(f'{where}.profile.points', drive.profile.points)
         points = [
-            (t, places.measure(f'{drive_key}.profile.points', p, straight, ('rad/s', 'm/s')))
+            (t, places.measure(f'{own}.profile.points', p, straight, ('rad/s', 'm/s')))
             for t, p in drive.profile.points
         ]
         laws = speed_profile(c, value, points, drive.profile.ramp == 'smooth', straight)
         return tuple(laws), (value, points[0][1])
     if drive.speed is None:
         raise InputError(
-            f"{places.name}: '{drive_key}.speed' is missing: a speed, a profile, a torque, a "
+            f"{places.name}: '{own}.speed' is missing: a speed, a profile, a torque, a "
             f'force or a motor moves {c}'
         )
     return (DriveLaw(c, (value, speed), straight=straight),), begin

@@ -5,19 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.massless import inertial_motion, without_mass
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Gap, Relation
 from mechanism_sim.planar.switches import Table
 from mechanism_sim.scene.clearances import gaps_and_films
 from mechanism_sim.scene.nominal_model import Level, NominalModel
+
+_BESIDE = 0.3
+"""[rad, m] from the start, where it is looked whether links without mass make a difference."""
 
 _COMPACT_FROM = 8
 """Free coordinates, contacts and closures from which on compact code pays: it compiles faster."""
@@ -72,8 +80,25 @@ class DynamicModel(NominalModel):
         elements = [*films, *self.plan.elements(mechanism)]
         prescribed, powered = self.plan.prescribed, self.plan.powered
         return System(
-            mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors
+            mechanism, gaps, prescribed, degree, closing, powered, elements, self.plan.motors,
+            self.plan.frictions(mechanism),
+            self._lent(mechanism) if closing else 0.0,
         )  # fmt: skip
+
+    def _lent(self, mechanism: Mechanism) -> float:
+        """What closures are lent [kg] if free coordinates have no inertia by themselves."""
+        prescribed, q = self.plan.prescribed, self.at_start(mechanism)
+        free = [i for i, c in enumerate(mechanism.coordinates) if c not in prescribed]
+        beside = np.random.default_rng(3).normal(0.0, _BESIDE, (3, len(q)))
+        for shift in (np.zeros(len(q)), *beside):
+            moved = inertial_motion(mechanism, q + shift)[:, free]
+            if without_mass(moved, np.zeros((0, len(free)))).size:
+                return sum(b.mass + b.inertia / mechanism.size**2 for b in mechanism.bodies)
+        return 0.0
+
+    def at_start(self, mechanism: Mechanism) -> NDArray[np.float64]:
+        """Coordinates (n,) of the ideal mechanism, however it is cut, at the start."""
+        return converted(self.plan.ideal, mechanism, self.assembly.q)
 
     @cached_property
     def physics(self) -> Physics:
@@ -89,7 +114,8 @@ class DynamicModel(NominalModel):
         system = self.system
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + self._rows >= _COMPACT_FROM
-        return bool(system.elements) or tabulated or many
+        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.beams
+        return bool(more) or tabulated or many
 
     @property
     def _rows(self) -> int:

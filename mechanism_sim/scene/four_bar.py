@@ -51,7 +51,7 @@ class Link(LinkPart):
     def _weighed(self) -> Link:
         given = self.model_fields_set
         missing = [part for part in ('mass', 'inertia', 'cog') if part not in given]
-        if missing and given & {'mass', 'inertia'}:
+        if missing and not self.elastic and given & {'mass', 'inertia'}:
             raise ValueError(
                 f"needs '{missing[0]}' too: forces, torques and clearances need the mass, inertia "
                 'and cog of every moving link'

@@ -69,7 +69,7 @@ def check_scenes_way(machine: Machine) -> None:
         isinstance(law, DriveLaw)
         and not law.straight
         and len(machine.laws) == 1
-        and not machine.torque_driven
+        and not machine.rigid.torque_driven
     )
     duration = machine.scene.duration or (machine.period if steady else math.inf)
     if duration < math.inf:
@@ -87,6 +87,7 @@ def check_way(machine: Machine, duration: float) -> None:
     InputError
         At which place of the drive it stops, and what to do.
     """
+    machine = machine.rigid
     if machine.torque_driven:
         if machine.plan.prescribed and duration not in machine.ways:
             machine.ways.add(duration)

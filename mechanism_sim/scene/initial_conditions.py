@@ -13,12 +13,14 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.planar.closures import closures
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import GROUND, Prismatic, Revolute
 from mechanism_sim.planar.protocols import Gap
-from mechanism_sim.scene.assembly import closed_near, nearest_rates, opening
+from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.dynamic_model import DynamicModel
+from mechanism_sim.scene.elastic_start import smooth_start
 from mechanism_sim.scene.start_configuration import seats
 
 _SOFT = 1e-3
@@ -62,7 +64,7 @@ def _starts_closed(machine: DynamicModel, gap: Gap) -> bool:
 
 def _placed(machine: DynamicModel) -> tuple[Values, Values]:
     """Values and rates of the coordinates."""
-    plan, start = machine.plan, machine.assembly
+    plan, start = machine.plan, _started(machine)
     if not machine.clearances:
         names = plan.ideal.coordinates
         return dict(zip(names, start.q.tolist(), strict=True)), dict(
@@ -76,14 +78,20 @@ def _placed(machine: DynamicModel) -> tuple[Values, Values]:
                 f'{machine.name}: initial.{kind}.{lost[0]} cannot be set: with its loose joints '
                 f'the machine is not carried by the guide of {lost[0]}; give other links instead'
             )
-    near = _converted(plan.ideal, loose, start.q)
+    near = converted(plan.ideal, loose, start.q)
     held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
-    placed = _places(machine, near, held, given[0])
-    v = _rates(machine, placed, held, given[1])
+    placed = _places(machine, start, near, held, given[0])
+    v = _rates(machine, start, placed, held, given[1])
     names = loose.coordinates
     return dict(zip(names, placed.tolist(), strict=True)), dict(
         zip(names, v.tolist(), strict=True)
     )
+
+
+def _started(machine: DynamicModel) -> Assembly:
+    """Where the machine without clearance starts."""
+    smooth = machine.scene.initial.elastic == 'smooth'
+    return smooth_start(machine) if smooth else machine.assembly
 
 
 def _alike(machine: DynamicModel, c: str) -> bool:
@@ -93,13 +101,15 @@ def _alike(machine: DynamicModel, c: str) -> bool:
     return slides[0] == slides[1]
 
 
-def _places(machine: DynamicModel, near: Array, held: Sequence[str], given: Values) -> Array:
+def _places(
+    machine: DynamicModel, start: Assembly, near: Array, held: Sequence[str], given: Values
+) -> Array:
     """Coordinates of the loose mechanism: pins at their seats, unless given ones move them.
 
     Where they do, ideal joints stay closed, and the pins are as little off their seats as can be,
     measured in their clearances.
     """
-    loose, start = machine.mechanism, machine.assembly
+    loose = machine.mechanism
     names = loose.coordinates
     guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
     fixed = [c for c in names if c in held or c in given]
@@ -134,7 +144,9 @@ def _places(machine: DynamicModel, near: Array, held: Sequence[str], given: Valu
     return closed_near(machine.name, kinematics, guess, np.zeros(len(kinematics.rows)))
 
 
-def _rates(machine: DynamicModel, q: Array, held: Sequence[str], given: Values) -> Array:
+def _rates(
+    machine: DynamicModel, start: Assembly, q: Array, held: Sequence[str], given: Values
+) -> Array:
     """Rates of the loose mechanism: those of the ideal one, and those given.
 
     Links keep turning as they would without clearance while ideal joints can stay closed so.
@@ -145,10 +157,11 @@ def _rates(machine: DynamicModel, q: Array, held: Sequence[str], given: Values) 
         If given rates would open a joint that has no clearance.
     """
     plan, loose = machine.plan, machine.mechanism
-    near = dict(zip(loose.coordinates, _converted_rates(machine), strict=True))
+    near = dict(zip(loose.coordinates, _converted_rates(machine, start), strict=True))
     firm = [j for j in loose.cut if j not in machine.clearances]
     kinematics = Kinematics(loose, closures(loose, firm), held)
     driven = {c: machine.held[c][1] for c in held if c not in plan.assumed[1]}
+    driven |= {c: near[c] for c in loose.deformations}
     fixed = {**driven, **given}
     turning = {c: near[c] for c in loose.coordinates if c not in loose.displacements}
     for known in ({**turning, **fixed}, fixed):
@@ -165,15 +178,17 @@ def _rates(machine: DynamicModel, q: Array, held: Sequence[str], given: Values) 
     )
 
 
-def _converted_rates(machine: DynamicModel) -> list[float]:
+def _converted_rates(machine: DynamicModel, start: Assembly) -> list[float]:
     """Rates of the loose mechanism's coordinates when it moves as the ideal one."""
-    ideal, loose, start = machine.plan.ideal, machine.mechanism, machine.assembly
+    ideal, loose = machine.plan.ideal, machine.mechanism
     q, v = start.q[:, None], start.v[:, None]
     turning = dict(zip(ideal.coordinates, start.v.tolist(), strict=True)) | {GROUND: 0.0}
     found = []
     for name in loose.coordinates:
         link, _, axis = name.partition('.')
-        if axis:
+        if name in ideal.deformations:
+            found.append(turning[name])
+        elif axis:
             speed = ideal.velocity_all(link, q, v, loose.body(link).cog)
             found.append(float(speed['xy'.index(axis), 0]))
         elif name in loose.displacements:
@@ -207,29 +222,6 @@ def _driven_rates(machine: DynamicModel) -> tuple[Array, Array]:
         found.append((rate, 2.0 * half))
     rates = np.array(found).T[:, :, None]
     return rates[0], rates[1]
-
-
-def _converted(ideal: Mechanism, loose: Mechanism, q: Array) -> Array:
-    """The coordinates of the loose mechanism from those of the ideal one."""
-    known = dict(zip(ideal.coordinates, q.tolist(), strict=True))
-    found = []
-    for name in loose.coordinates:
-        link, _, axis = name.partition('.')
-        if axis:
-            place = ideal.locate(link, known, loose.body(link).cog)
-            found.append(place['xy'.index(axis)])
-        elif name in loose.displacements:
-            j = loose.tree_joints[link]
-            assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
-            a, b = (
-                ideal.locate(j.first, known, j.on_first),
-                ideal.locate(j.second, known, j.on_second),
-            )
-            way = ideal.angle(j.first, known) + j.axis
-            found.append((b[0] - a[0]) * np.cos(way) + (b[1] - a[1]) * np.sin(way))
-        else:
-            found.append(ideal.angle(link, known))
-    return np.array(found)
 
 
 def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:

@@ -11,8 +11,9 @@ from typing import Annotated, Any, Protocol
 
 from pydantic import Field
 
-from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Vector2
-from mechanism_sim.scene.contact_keys import Clearance, Play
+from mechanism_sim.planar.joint_friction import JointFriction
+from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Mechanism, Vector2
+from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
 from mechanism_sim.scene.quantities import Part
 from mechanism_sim.units import Measure
 
@@ -25,6 +26,8 @@ class JointKeys(Part):
 
     clearance: Clearance | None = None
     """Pin on the first-named link, loose in the second; without it the joint is ideal."""
+    friction: Friction | None = None
+    """Of an ideal joint; a loose one has its own in its clearance."""
 
     @property
     def kind(self) -> str:
@@ -40,6 +43,17 @@ class JointKeys(Part):
 
 def _clearance(joint: JointKeys) -> Play | None:
     return joint.clearance
+
+
+def _walls_only(given: Clearance) -> str:
+    """What a pair without friction and law of contact cannot have."""
+    absent = given.model_fields_set - {'radial', 'restitution', 'hypothesis'}
+    wrong = sorted(key for key in absent if getattr(given, key))
+    return (
+        f'has a clearance with {wrong[0]}: here it has radial and restitution only'
+        if wrong
+        else ''
+    )
 
 
 class Names(Protocol):
@@ -89,18 +103,24 @@ class JointKind:
     keys : all that a joint of this kind may say
     read : from a scene's names, the joint's name and its keys to the joint; raises InputError
     play : how loose a joint is, if it is
+    wrong_play : what is wrong with a clearance of it, or nothing
     firm : why it can have no ``clearance``; empty if it can
     notes : what can be said of a joint of a machine without moving it
     mounted : a joint as it is put together where coordinates have rough values [rad, m]
+    friction : that of an ideal joint, of its name, its keys and the mechanism; None if it has none
+    arm : the key that says where friction acts, and whether it must be given
     """
 
     name: str
     keys: type[JointKeys]
     read: Callable[[Names, str, Any], Joint]
     play: Callable[[Any], Play | None] = _clearance
+    wrong_play: Callable[[Clearance], str] = _walls_only
     firm: str = ''
     notes: Callable[[Any, Any], list[str]] = lambda machine, joint: []  # noqa: ARG005
     mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005
+    friction: Callable[[str, Friction, Mechanism], JointFriction] | None = None
+    arm: tuple[str, bool] = ('', False)
 
 
 KINDS: dict[str, JointKind] = {}
@@ -112,7 +132,9 @@ def keys_of(joint: JointKeys) -> list[str]:
     kind = KINDS[joint.kind]
     own = kind.keys.__annotations__
     keys = dict.fromkeys([kind.name, *own, *kind.keys.model_fields])
-    return [key for key in keys if not (kind.firm and key == 'clearance')]
+    absent = {'clearance'} if kind.firm else set()
+    absent |= set() if kind.friction else {'friction'}
+    return [key for key in keys if key not in absent]
 
 
 def register(kind: JointKind) -> None:

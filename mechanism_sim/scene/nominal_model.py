@@ -20,6 +20,7 @@ from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
+from mechanism_sim.scene.elastic_links import stiffened
 from mechanism_sim.scene.model import MachineModel
 from mechanism_sim.units import Measure
 
@@ -69,6 +70,21 @@ class NominalModel(MachineModel):
             If it cannot be assembled.
         """
         return assemble(self, self.closed_form)
+
+    @cached_property
+    def rigid(self) -> Self:
+        """The same machine with rigid links."""
+        elastic = self.plan.ideal.deformations
+        if not elastic:
+            return self
+        scene = self.scene
+        links = {name: stiffened(link) for name, link in scene.links.items()}
+        given = {
+            kind: {c: x for c, x in getattr(scene.initial, kind).items() if c not in elastic}
+            for kind in ('position', 'velocity')
+        }
+        changed = {'links': links, 'initial': scene.initial.model_copy(update=given)}
+        return replace(self, scene=scene.model_copy(update=changed))
 
     @property
     def starts_singular(self) -> bool:
@@ -126,7 +142,17 @@ class NominalModel(MachineModel):
     def _inverse_dynamics(self, inertia: bool) -> InverseDynamics:
         ideal = self.plan.ideal
         closing, loads = closures(ideal, ideal.cut), self.plan.elements(ideal)
-        return InverseDynamics(ideal, closing, self.plan.prescribed, loads, inertia)
+        efforts = {c: effort(ideal) for c, effort in self.plan.efforts.items()}
+        return InverseDynamics(
+            ideal,
+            closing,
+            self.plan.prescribed,
+            loads,
+            self.plan.frictions(ideal),
+            inertia,
+            self.plan.unknowns(ideal),
+            efforts,
+        )
 
     def nominal(self, laws: Sequence[Law]) -> NominalRun:
         """A run of the mechanism without clearance under prescribed drives.

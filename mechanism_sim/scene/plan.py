@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
+from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import (
     Body,
     HigherPair,
@@ -16,15 +18,17 @@ from mechanism_sim.planar.mechanism import (
 )
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.scene.contact_keys import Play
-from mechanism_sim.scene.drives import is_straight, read_drives, read_laws, read_motor
+from mechanism_sim.scene.drives import drive_key, is_straight, read_drives, read_laws, read_motor
+from mechanism_sim.scene.elastic_links import read_beams
 from mechanism_sim.scene.gears import read_wheel
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.kinds.mesh import backlashes, check_bearings, in_mesh
 from mechanism_sim.scene.load_keys import Elements
 from mechanism_sim.scene.loads import read_loads
+from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.structure import read_bodies, read_joints
+from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -40,12 +44,16 @@ class Plan:
     closing : which of them are cut to make a tree if none is loose
     clearances : of the loose ones
     laws : of the driven coordinates, in the order in which they take over
-    begins : of the coordinates moved by a torque or a force, value and rate at the start
+    begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
+        rate at the start
     given : values and rates of coordinates that the scene sets outright
     assumed : of `begins`, the coordinates of whose values and of whose rates nobody said anything
     guess : rough values of coordinates
     points : named points of the links, in their frames [m]
     elements : springs, dampers and loads
+    frictions : of ideal joints
+    unknowns : loads of size one whose size is to be found
+    efforts : what prescribed drives supply, where it is given
     motors : of the driven coordinates that have one whose torque is no straight line over speed
     weighed : whether every link has the mass properties that forces need
     """
@@ -62,6 +70,9 @@ class Plan:
     guess: dict[str, float] = field(default_factory=dict)
     points: dict[str, dict[str, Vector2]] = field(default_factory=dict)
     elements: Elements = lambda _: []
+    frictions: Callable[[Mechanism], list[JointFriction]] = lambda _: []
+    unknowns: Callable[[Mechanism], list[UnknownForce]] = lambda _: []
+    efforts: Mapping[str, Callable[[Mechanism], DriveEffort]] = field(default_factory=dict)
     motors: tuple[Motor, ...] = ()
     weighed: bool = True
 
@@ -129,7 +140,8 @@ def plan_of(name: str, scene: Scene) -> Plan:
     straight = [c for c, drive in drives.items() if is_straight(drive)]
     closing = closing_joints(places.links, joints, (), straight)
     check_bearings(places, joints, closing)
-    massless = tuple(Body(link, 0.0, 0.0, (0.0, 0.0)) for link in places.links)
+    elastic = read_beams(places, joints, drives)
+    massless = tuple(elastic.get(link, Body(link, 0.0, 0.0, (0.0, 0.0))) for link in places.links)
     tree = Mechanism(massless, joints, closing)
     laws: dict[str, tuple[Law, ...]] = {}
     begins: dict[str, tuple[float, float]] = {}
@@ -143,6 +155,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         KINDS[scene.joints[joint.name].kind].mounted(joint, start)
         for joint in in_mesh(places, joints, tree, start)
     )
+    begins |= {c: (given.get(c, 0.0), 0.0) for c in tree.deformations}
     free = tree.coordinates[0]
     silent = frozenset(
         c
@@ -156,8 +169,14 @@ def plan_of(name: str, scene: Scene) -> Plan:
         if (play := KINDS[j.kind].play(j)) is not None
     }
     plays |= backlashes(places, joints)
+    loads = read_loads(places, tree)
+    efforts = {
+        c: read_effort(places, f'{drive_key(places, c)}.effort', c, drive.effort, tree)
+        for c, drive in drives.items()
+        if drive.effort is not None
+    }
     return Plan(
-        read_bodies(places, tree, drives),
+        read_bodies(places, tree, drives, elastic),
         joints,
         closing,
         scene.gravity,
@@ -171,7 +190,12 @@ def plan_of(name: str, scene: Scene) -> Plan:
         (silent, frozenset(c for c, drive in drives.items() if drive.speed is None)),
         guess,
         places.points,
-        read_loads(places, tree),
+        lambda m: [x for x in loads(m) if not isinstance(x, UnknownForce)],
+        read_frictions(places, plays),
+        lambda m: [x for x in loads(m) if isinstance(x, UnknownForce)],
+        efforts,
         tuple(m for c, drive in drives.items() if (m := read_motor(c, drive)) is not None),
-        all(scene.links[x].mass is not None or x in weighing for x in places.links),
+        all(
+            scene.links[x].mass is not None or x in weighing or x in elastic for x in places.links
+        ),
     )

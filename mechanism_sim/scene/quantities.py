@@ -69,6 +69,7 @@ _NOT_NEGATIVE = Field(ge=0.0, allow_inf_nan=False)
 Length = Annotated[float, si('m'), POSITIVE]
 Position = Annotated[float, si('m'), _FINITE]
 Mass = Annotated[float, si('kg'), POSITIVE]
+LinkMass = Annotated[float, si('kg'), _NOT_NEGATIVE]
 Inertia = Annotated[float, si('kg m^2'), POSITIVE]
 Angle = Annotated[float, si('rad'), _FINITE]
 Speed = Annotated[float, si('rad/s'), _FINITE]

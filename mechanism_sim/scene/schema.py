@@ -9,9 +9,11 @@ from pydantic_core import PydanticCustomError
 
 from mechanism_sim.errors import nearest
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.elastic_keys import ElasticPart
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.loads import LOADS
+from mechanism_sim.scene.loads.applied import EffortOrFormula
 from mechanism_sim.scene.oscillator_keys import Oscillator
 from mechanism_sim.scene.quantities import (
     POSITIVE,
@@ -22,6 +24,7 @@ from mechanism_sim.scene.quantities import (
     Duration,
     Gravity,
     Length,
+    LinkMass,
     Mass,
     Part,
     Position,
@@ -157,12 +160,14 @@ class LinkPart(Part):
     """Makes the point `end` at [length, 0]."""
     points: dict[str, Vector] = {}
     """Further points by name, as [x, y] in the link's frame."""
-    mass: Mass | None = None
-    """For all moving links or for none; forces and clearances need it."""
+    mass: LinkMass | None = None
+    """For all moving links or for none; forces and clearances need it. 0 kg is allowed."""
     inertia: AddedInertia | None = None
     """About the centre of gravity; 0 for a point mass."""
     cog: Position | Vector = 0.0
     """Centre of gravity: along the link, or as [x, y] in its frame."""
+    elastic: ElasticPart | None = None
+    """How it bends; without, it is rigid."""
 
 
 class PointMass(Part):
@@ -186,12 +191,13 @@ class JointPart(*(kind.keys for kind in KINDS.values())):  # type: ignore[misc]
                 '[crank.end, rod.start]'
             )
         c, kind = self.clearance, KINDS[kinds[0]]
+        if self.friction and not kind.friction:
+            rubbing = ', '.join(name for name, k in KINDS.items() if k.friction)
+            raise ValueError(f'cannot have friction: a {kind.name} has none here, only {rubbing}')
         if c and kind.firm:
             raise ValueError(f'cannot have a clearance: {kind.firm}')
-        if c and kind.name != 'revolute' and (c.friction or c.pin_radius or c.contact):
-            raise ValueError(
-                f'has a clearance of a {kind.name}, which has radial and restitution only'
-            )
+        if c and (wrong := kind.wrong_play(c)):
+            raise ValueError(wrong)
         return self
 
 
@@ -334,6 +340,8 @@ class DrivePart(Part):
     """A motor with its characteristic, instead of a torque."""
     commands: Commands | None = None
     """Take commands of speed while the machine runs."""
+    effort: EffortOrFormula | None = None
+    """Torque or force, a quantity or a formula, that is known while the motion is prescribed."""
     flywheel: AddedInertia = 0.0
     """Inertia that turns with the link."""
     start_angle: Angle | None = None
@@ -355,6 +363,8 @@ class InitialPart(Part):
     """Angles and displacements by link."""
     velocity: dict[str, Pace] = {}
     """Their rates by link."""
+    elastic: Literal['straight', 'smooth'] = 'straight'
+    """How elastic links start: straight, or bent by the forces, nearly without vibration."""
 
 
 class AnyScene(Part):

@@ -30,7 +30,7 @@ Order = Annotated[int, Field(strict=True, ge=1, le=12)]
 Vector = tuple[Position, Position]
 QUANTITIES = {
     'acceleration': 'm/s^2', 'velocity': 'm/s', 'displacement': 'm', 'angular_velocity': 'rad/s',
-    'angle': 'rad', 'force': 'N',
+    'angle': 'rad', 'force': 'N', 'strain': '',
 }  # fmt: skip
 """What sensors measure, with units; the first three by how often acceleration is integrated."""
 

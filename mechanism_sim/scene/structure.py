@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
@@ -40,6 +43,44 @@ def _joint(places: Places, name: str, joint: JointPart) -> Joint:
     return kind.read(places, name, joint)
 
 
+def read_frictions(
+    places: Places, plays: Mapping[str, Play]
+) -> Callable[[Mechanism], list[JointFriction]]:
+    """Friction in ideal joints.
+
+    Raises
+    ------
+    InputError
+        If there are loose joints, too.
+    """
+    rubs = {}
+    for name, joint in places.scene.joints.items():
+        given, kind = joint.friction, KINDS[joint.kind]
+        if given is None:
+            continue
+        where = f'{places.name}: joints.{name}.friction'
+        arm, needed = kind.arm
+        for key in given.model_fields_set - {'coefficient', arm}:
+            if getattr(given, key) is not None:
+                raise InputError(f'{where}.{key} has no meaning in a {kind.name} joint')
+        if needed and getattr(given, arm) is None:
+            raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
+        if given.coefficient:
+            rubs[name] = given
+    if rubs and plays:
+        raise InputError(
+            f'{places.name}: joints.{next(iter(rubs))}.friction: friction in ideal joints is not '
+            f'modelled beside joints with clearance ({next(iter(plays))}): give the friction of '
+            "each joint in its 'clearance', or leave out the clearances"
+        )
+
+    def made(mechanism: Mechanism) -> list[JointFriction]:
+        makers = ((name, KINDS[places.scene.joints[name].kind].friction) for name in rubs)
+        return [make(name, rubs[name], mechanism) for name, make in makers if make]
+
+    return made
+
+
 def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
     reached, grown = {GROUND}, True
     while grown:
@@ -55,7 +96,10 @@ def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
 
 
 def read_bodies(
-    places: Places, tree: Mechanism, drives: Mapping[str, DrivePart]
+    places: Places,
+    tree: Mechanism,
+    drives: Mapping[str, DrivePart],
+    elastic: Mapping[str, Body],
 ) -> tuple[Body, ...]:
     """The moving links with what they weigh, point masses and flywheels included.
 
@@ -70,11 +114,23 @@ def read_bodies(
             raise InputError(
                 f'{places.name}: masses.{name}.at: a mass on the ground moves nothing'
             )
+    tilting = {
+        places.find(f'joints.{name}', point)[0]
+        for name, joint in places.scene.joints.items()
+        if joint.kind == 'prismatic' and joint.clearance
+        for point in joint.points
+    }
     for link in places.links:
         given = places.scene.links[link]
+        if link in elastic:
+            carried = [(m.mass, places.find('masses', m.at)) for m in places.scene.masses.values()]
+            lumps = [(mass, point) for mass, (on, point) in carried if on == link]
+            spin = drives[link].added_inertia if link in drives else 0.0
+            found.append(loaded(elastic[link], lumps, spin))
+            continue
         cog = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
-        turns = tree.frame(link)[0] != GROUND
-        if given.mass is not None and given.inertia is None and turns:
+        turns = tree.frame(link)[0] != GROUND or link in tilting
+        if given.mass and given.inertia is None and turns:
             raise InputError(
                 f"{places.name}: 'links.{link}.inertia' is missing: the link has a mass and "
                 'turns; give its moment of inertia about the centre of gravity (0 for a point '

@@ -19,6 +19,7 @@ from mechanism_sim.planar.mechanism import (
     Mechanism,
     Side,
     Vector2,
+    product,
 )
 from mechanism_sim.planar.play import wall_name
 from mechanism_sim.planar.view import Course
@@ -66,7 +67,7 @@ class JointView:
         found = np.zeros((3, 2, self.observed.position.shape[1]))
         for (frame, slide), (x, y) in self.mechanism.point(link, at).items():
             angle, w, alpha = self._coordinate(frame)
-            s, rate, second = (1.0, 0.0, 0.0) if slide is None else self._coordinate(slide)
+            s, rate, second = product(slide, self._coordinate)
             cosine, sine = np.cos(angle), np.sin(angle)
             d = np.array([cosine * x - sine * y, sine * x + cosine * y])
             across = np.array([-d[1], d[0]])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.numerics.rational import Modes, Rational
-from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2, factors, product
 
 Array = NDArray[np.float64]
 
@@ -51,17 +51,18 @@ class PointOnLink:
         self._mechanism, self._link = mechanism, link
         self._place = at if isinstance(at, tuple) else (at, 0.0)
         frame, offset = mechanism.frame(link)
-        names = {frame, *(name for arm in mechanism.point(link, self._place) for name in arm)}
+        arms = mechanism.point(link, self._place)
+        names = {frame, *(name for f, slide in arms for name in (f, *factors(slide)))}
         used = [name for name in mechanism.coordinates if name in names]
         index = used.index
         self._used = [mechanism.coordinates.index(name) for name in used]
         self._arms = [
             (
                 None if frame == GROUND else index(frame),
-                None if slide is None else index(slide),
+                tuple(index(name) for name in factors(slide)),
                 np.array(d),
             )
-            for (frame, slide), d in mechanism.point(link, self._place).items()
+            for (frame, slide), d in arms.items()
         ]
         self._frame = None if frame == GROUND else index(frame)
         turn = offset + (0.0 if axis == 'along' else 0.5 * np.pi)
@@ -81,9 +82,9 @@ class PointOnLink:
         axis = self._axis(q)
         gx, gy = self._gravity
         reading = -(gx * np.cos(axis) + gy * np.sin(axis))
-        for i, j, (x, y) in self._arms:
-            angle, w, alpha = _of(q, v, a, i, 0.0)
-            s, rate, second = _of(q, v, a, j, 1.0)
+        for i, scale, (x, y) in self._arms:
+            angle, w, alpha = np.zeros((3, q.shape[1])) if i is None else (q[i], v[i], a[i])
+            s, rate, second = product(scale, lambda k: (q[k], v[k], a[k]))
             # components of the arm along the axis and across it, the axis being at `angle`
             cosine, sine = np.cos(angle - axis), np.sin(angle - axis)
             along, across = x * cosine - y * sine, -(x * sine + y * cosine)
@@ -122,13 +123,3 @@ class PointOnLink:
         """Velocity of the point in the world (2, N) [m/s]."""
         q, v = (curve.local(segments, dt, d).T for d in (0, 1))
         return self._mechanism.velocity_all(self._link, q, v, self._place)
-
-
-def _of(
-    q: Array, v: Array, a: Array, index: int | None, fixed: float
-) -> tuple[Array, Array, Array]:
-    """A coordinate and its derivatives; what is no coordinate is fixed."""
-    if index is None:
-        rest = np.zeros(q.shape[1])
-        return rest + fixed, rest, rest
-    return q[index], v[index], a[index]

@@ -178,6 +178,12 @@ def derivatives(machine: Machine, excitation: Excitation | None = None) -> Linea
             f"{machine.name}: links without mass do not vibrate: give every link 'mass' and "
             "'inertia'"
         )
+    if rubbing := plan.frictions(ideal):
+        name = rubbing[0].name
+        raise InputError(
+            f'{machine.name}: joints.{name}.friction: Coulomb friction has no linear form, and '
+            f"near rest it sticks: set it to zero, as '--set joints.{name}.friction.coefficient=0'"
+        )
     laws = [plan.laws[c][0] for c in plan.powered]
     found = Linearisation(
         ideal, closures(ideal, ideal.cut), plan.prescribed,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.bench.grid.case import Draft, Family, Random, Scene, rotate
 from mechanism_sim.bench.grid.four_bars import NOT_SEATED, clearance
+from mechanism_sim.bench.grid.machines import rub
 from mechanism_sim.planar.mechanism import GROUND, Prismatic
 from mechanism_sim.scene import schema
 from mechanism_sim.scene.plan import plan_of
@@ -254,6 +255,12 @@ def _loose(random: Random, k: int) -> Draft:
     return _draft(scene)
 
 
+def _rubbing(random: Random, _k: int) -> Draft:
+    scene = add_drives(random, *linkage(random))
+    rub(random, scene, 0.05)
+    return _draft(scene)
+
+
 def _draft(scene: Scene) -> Draft:
     """So that `check` looks whether the drives can go on for as long as the run."""
     return Draft({**scene, 'duration': SPAN}, duration=SPAN)
@@ -262,5 +269,6 @@ def _draft(scene: Scene) -> Draft:
 FAMILIES = (
     Family('linkage', 48, _prescribed_or_free, REFUSED),
     Family('linkage_gears', 24, _draft_geared, REFUSED),
+    Family('linkage_rubbing', 36, _rubbing, REFUSED),
     Family('linkage_loose', 36, _loose, (*REFUSED, *NOT_SEATED)),
 )

@@ -186,6 +186,40 @@ def _steps(random: Random, k: int) -> Draft:
     return Draft(scene, **extent)
 
 
+RUBBING = (
+    'slider_crank', 'quick_return', 'scotch_yoke', 'windshield_wiper', 'pendulum', 'geneva',
+    'linear_intermittent', 'gear_pair', 'eccentric_cam', 'offset_roller_cam',
+)  # fmt: skip
+RUB = {'revolute', 'prismatic', 'slot', 'geneva', 'rack', 'cam', 'mesh'}
+
+
+def _rubbing(random: Random, k: int) -> Draft:
+    """A package machine, some of its ideal joints with friction."""
+    name = RUBBING[k % len(RUBBING)]
+    keys, extent = drive(random, WAYS[k // len(RUBBING) % 5], (0.5, 2.0))
+    scene = variant(name, {'gravity': [0.0, pick(random, (0.0, -9.81))]})
+    if name != 'pendulum':
+        old = {k: scene['drive'][k] for k in ('coordinate', 'start_angle') if k in scene['drive']}
+        scene['drive'] = {**keys, **old}
+    rub(random, scene, 0.02, 0.1)
+    return Draft(scene, duration=1.5) if name == 'pendulum' else Draft(scene, **extent)
+
+
+def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> None:
+    """Give some joints friction, of journals up to a radius and blocks from a length [m]."""
+    able = [n for n, j in scene['joints'].items() if RUB & j.keys()]
+    for name in random.permutation(able)[: int(random.integers(1, 1 + len(able)))].tolist():
+        joint = scene['joints'][name]
+        keys: Scene = {'coefficient': decades(random, -2.0, -0.5)}
+        if 'roller' in joint:
+            keys['radius'] = 1e-3
+        elif 'revolute' in joint:
+            keys['radius'] = radius * decades(random, -1.0, 0.0)
+        elif 'prismatic' in joint and length and random.random() < 0.5:
+            keys['length'] = length * decades(random, 0.0, 0.5)
+        scene['joints'][name] = {**joint, 'friction': keys}
+
+
 MOVING = 'forward', 'backward'
 SHOWN = tuple(n for n in scene_names() if n != 'thesis')
 
@@ -212,6 +246,7 @@ FAMILIES = (
     Family('slot', 40, _slot, (), 20),
     Family('loads', 30, _loads, NOT_SEATED),
     Family('steps', 60, _steps, NOT_SEATED),
+    Family('rubbing', 100, _rubbing, (), len(RUBBING)),
     Family('loose', 60, _loose, NOT_SEATED),
     Family('package', 2 * len(SHOWN), _package),
 )

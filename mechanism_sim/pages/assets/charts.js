@@ -19,11 +19,18 @@ const CONFIG = { responsive: true, displaylogo: false };
 export class Charts {
   /**
    * @param {Object<string, {data: Object[], layout: Object}>} figures by key
-   * @param {function(number): void} seek goes to a time [s]
+   * @param {{seek: function(number): void, hover: function(number): void,
+   *   light: function(?string[]): void, loop: function(?number[]): void}} acts goes to a time [s],
+   *   shows one as long as nothing plays, lights what lines are of, plays an interval over and over
+   * @param {Object<string, string>} dark colours on dark ground, by those on paper
    */
-  constructor(figures, seek) {
+  constructor(figures, acts, dark) {
     this.figures = figures;
-    this.seek = seek;
+    this.acts = acts;
+    this.colours = new RegExp(Object.keys(dark).join('|'), 'gi');
+    this.dark = dark;
+    this.night = matchMedia('(prefers-color-scheme: dark)');
+    this.night.addEventListener('change', () => this.#again(this.night.matches));
     this.time = 0;
     this.drawn = new Map();
     this.places = [...document.querySelectorAll('figure.chart')];
@@ -36,6 +43,7 @@ export class Charts {
   /** Draws all that are not yet there, as wide as paper; `screen` takes that back. */
   paper() {
     for (const place of this.places) this.#draw(place);
+    if (this.night.matches) this.#again(false);
     for (const { plot, axis } of this.drawn.values()) {
       Plotly.relayout(plot, { autosize: false, width: axis === 'polar' ? PAPER / 2 - 16 : PAPER });
     }
@@ -43,8 +51,44 @@ export class Charts {
 
   /** As wide as there is room again. */
   screen() {
+    if (this.night.matches) this.#again(true);
     for (const { plot } of this.drawn.values()) {
       Plotly.relayout(plot, { autosize: true, width: null });
+    }
+  }
+
+  /** Lights the lines of a joint or link; of nothing all of them. @param {string} [name] */
+  light(name) {
+    for (const { plot } of this.drawn.values()) {
+      for (const trace of plot._fullData) {
+        const line = plot.querySelector(`.trace${trace.uid}`);
+        if (line) line.style.opacity = !name || about(trace).includes(name) ? '' : 0.12;
+      }
+    }
+  }
+
+  /** Shows an interval [s] in all charts over time; without one all. @param {number[]} [span] */
+  zoom(span) {
+    for (const { plot, axis } of this.drawn.values()) {
+      if (axis !== 'time') continue;
+      this.zooming = true;
+      Plotly.relayout(plot, span ? { 'xaxis.range': [...span] } : { 'xaxis.autorange': true })
+        .then(() => { this.zooming = false; });
+    }
+  }
+
+  /** As on paper, or on dark ground. */
+  #figure(key, dark) {
+    const { data, layout } = this.figures[key];
+    if (!dark) return { data, layout };
+    return JSON.parse(JSON.stringify({ data, layout })
+      .replace(this.colours, (shade) => this.dark[shade.toLowerCase()]));
+  }
+
+  #again(dark) {
+    for (const [key, { plot }] of this.drawn) {
+      const { data, layout } = this.#figure(key, dark);
+      Plotly.react(plot, data, { autosize: true, ...layout }, CONFIG);
     }
   }
 
@@ -59,15 +103,26 @@ export class Charts {
     if (this.drawn.has(key)) return;
     this.watch.unobserve(place);
     const plot = place.querySelector('.plot');
-    const { data, layout } = this.figures[key];
+    const { data, layout } = this.#figure(key, this.night.matches);
     const chart = { plot, axis, cursors: [] };
     this.drawn.set(key, chart);
     Plotly.newPlot(plot, data, { autosize: true, ...layout }, CONFIG);
+    const when = (point) => (axis === 'time' ? point.x : point.customdata?.[0] ?? point.customdata);
     plot.on('plotly_click', ({ points: [point] }) => {
-      const t = axis === 'time' ? point.x : point.customdata?.[0] ?? point.customdata;
-      if (Number.isFinite(t)) this.seek(t);
+      if (Number.isFinite(when(point))) this.acts.seek(when(point));
     });
+    plot.on('plotly_hover', ({ points: [point] }) => {
+      if (Number.isFinite(when(point))) this.acts.hover(when(point));
+      this.acts.light(about(point.fullData));
+    });
+    plot.on('plotly_unhover', () => this.acts.light(null));
     if (axis !== 'time') return;
+    plot.on('plotly_relayout', (change) => {
+      if (this.zooming) return;
+      const span = change['xaxis.range'] ?? [change['xaxis.range[0]'], change['xaxis.range[1]']];
+      if (span.every(Number.isFinite)) this.acts.loop(span);
+      else if (change['xaxis.autorange']) this.acts.loop(null);
+    });
     chart.axes = Object.keys(plot._fullLayout._plots)
       .map((name) => plot._fullLayout._plots[name]);
     chart.cursors = chart.axes.map(() => {
@@ -95,3 +150,6 @@ export class Charts {
     });
   }
 }
+
+/** The joints and links that a line is of: parts of its quantity's name, and its own. */
+const about = ({ legendgroup, name }) => [...(legendgroup ?? '').split(/[. ]/), name ?? ''];

@@ -154,3 +154,52 @@ export class Lens {
     this.flash.setAttribute('opacity', (1 - last.age).toFixed(3));
   }
 }
+
+/** A play between walls, or what may part, magnified: what has the walls, and what is between. */
+export class Slit {
+  /** @param {SVGSVGElement} svg to draw in @param {Object} stage @param {number} index of the play */
+  constructor(svg, stage, index) {
+    this.index = index;
+    this.play = stage.plays[index];
+    this.two = this.play.walls > 1;
+    this.scale = (2 * PLAY) / this.play.width;
+    svg.replaceChildren();
+    svg.classList.add('lens');
+    svg.setAttribute('viewBox', '-132 -160 264 352');
+    svg.setAttribute('role', 'img');
+    svg.setAttribute('aria-label', `play of ${words(this.play.joint)}, magnified`);
+    this.svg = svg;
+    add(svg, 'text', { class: 'title', x: 0, y: -142 }).textContent = words(this.play.joint);
+    for (const side of this.two ? [-1, 1] : [1]) {
+      add(svg, 'rect', { class: 'part', x: side > 0 ? BORE : -BORE - 26, y: -100, width: 26,
+        height: 200, style: `--link: var(--link-${this.play.face})` });
+    }
+    this.body = add(svg, 'rect', { class: 'part journal', x: -PIN, y: -64, width: 2 * PIN,
+      height: 128, rx: 10, style: `--link: var(--link-${this.play.body})` });
+    this.words = add(svg, 'text', { class: 'mode', x: 0, y: 144 });
+    this.values = add(svg, 'text', { class: 'values', x: 0, y: 162 });
+    this.note = add(svg, 'text', { class: 'note', x: 0, y: 182 });
+    const tell = () => {
+      const times = (this.scale * (svg.getScreenCTM()?.a ?? 0)) / PIXELS;
+      this.note.textContent = `${this.two ? 'play' : 'at most'} ${
+        quantity(this.play.width, 'm')}, ${Number(times.toPrecision(2))} × true size`;
+    };
+    new ResizeObserver(tell).observe(svg);
+    tell();
+  }
+
+  /** @param {import('stage').Frame} frame */
+  show(frame) {
+    const none = 1e-6 * this.play.width; // is rounding
+    const [left, right] = frame.walls[this.index].map((x) => (Math.abs(x) < none ? 0 : x));
+    const x = this.two ? 0.5 * this.scale * (left - right) : PLAY - this.scale * right;
+    this.body.setAttribute('transform', `translate(${x.toFixed(3)} 0)`);
+    this.body.dataset.x = this.two ? 0.5 * (left - right) : right;
+    const touching = frame.touching[this.index];
+    this.words.textContent = touching
+      ? ['', 'on the left', 'on the right', 'on both sides'][this.two ? touching : 0] || 'in contact'
+      : this.two ? 'between the walls' : 'lifted off';
+    this.values.textContent = this.two
+      ? `left ${quantity(left, 'm')}, right ${quantity(right, 'm')}` : `gap ${quantity(right, 'm')}`;
+  }
+}

@@ -37,6 +37,7 @@ export class Recording {
     this.links = stage.links.length;
     this.bearings = stage.bearings.length;
     this.joints = stage.joints.length;
+    this.plays = stage.plays.length;
     this.moving = stage.joints.filter(({ foot }) => foot !== undefined).length;
     this.slides = stage.slides;
   }
@@ -71,6 +72,8 @@ export class Recording {
       poses,
       pins: this.#pins(i, j, share),
       modes: Array.from(this.modes.subarray(i * this.bearings, (i + 1) * this.bearings)),
+      walls: between(this.walls, this.plays, 2),
+      touching: Array.from(this.touching.subarray(i * this.plays, (i + 1) * this.plays)),
       forces: between(this.forces, this.joints, 2),
       feet: between(this.feet, this.moving, 2),
       drive: this.drive[i] + share * (this.drive[j] - this.drive[i]),
@@ -106,6 +109,17 @@ export class Recording {
     return places;
   }
 
+  /** The instants of the last turn of the drive, or of all, at most so many. */
+  turn(most = 1500) {
+    const last = this.t.length - 1;
+    let first = last;
+    while (first > 0 && (this.slides || Math.abs(this.drive[last] - this.drive[first]) < TURN)) first -= 1;
+    const step = Math.max(1, Math.ceil((last - first) / most));
+    const found = [];
+    for (let i = first; i <= last; i += step) found.push(this.at(this.t[i]));
+    return found;
+  }
+
   /** The impacts of the last `glow` seconds. */
   #impacts(t, glow) {
     const { t: times, bearing, joint, angle, impulse, hardest } = this.struck;
@@ -128,6 +142,7 @@ export class Player {
     this.onFrame = onFrame;
     this.speed = 1;
     this.playing = false;
+    this.loop = null; // interval [s] that is played over and over
     this.seek(frames.start);
   }
 
@@ -173,6 +188,7 @@ export class Player {
     const passed = this.last === null ? 0 : Math.min(wall - this.last, 100) / 1000;
     this.last = wall;
     this.now = Math.min(this.now + passed * this.speed, this.frames.end);
+    if (this.loop && !(this.now >= this.loop[0] && this.now < this.loop[1])) [this.now] = this.loop;
     if (this.now >= this.frames.end) this.playing = false;
     this.#show();
     if (this.playing) requestAnimationFrame((next) => this.#tick(next));

@@ -1,5 +1,5 @@
 import { Charts, loadPlotly } from 'charts';
-import { Lens } from 'lens';
+import { Lens, Slit } from 'lens';
 import { Player, Recording } from 'player';
 import { Stage, words } from 'stage';
 
@@ -12,14 +12,21 @@ const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
 const recording = new Recording(data);
 const stage = new Stage(by('stage'), data.stage);
+const other = data.other ? new Recording(data.other) : null;
+const ghost = other ? new Stage(by('ghost'), data.other.stage) : null;
 let lens = null;
+let beside = null;
 let charts = null;
 
+stage.trace(recording.turn());
 const player = new Player(recording, show);
 start();
 performance.mark('plays');
 await loadPlotly();
-charts = new Charts(JSON.parse(by('charts').textContent), seek);
+charts = new Charts(JSON.parse(by('charts').textContent), {
+  seek, loop, hover: (t) => { if (!player.playing) player.seek(t); },
+  light: (names) => stage.light(names),
+}, data.dark);
 charts.cursor(player.time);
 document.documentElement.dataset.ready = '1';
 
@@ -37,9 +44,15 @@ function start() {
   });
   by('speed').addEventListener('change', () => { player.speed = Number(by('speed').value); });
   by('bearing')?.addEventListener('change', () => choose(Number(by('bearing').value)));
-  for (const name of ['names', 'forces']) {
+  for (const name of ['names', 'forces', 'paths']) {
     by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
   }
+  by('loop').addEventListener('click', () => loop(null));
+  by('stage').addEventListener('pointerover', ({ target }) => {
+    const { kind, link, label } = target.closest('g[data-kind]')?.dataset ?? {};
+    charts?.light(kind === 'link' ? link : label || link);
+  });
+  by('stage').addEventListener('pointerleave', () => charts?.light());
   document.addEventListener('keydown', key);
   window.addEventListener('beforeprint', () => charts?.paper());
   window.addEventListener('afterprint', () => charts?.screen());
@@ -48,6 +61,11 @@ function start() {
 function show(frame, shown) {
   stage.show(frame);
   lens?.show(frame);
+  if (other) {
+    const second = other.at(Math.min(frame.t, other.end), shown?.glow ?? 0);
+    ghost.show(second);
+    beside?.show(second);
+  }
   charts?.cursor(frame.t);
   const share = (frame.t - recording.start) / (recording.end - recording.start || 1);
   by('scrub').value = share;
@@ -101,10 +119,31 @@ function ticks() {
 
 function choose(bearing) {
   if (!by('lens')) return;
-  const turns = data.stage.slides ? 1 : 3; // it may run slower than in the mean
-  const span = data.turn ? turns * data.turn : Infinity;
-  lens = new Lens(by('lens'), data.stage, bearing, (t) => recording.path(bearing, t, span));
+  lens = magnified('lens', data.stage, recording, bearing);
+  stage.callout(data.bearings[bearing]);
+  if (other) beside = magnified('lens-other', data.other.stage, other, bearing);
   player.seek(player.time);
+}
+
+/** The lens over a bearing of a run, nothing where that has no such bearing. */
+function magnified(id, shown, run, bearing) {
+  const [index, slit] = [shown.bearings, shown.plays]
+    .map((all) => all.findIndex(({ joint }) => joint === data.bearings[bearing]));
+  by(id).toggleAttribute('hidden', index < 0 && slit < 0);
+  if (slit >= 0) return new Slit(by(id), shown, slit);
+  if (index < 0) return null;
+  const turns = shown.slides ? 1 : 3; // it may run slower than in the mean
+  const span = data.turn ? turns * data.turn : Infinity;
+  return new Lens(by(id), shown, index, (t) => run.path(index, t, span));
+}
+
+/** Plays an interval [s] over and over, and shows it in charts; without one all. */
+function loop(span) {
+  player.loop = span && [Math.max(span[0], recording.start), Math.min(span[1], recording.end)];
+  by('loop').hidden = !span;
+  by('loop').textContent = span ? `loop ${player.loop.map((t) => t.toFixed(digits())).join(' to ')} s ×` : '';
+  charts?.zoom(player.loop);
+  if (span) player.seek(player.loop[0]);
 }
 
 function toggle() {
@@ -124,7 +163,7 @@ function seek(t) {
 function key(event) {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
   const acts = { ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
-    Home: () => seek(recording.start), End: () => seek(recording.end) };
+    Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) };
   // what has the focus keeps its own keys
   const own = event.key === ' ' ? 'button, select, input:not([type=range])' : 'select';
   if (!(event.key in acts) || event.target.closest(own)) return;

@@ -1,8 +1,9 @@
-import { add, arrow, line } from 'svg';
+import { add, arrow, line, quantity } from 'svg';
 
 /** Units of the drawing in a symbol, the size of a joint. */
 const SYMBOL = 10;
 const BAR = 11;
+const OPEN = ['line', 'thin'];
 
 /**
  * @typedef {Object} Frame an instant; SI units, along the world's axes
@@ -47,7 +48,31 @@ export class Stage {
 
   /** Shows or hides a layer: 'forces', 'names' or 'impacts'. */
   layer(name, shown) {
-    this.svg.querySelector(`g.${name}`).style.display = shown ? '' : 'none';
+    for (const group of this.svg.querySelectorAll(`g.${name}, g.of-${name}`)) {
+      group.style.display = shown ? '' : 'none';
+    }
+  }
+
+  /**
+   * Draws the paths of the marked points of links.
+   * @param {Object[]} frames with the poses that they pass
+   */
+  trace(frames) {
+    const group = add(this.svg, 'g', { class: 'paths' });
+    this.svg.querySelector('g.machine').before(group);
+    for (const { kind, link, colour, outline: [at] } of this.stage.shapes) {
+      if (kind !== 'point' || !this.links.has(link)) continue;
+      add(group, 'path', { class: 'trace', d: line(frames.map((frame) => this.place(frame, link, at))),
+        style: `stroke: var(--link-${colour})` });
+    }
+  }
+
+  /** Lights links and joints of these names; of nothing all. @param {?string[]} names */
+  light(names) {
+    const groups = [...this.svg.querySelectorAll('.machine g')];
+    const own = (group) => names?.includes(group.dataset.link) || names?.includes(group.dataset.label);
+    this.svg.classList.toggle('lit', groups.some(own));
+    for (const group of groups) group.classList.toggle('lit', Boolean(own(group)));
   }
 
   /** A point of a link in the drawing. @returns {number[]} */
@@ -74,7 +99,10 @@ export class Stage {
     }
     for (const { path, ends } of this.springs) {
       const [from, to] = ends.map(([link, at]) => this.place(frame, link, at));
-      path.setAttribute('d', line(zigzag(from, to, 0.9 * SYMBOL)));
+      const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+      const far = SYMBOL / (Math.hypot(dx, dy) || 1);
+      path.setAttribute('d', line(this.stage.coil.map(([share, aside]) => [
+        from[0] + share * dx - aside * far * dy, from[1] + share * dy + aside * far * dx])));
     }
     for (const name of this.names) {
       const { text, link, at } = name;
@@ -85,6 +113,25 @@ export class Stage {
     }
     this.#forces(frame);
     this.#impacts(frame);
+    this.#callout(frame);
+  }
+
+  /** Leads a line from a joint to below the drawing, where its lens is. @param {string} name */
+  callout(name) {
+    this.line ??= add(this.svg, 'path', { class: 'callout' });
+    this.called = [...this.stage.bearings, ...this.stage.plays].find(({ joint }) => joint === name);
+  }
+
+  #callout(frame) {
+    if (!this.called) return;
+    const { joint, second, on_second: on, link = second, at = on } = this.called;
+    const foot = this.stage.joints.find(({ name }) => name === joint)?.foot;
+    const [x, y] = foot === undefined ? this.place(frame, link, at) : this.point(frame.feet[foot]);
+    const { width, height } = this.svg.viewBox.baseVal;
+    const [dx, dy, r] = [0.5 * width - x, height - y, 1.6 * SYMBOL];
+    const far = Math.hypot(dx, dy) || 1;
+    this.line.setAttribute('d', `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0${
+      line([[x + (r * dx) / far, y + (r * dy) / far], [0.5 * width, height]])}`);
   }
 
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
@@ -107,38 +154,50 @@ export class Stage {
   #machine() {
     const machine = add(this.svg, 'g', { class: 'machine' });
     this.moving = [];
-    this.springs = [];
     this.names = [];
-    const below = ['rail', 'support'];
+    this.springs = this.stage.springs.map((ends) => ({
+      path: add(machine, 'path', { class: 'line spring' }), ends,
+    }));
     const shapes = this.stage.shapes;
-    const first = shapes.findIndex((shape) => !below.includes(shape.kind));
-    shapes.forEach((shape, i) => {
-      if (i === first) this.#springs(machine);
-      this.#shape(machine, shape);
-    });
-    if (first < 0) this.#springs(machine);
+    for (const shape of shapes) this.#shape(machine, shape);
     const names = add(this.svg, 'g', { class: 'names' });
     for (const shape of shapes.filter(({ kind, label }) => kind === 'link' && label)) {
       this.#name(names, shape);
     }
+    this.#rule();
   }
 
-  #springs(machine) {
-    for (const ends of this.stage.springs) {
-      const group = add(machine, 'g', { 'data-kind': 'spring' });
-      this.springs.push({ path: add(group, 'path', { class: 'spring' }), ends });
+  #shape(machine, { kind, link, label, colour, paths }) {
+    const group = add(machine, 'g', { 'data-kind': kind, 'data-link': link,
+      'data-label': label,
+      style: `--link: var(--link-${colour})` });
+    if (this.links.has(link)) this.moving.push({ group, link });
+    else group.setAttribute('transform', `translate(${this.point([0, 0]).join(' ')})`);
+    for (const [style, curves] of paths) {
+      add(group, 'path', { class: style, d: curves.map((flat) => {
+        const points = [];
+        for (let i = 0; i < flat.length; i += 2) points.push([flat[i], -flat[i + 1]]);
+        return line(points, !OPEN.includes(style));
+      }).join('') });
     }
-  }
-
-  #shape(machine, { kind, link, label, outline }) {
-    const group = add(machine, 'g', { 'data-kind': kind, 'data-link': link });
-    const ground = !this.links.has(link);
-    const points = ground ? outline.map((at) => this.point(at))
-      : outline.map(([x, y]) => [x / this.unit, -y / this.unit]);
-    if (!ground) this.moving.push({ group, link });
-    PAINTERS[kind](group, points, ground);
     const named = kind === 'link' ? words(label) : [words(label), words(link)].find(Boolean);
     add(group, 'title').textContent = named;
+  }
+
+  /** How long things are. */
+  #rule() {
+    const { length, text } = this.stage.scale;
+    const { height } = this.svg.viewBox.baseVal;
+    const rule = add(this.svg, 'g', { class: 'rule' });
+    const [x, y, far] = [0, height, length / this.unit];
+    add(rule, 'path', { class: 'line', d: line([[x, y - 4], [x, y], [far, y], [far, y - 4]]) });
+    add(rule, 'text', { x: far + 6, y }).textContent = text;
+    if (!this.stage.force) return;
+    const long = (this.stage.force * this.stage.force_scale) / this.unit;
+    const forces = add(this.svg, 'g', { class: 'rule of-forces' });
+    const above = y - 2.4 * SYMBOL;
+    add(forces, 'path', { class: 'force', d: arrow([x, above - 3], [x + long, above - 3], 2.2) });
+    add(forces, 'text', { x: x + long + 6, y: above }).textContent = quantity(this.stage.force, 'N');
   }
 
   #name(names, { link, label, outline }) {
@@ -199,82 +258,3 @@ export class Stage {
 
 /** A name as people read it. */
 export const words = (name) => (name ?? '').replaceAll('_', ' ');
-
-/** How a shape of each kind is painted: (group, points, whether it is of the ground). */
-const PAINTERS = {
-  rail(group, points, ground) {
-    if (ground) hatched(group, points);
-    else {
-      stroke(group, line(points), 'ink', 0.6 * BAR);
-      stroke(group, line(points), 'inside', 0.6 * BAR, 2);
-    }
-  },
-  support(group, [[x, y]]) {
-    const s = SYMBOL;
-    const foot = y + 2.2 * s;
-    const corners = [[x, y], [x - 1.3 * s, foot], [x + 1.3 * s, foot]];
-    add(group, 'path', { d: line(corners, true), class: 'foot' });
-    hatched(group, [[x - 2 * s, foot], [x + 2 * s, foot]], 0);
-  },
-  wheel(group, points) {
-    add(group, 'path', { d: line(points, true), class: 'body' });
-  },
-  cam(group, points) {
-    add(group, 'path', { d: line(points, true), class: 'body' });
-  },
-  link(group, points) {
-    if (points.length < 2) return;
-    const closed = points.length > 2;
-    const d = line(points, closed);
-    if (closed) add(group, 'path', { d, class: 'plate' });
-    stroke(group, d, 'ink round', BAR);
-    stroke(group, d, 'fill round', BAR, 2);
-  },
-  slot(group, points) {
-    const d = line(points);
-    stroke(group, d, 'ink round', 1.7 * BAR);
-    stroke(group, d, 'fill round', 1.7 * BAR, 2);
-    stroke(group, d, 'ink round', 1.36 * BAR);
-    stroke(group, d, 'inside round', 1.36 * BAR, 2);
-  },
-  slider(group, points) {
-    add(group, 'path', { d: line(points, true), class: 'slider' });
-  },
-  pin(group, [[x, y]]) {
-    add(group, 'circle', { cx: x.toFixed(2), cy: y.toFixed(2), r: 0.62 * SYMBOL, class: 'pin' });
-  },
-};
-
-/** A thick line, less so many edges. */
-function stroke(group, d, name, width, edges = 0) {
-  add(group, 'path', { d, class: `stroke ${name}`,
-    style: `stroke-width: calc(${width.toFixed(2)}px - ${edges} * var(--edge))` });
-}
-
-/** A line of the frame, with strokes below it; a rail's strokes begin under its runner. */
-function hatched(group, [start, end], gap = 1.1 * SYMBOL) {
-  const [dx, dy] = [end[0] - start[0], end[1] - start[1]];
-  const length = Math.hypot(dx, dy) || 1;
-  const [ux, uy] = [dx / length, dy / length];
-  const below = ux > 0 || (ux === 0 && uy < 0) ? [-uy, ux] : [uy, -ux];
-  if (gap) add(group, 'path', { d: line([start, end]), class: 'thin' });
-  const foot = (s) => [start[0] + s * ux + gap * below[0], start[1] + s * uy + gap * below[1]];
-  let d = line([foot(0), foot(length)]);
-  add(group, 'path', { d, class: 'thin' });
-  d = '';
-  for (let s = 0.75 * SYMBOL; s < length; s += 0.8 * SYMBOL) {
-    const [x, y] = foot(s);
-    d += line([[x, y], [x + 0.7 * SYMBOL * (below[0] - ux), y + 0.7 * SYMBOL * (below[1] - uy)]]);
-  }
-  add(group, 'path', { d, class: 'hatching' });
-}
-
-/** A spring between two points, straight at its ends. */
-function zigzag(from, to, width) {
-  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
-  const length = Math.hypot(dx, dy) || 1;
-  const at = (share, aside) => [from[0] + share * dx - (aside * dy) / length,
-    from[1] + share * dy + (aside * dx) / length];
-  const coils = Array.from({ length: 13 }, (_, i) => at(0.2 + 0.05 * i, i % 2 ? -width : width));
-  return [from, at(0.15, 0), ...coils, at(0.85, 0), to];
-}

@@ -10,19 +10,11 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.palette import LINKS, colour
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import (
-    MODES,
-    MUTED,
-    brief,
-    chart,
-    colour,
-    dash,
-    places,
-    written,
-)
+from mechanism_sim.pages.charts.style import MODES, MUTED, brief, chart, dash, places, written
 from mechanism_sim.planar.play import joint_of_gap
 
 _SINGLE = 400  # spells of one mode that are drawn one by one
@@ -74,7 +66,7 @@ def _chart(
         line = window.lines[f'gap.{name}']
         figure.add_scatter(
             x=places(line.at), y=brief(1e3 * line.values), mode='lines', name=f'gap {name}',
-            line={'color': colour(number), 'dash': dash(10 * i), 'width': 1.2},
+            line={'color': colour(number), 'dash': dash(len(LINKS) * i), 'width': 1.2},
             hovertemplate='%{x:.6f} s<br>%{y:.5g} mm', showlegend=len(names) > 1,
         )  # fmt: skip
     for i, name in enumerate(names):

@@ -13,12 +13,14 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.palette import colour
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart
-from mechanism_sim.pages.charts.style import brief, chart, colour, dash, pale, places, written
+from mechanism_sim.pages.charts.style import brief, chart, dash, pale, places, written
 from mechanism_sim.pages.charts.thinning import Line
 from mechanism_sim.report.cycle import for_people
+from mechanism_sim.units import typeset
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def above_rounding(course: Course, curves: list[Curve], unit: str) -> bool:
 
 def axis_title(words: str, unit: str) -> str:
     """What is on an axis, with the unit in which people read it."""
-    return f'{words} [{for_people(unit)[0]}]'.strip()
+    return f'{words} [{typeset(for_people(unit)[0])}]'.strip()
 
 
 def over_drive(

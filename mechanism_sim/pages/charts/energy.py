@@ -10,12 +10,13 @@ import plotly.graph_objects as go
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.palette import colour
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.solution import Solution
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import brief, chart, colour, places, written
+from mechanism_sim.pages.charts.style import brief, chart, places, written
 from mechanism_sim.pages.charts.thinning import Line, thinned
 from mechanism_sim.recording import realtime_factor
 

@@ -9,19 +9,12 @@ import numpy as np
 from mechanism_sim.analysis.roses import Rose, impact_rose
 from mechanism_sim.analysis.wear import WearMap, wear_maps
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.palette import INK, colour
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.pages.charts.contacts import gaps_of
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import (
-    INK,
-    brief,
-    chart,
-    colour,
-    pale,
-    polar,
-    written,
-)  # fmt: skip
+from mechanism_sim.pages.charts.style import brief, chart, pale, polar, written
 from mechanism_sim.planar.mechanism import Revolute
 
 STEMS = 1500

@@ -6,11 +6,12 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.columns import unit_of
+from mechanism_sim.export.palette import colour, numbers
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.pages.charts.course import Course, Window
 from mechanism_sim.pages.charts.curves import Curve, above_rounding, over_drive, over_time
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import brief, colour, pale, places, polar, written
+from mechanism_sim.pages.charts.style import brief, pale, places, polar, written
 from mechanism_sim.planar.mechanism import Prismatic
 
 _NOTHING = 1e-9
@@ -42,12 +43,14 @@ def motion(course: Course) -> Section:
     """Angles, rates and accelerations of all coordinates."""
     machine = course.record.machine
     physics, charts = machine.physics, []
+    own = numbers(machine.mechanism)
     for kind, titles in _KINDS.items():
         for straight, title in zip((False, True), titles, strict=True):
             curves = [
-                Curve(f'{kind}.{c}', c, i)
+                Curve(f'{kind}.{c}', c, own.get(c, i))
                 for i, c in enumerate(physics.coordinates)
                 if (c in physics.displacements) == straight
+                and c not in machine.mechanism.deformations
             ]
             if kind == 'position' and course.turns:
                 curves = [c for c in curves if c.label != machine.main]
@@ -59,7 +62,7 @@ def motion(course: Course) -> Section:
                 words = title.lower()[:-1].replace('velocitie', 'velocity')
                 charts.append(over_drive(course, key, title, curves, words, unit))
     main = machine.main
-    speed = Curve(f'velocity.{main}', main, physics.coordinates.index(main))
+    speed = Curve(f'velocity.{main}', main, own.get(main, 0))
     if course.turns and course.long and _varies(course, speed):
         title = f'Speed of the {main} over the whole run'
         charts.append(over_time(course, 'motion-speed-run', title, [speed], 'speed', 'rad/s'))
@@ -69,6 +72,23 @@ def motion(course: Course) -> Section:
 def _varies(course: Course, curve: Curve) -> bool:
     values = course.detail.lines[curve.column].values
     return bool(np.ptp(values) > _NOTHING * np.abs(values).max())
+
+
+def elastic(course: Course) -> Section | None:
+    """Deflection and stress of elastic links."""
+    beams = course.record.machine.mechanism.beams
+    charts = []
+    for kind, words, unit in (('deflection', 'deflection', 'm'), ('stress', 'stress', 'Pa')):
+        curves = [
+            Curve(f'{kind}.{link}', link, i)
+            for i, (link, beam) in enumerate(beams.items())
+            if kind == 'deflection' or beam.fibre is not None
+        ]
+        if curves and above_rounding(course, curves, unit):
+            title = 'Deflection in the middle' if kind == 'deflection' else 'Largest stress'
+            charts.append(over_drive(course, f'elastic-{kind}', title, curves, words, unit))
+    text = 'Deflection is across the link; stress is that at the outer fibres.'
+    return Section('elastic', 'Elastic links', text, tuple(charts)) if charts else None
 
 
 def forces(course: Course) -> Section | None:
@@ -137,10 +157,10 @@ def drive(course: Course) -> Section | None:
     physics = machine.physics
     if not physics.has_forces or not physics.driven:
         return None
-    charts, names = [], physics.coordinates
+    charts, own = [], numbers(machine.mechanism)
     for straight, word in ((False, 'torque'), (True, 'force')):
         curves = [
-            Curve('drive_torque' if not i else f'drive_torque.{c}', c, names.index(c))
+            Curve('drive_torque' if not i else f'drive_torque.{c}', c, own.get(c, i))
             for i, c in enumerate(physics.driven)
             if (c in physics.displacements) == straight
         ]

@@ -8,16 +8,10 @@ import plotly.graph_objects as go
 from mechanism_sim.analysis.details import ORDERS, Wanted, everything, find_details
 from mechanism_sim.analysis.details import Line as Spectral
 from mechanism_sim.analysis.signals import Signal
+from mechanism_sim.export.palette import colour
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.section import Chart, Section
-from mechanism_sim.pages.charts.style import (
-    MUTED,
-    brief,
-    chart,
-    colour,
-    places,
-    written,
-)  # fmt: skip
+from mechanism_sim.pages.charts.style import MUTED, brief, chart, places, written
 from mechanism_sim.pages.charts.thinning import Line, thin
 
 _MARKED = 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000

@@ -9,15 +9,16 @@ import plotly.graph_objects as go
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.palette import DARK, INK, LINKS
 from mechanism_sim.hybrid.events import Mode
 
-INK, MUTED, GRID = '#1f2933', '#66727f', '#e9ecf0'
+MUTED, GRID = '#66727f', '#e9ecf0'
 
-COLOURS = (
-    '#1f5fa8', '#cf5a1c', '#2a8a5f', '#9b3a78', '#8f7213', '#3f9ec4', '#6a58a3', '#c0392b',
-    '#5b6b7a', '#79a02f',
-)  # fmt: skip
-"""Of lines, in this order; told apart by those who see few colours, and in grey by lightness."""
+NIGHT = dict(zip(LINKS, DARK, strict=True)) | {
+    INK: '#e4e7eb', MUTED: '#a3adb8', GRID: '#2b323a', '#b6bec7': '#5b6570', '#cdd3da': '#4a535d',
+    '#ffffff': '#1d2329',
+}  # fmt: skip
+"""Colours on dark ground, by those on paper."""
 
 MODES: dict[int, tuple[str, str]] = {
     Mode.UNKNOWN: ('unknown', '#dfe3e8'),
@@ -46,7 +47,7 @@ TEMPLATE = go.layout.Template(
             'family': 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif',
             'size': 12, 'color': INK,
         },
-        'colorway': COLOURS, 'paper_bgcolor': 'rgba(0,0,0,0)', 'plot_bgcolor': 'rgba(0,0,0,0)',
+        'colorway': LINKS, 'paper_bgcolor': 'rgba(0,0,0,0)', 'plot_bgcolor': 'rgba(0,0,0,0)',
         'margin': {'l': 56, 'r': 16, 't': 10, 'b': 44}, 'height': 300, 'hovermode': 'closest',
         'hoverlabel': {'bgcolor': '#ffffff', 'bordercolor': '#b6bec7', 'font': {'color': INK}},
         'legend': {
@@ -73,14 +74,9 @@ TEMPLATE = go.layout.Template(
 )  # fmt: skip
 
 
-def colour(index: int) -> str:
-    """Of the line of this number."""
-    return COLOURS[index % len(COLOURS)]
-
-
 def dash(index: int) -> str:
     """Of the line of this number: another where colours come again."""
-    return ('solid', 'dash', 'dot', 'dashdot')[index // len(COLOURS) % 4]
+    return ('solid', 'dash', 'dot', 'dashdot')[index // len(LINKS) % 4]
 
 
 def pale(shade: str, opacity: float = 0.28) -> str:

@@ -7,7 +7,7 @@ from mechanism_sim.pages.charts.contacts import contacts
 from mechanism_sim.pages.charts.course import Course
 from mechanism_sim.pages.charts.energy import energy, solver
 from mechanism_sim.pages.charts.impacts import impacts
-from mechanism_sim.pages.charts.motion import drive, forces, guides, motion
+from mechanism_sim.pages.charts.motion import drive, elastic, forces, guides, motion
 from mechanism_sim.pages.charts.parts import parts
 from mechanism_sim.pages.charts.section import Section
 from mechanism_sim.pages.charts.sensors import sensors
@@ -30,6 +30,7 @@ def sections(record: Record, skip: int = 0) -> list[Section]:
     course = Course(record, skip)
     found = (
         motion(course),
+        elastic(course),
         forces(course),
         drive(course),
         contacts(course),

@@ -32,7 +32,7 @@ from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.loads import Load, Wrench, moment_of
 from mechanism_sim.planar.mechanism import GROUND, LinkPoint, Mechanism, Vector2
 from mechanism_sim.planar.protocols import ForceElement
-from mechanism_sim.planar.view import Draft
+from mechanism_sim.planar.view import Draft, circle
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
@@ -127,14 +127,12 @@ class Belt(Transmission):
 
     def draw(self, draft: Draft) -> None:
         """Pulleys, and the strands between them."""
-        turn = np.linspace(0.0, 2.0 * math.pi, 73)[:-1]
         sides = (self.first, self.on_first), (self.second, self.on_second)
-        for (link, (x, y)), radius in zip(sides, self.radii, strict=True):
+        for (link, at), radius in zip(sides, self.radii, strict=True):
             if draft.first(f'{link} {radius:.9g}'):
-                rim = [(x + radius * math.cos(a), y + radius * math.sin(a)) for a in turn]
-                draft.add('wheel', [(link, at) for at in rim], size=radius)
+                draft.add('wheel', link, circle(radius, at), size=radius)
         for strand in self.strands:
-            draft.add('cam', [(self.carrier, strand.leaves), (self.carrier, strand.meets)])
+            draft.add('belt', self.carrier, np.array([strand.leaves, strand.meets]))
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
         """The pulleys."""

@@ -30,8 +30,9 @@ from mechanism_sim.cams.laws import (
 from mechanism_sim.cams.pair import CamPair, GroovePair
 from mechanism_sim.cams.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import Vector2, rotate
-from mechanism_sim.scene.contact_keys import Contact, Play
+from mechanism_sim.planar.joint_friction import ContactFriction
+from mechanism_sim.planar.mechanism import Mechanism, Vector2, rotate
+from mechanism_sim.scene.contact_keys import Contact, Friction, Play
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
 from mechanism_sim.scene.kinds._cam_guides import Guide, along, around, find_guide
 from mechanism_sim.scene.kinds.transmission import PhaseKeys
@@ -209,6 +210,17 @@ def _play(joint: CamKeys) -> Play | None:
     return None
 
 
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> ContactFriction:
+    pair = mechanism.joint(name)
+    assert isinstance(pair, CamPair)  # noqa: S101 - of this kind
+    follower = pair.cam.follower
+    if isinstance(follower, OscillatingFlat):
+        return ContactFriction(name, mechanism, given.coefficient, -follower.face_offset)
+    roller = getattr(follower, 'roller', 0.0)
+    share = (given.radius or 0.0) / roller if roller else 1.0
+    return ContactFriction(name, mechanism, given.coefficient, roller, share)
+
+
 class _Reader:
     """One joint with a cam; what it raises without the scene's name gets it from `_read`."""
 
@@ -276,12 +288,30 @@ class _Reader:
                 if joint.follower == 'roller'
                 else f"{where}: 'roller' is the radius of a roller: write 'follower: roller' too"
             )
+        self._check_friction()
         if joint.groove and joint.lift_off:
             raise InputError(f'{where}: lift_off and groove exclude each other: keep one')
         if joint.groove and joint.follower != 'roller':
             raise InputError(f"{where}.groove needs 'follower: roller'")
         if joint.groove and joint.groove.clearance and joint.groove.restitution is None:
             raise InputError(f"{where}: 'groove.restitution' is missing: the clearance needs it")
+
+    def _check_friction(self) -> None:
+        joint, where = self.joint, f'{self.where}.friction'
+        if joint.friction is None:
+            return
+        if joint.groove:
+            raise InputError(
+                f'{where}: a roller in a groove touches one wall or the other: it has none here'
+            )
+        if joint.follower == 'roller' and joint.friction.radius is None:
+            raise InputError(
+                f"{where} needs a 'radius', that of the roller's pin, as radius: 4 mm"
+            )
+        if joint.friction.radius is not None and not joint.friction.radius < joint.roller:
+            raise InputError(
+                f'{where}.radius is that of the pin of a roller, and less than the roller'
+            )
 
     def _check_straight(self) -> None:
         """Keys that only cams that turn have."""
@@ -432,5 +462,8 @@ def _notes(machine: Any, pair: CamPair) -> list[str]:
 
 
 register(
-    JointKind('cam', CamKeys, _read, _play, firm="write 'lift_off' or 'groove'", notes=_notes)
-)
+    JointKind(
+        'cam', CamKeys, _read, _play, firm="write 'lift_off' or 'groove'", notes=_notes,
+        friction=_friction, arm=('radius', False),
+    )
+)  # fmt: skip

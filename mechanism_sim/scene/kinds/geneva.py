@@ -10,6 +10,7 @@ from pydantic import Field
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import Geneva
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.kinds.prismatic import contact_friction
 
 
 class GenevaKeys(JointKeys):
@@ -43,4 +44,4 @@ def _read(places: Names, name: str, joint: GenevaKeys) -> Geneva:
     return Geneva(name, pin[0], wheel[0], pin[1], wheel[1], joint.slots, towards, right, entry)
 
 
-register(JointKind('geneva', GenevaKeys, _read))
+register(JointKind('geneva', GenevaKeys, _read, friction=contact_friction))

@@ -13,9 +13,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.gears.compliance import Elasticity, middle, touching
 from mechanism_sim.gears.involute import rounded_up
 from mechanism_sim.gears.mesh import GearMesh, Harmonic, Teeth
-from mechanism_sim.gears.pair import Pair
+from mechanism_sim.gears.pair import Pair, sliding_arm
+from mechanism_sim.planar.joint_friction import TeethFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
-from mechanism_sim.scene.contact_keys import Contact, Play
+from mechanism_sim.scene.contact_keys import Contact, Friction, Play
 from mechanism_sim.scene.gear_keys import GearPart
 from mechanism_sim.scene.gears import Placed, Wheel, place, read_wheel
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
@@ -121,6 +122,7 @@ def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
         placed.facing, placed.guide, bearings=placed.bearings, play=play,
         errors=_errors(where, joint, placed, one.gear.base_pitch), elasticity=elasticity,
         wheels=(Teeth(one.name, one.gear), _teeth(one, two)),
+        sliding_arm=sliding_arm(placed.path, one.gear.base_pitch),
         contact_ratio=(placed.path.end - placed.path.start) / one.gear.base_pitch,
         helix_angle=math.atan(abs(math.tan(one.part.helix_angle)) * abs(placed.reach)
                               / one.gear.pitch_radius),
@@ -131,6 +133,12 @@ def _read(places: Names, name: str, joint: MeshKeys) -> GearMesh:
 def _teeth(one: Wheel, two: Wheel) -> Teeth:
     """The second, or the rack that is the second."""
     return Teeth(two.name, one.gear, rack=True) if two.part.rack else Teeth(two.name, two.gear)
+
+
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> TeethFriction:
+    mesh = mechanism.joint(name)
+    assert isinstance(mesh, GearMesh)  # noqa: S101 - of this kind
+    return TeethFriction(name, mechanism, given.coefficient, mesh.sliding_arm)
 
 
 def _play(joint: MeshKeys, placed: Placed, base_pitch: float) -> float:
@@ -342,5 +350,8 @@ def _cure(own: Teeth, mate: Teeth, now: tuple[float, float], shift: float, cosin
 
 
 register(
-    JointKind('mesh', MeshKeys, _read, firm="the play of teeth is their 'backlash'", notes=_notes)
-)
+    JointKind(
+        'mesh', MeshKeys, _read, firm="the play of teeth is their 'backlash'", notes=_notes,
+        friction=_friction,
+    )
+)  # fmt: skip

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from mechanism_sim.planar.mechanism import Prismatic
+from mechanism_sim.planar.joint_friction import ContactFriction, LineFriction
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Angle
 
@@ -28,4 +30,29 @@ def _read(places: Names, name: str, joint: PrismaticKeys) -> Prismatic:
     return Prismatic(name, a, b, on_a, on_b, joint.axis, joint.angle)
 
 
-register(JointKind('prismatic', PrismaticKeys, _read, firm='guides have none here'))
+def line_friction(name: str, given: Friction, mechanism: Mechanism) -> LineFriction:
+    """Friction along a guide or a slot."""
+    return LineFriction(name, mechanism, given.coefficient, given.length or 0.0)
+
+
+def contact_friction(name: str, given: Friction, mechanism: Mechanism) -> ContactFriction:
+    """Friction of a pin in a slot that it leaves."""
+    return ContactFriction(name, mechanism, given.coefficient)
+
+
+def _wrong_play(given: Clearance) -> str:
+    if not (given.length and given.height):
+        return "has a clearance that needs 'length' and 'height', those of the block in its guide"
+    if given.pin_radius:
+        return 'has a clearance with pin_radius: a block has none'
+    if given.contact and given.contact.law == 'film':
+        return 'has a clearance with a film, which is for pins'
+    return ''
+
+
+register(
+    JointKind(
+        'prismatic', PrismaticKeys, _read,
+        wrong_play=_wrong_play, friction=line_friction, arm=('length', False),
+    )
+)  # fmt: skip

@@ -8,6 +8,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.indexing import SlottedRack
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
+from mechanism_sim.scene.kinds.prismatic import contact_friction
 from mechanism_sim.scene.quantities import Length
 
 
@@ -43,4 +44,4 @@ def _read(places: Names, name: str, joint: RackKeys) -> SlottedRack:
     return SlottedRack(name, pin[0], rack[0], pin[1], rack[1], pitch, guides[0].axis, centre)
 
 
-register(JointKind('rack', RackKeys, _read))
+register(JointKind('rack', RackKeys, _read, friction=contact_friction))

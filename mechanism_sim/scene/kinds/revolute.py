@@ -5,7 +5,9 @@ from __future__ import annotations
 from pydantic import Field
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.planar.joint_friction import JournalFriction
+from mechanism_sim.planar.mechanism import Mechanism, Revolute
+from mechanism_sim.scene.contact_keys import Clearance, Friction
 from mechanism_sim.scene.joint_keys import JointKeys, JointKind, Names, Reference, register
 from mechanism_sim.scene.quantities import Position
 
@@ -46,4 +48,18 @@ def _read(places: Names, name: str, joint: RevoluteKeys) -> Revolute:
     return Revolute(name, a, b, on_a, on_b)
 
 
-register(JointKind('revolute', RevoluteKeys, _read))
+def _friction(name: str, given: Friction, mechanism: Mechanism) -> JournalFriction:
+    return JournalFriction(name, mechanism, given.coefficient, given.radius or 0.0)
+
+
+def _wrong_play(given: Clearance) -> str:
+    block = given.length or given.height
+    return 'has a clearance with length or height, which are of blocks in guides' if block else ''
+
+
+register(
+    JointKind(
+        'revolute', RevoluteKeys, _read,
+        wrong_play=_wrong_play, friction=_friction, arm=('radius', True),
+    )
+)  # fmt: skip

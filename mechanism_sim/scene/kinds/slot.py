@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mechanism_sim.linkages.slot import PinInSlot
 from mechanism_sim.scene.joint_keys import JointKind, Names, Reference, register
-from mechanism_sim.scene.kinds.prismatic import AxisKeys
+from mechanism_sim.scene.kinds.prismatic import AxisKeys, line_friction
 
 
 class SlotKeys(AxisKeys):
@@ -19,4 +19,4 @@ def _read(places: Names, name: str, joint: SlotKeys) -> PinInSlot:
     return PinInSlot(name, a, b, on_a, on_b, joint.axis)
 
 
-register(JointKind('slot', SlotKeys, _read))
+register(JointKind('slot', SlotKeys, _read, friction=line_friction))

@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import heyoka as hy
 from pydantic import Field
 
 from mechanism_sim.errors import InputError, nearest, quoted
-from mechanism_sim.linkages.forces import AppliedForce, CycleRange
+from mechanism_sim.linkages.forces import (
+    AppliedForce,
+    CycleRange,
+    DriveEffort,
+    LinkPoint,
+    UnknownForce,
+)
 from mechanism_sim.numerics import formula
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.joint_keys import Names
 from mechanism_sim.scene.load_keys import Elements, LoadKind, register
 from mechanism_sim.scene.quantities import Part, Quantity, si_of
-from mechanism_sim.units import Measure, to_si
+from mechanism_sim.units import Measure, to_si, to_si_of
 
 Place = Annotated[Measure, si_of('rad', 'm')]
 
 
-def _or_formula(unit: str) -> Quantity:
-    """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``."""
+def _or_formula(*units: str) -> Quantity:
+    """A quantity, or a formula in SI units such as ``-5*vx + 3*sin(20*t)``.
 
-    def read(value: Any) -> float | str:
+    Of one of several units it is a `Measure`.
+    """
+
+    def read(value: Any) -> float | Measure | str:
         try:
-            return to_si(value, unit)
+            return to_si(value, *units) if len(units) == 1 else to_si_of(value, units)
         except ValueError as error:
             if not isinstance(value, str):
                 raise
@@ -35,11 +45,12 @@ def _or_formula(unit: str) -> Quantity:
                 raise (other if '(' in value or ' if ' in value else error) from error
             return value
 
-    return Quantity(read, (unit,), 'a formula')
+    return Quantity(read, units, 'a formula')
 
 
 ForceOrFormula = Annotated[float | str, _or_formula('N')]
 TorqueOrFormula = Annotated[float | str, _or_formula('N m')]
+EffortOrFormula = Annotated[Measure | str, _or_formula('N m', 'N')]
 
 
 class DuringPart(Part):
@@ -70,6 +81,8 @@ class LoadPart(Part):
     """Whether the force keeps its direction, or turns with the link."""
     during: DuringPart | None = None
     """The part of a cycle in which it acts; else always."""
+    unknown: bool = False
+    """Whether only the direction is given, by `force` or `torque`, and the size is to be found."""
 
 
 class Loads(Part):
@@ -85,9 +98,12 @@ def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements
     other = places.find(f'{where}.reaction', load.reaction) if load.reaction else None
     if other and other[0] == point[0]:
         raise InputError(f'{places.name}: {where}: at and reaction name one link, {other[0]}')
+    if load.unknown:
+        unknown = _unknown(places, name, load, point, other)
+        return lambda mechanism: [unknown(mechanism)]
     for part in (*load.force, load.torque):
         if isinstance(part, str):
-            _check_formula(places, where, part)
+            check_formula(places, where, part)
     during = _range(places, f'{where}.during', load.during, tree) if load.during else None
     guided = {c: tree.tree_joints[c].name for c in tree.sliding}
     tables = {n: table.curve for n, table in places.scene.tables.items()}
@@ -100,7 +116,64 @@ def _read(places: Names, name: str, load: LoadPart, tree: Mechanism) -> Elements
     ]  # fmt: skip
 
 
-def _check_formula(places: Names, where: str, text: str) -> None:
+def _unknown(
+    places: Names, name: str, load: LoadPart, point: LinkPoint, other: LinkPoint | None
+) -> Callable[[Mechanism], UnknownForce]:
+    """A load whose size is to be found.
+
+    Raises
+    ------
+    InputError
+        If it has not one direction that is always the same.
+    """
+    key = f'loads.{name}'
+    where = f'{places.name}: {key}'
+    if any(isinstance(part, str) for part in (*load.force, load.torque)):
+        raise InputError(
+            f'{where} is unknown: its force or torque is a direction, in numbers, not a formula'
+        )
+    x, y, torque = (float(part) for part in (*load.force, load.torque))
+    size = math.hypot(x, y)
+    if bool(size) == bool(torque):
+        raise InputError(
+            f"{where} is unknown: give either 'force', as [1, 0], or 'torque', as 1, by which its "
+            f'direction is known; it has {"both" if size else "none"}'
+        )
+    if load.during:
+        raise InputError(
+            f"{where} is unknown and has 'during': an unknown load acts always, for without it "
+            'nothing would balance what the drive supplies'
+        )
+    force = (x / size, y / size) if size else (0.0, 0.0)
+    return lambda mechanism: UnknownForce(
+        key, mechanism, point, force, math.copysign(1.0, torque) if torque else 0.0,
+        load.frame == 'link', reaction=other,
+    )  # fmt: skip
+
+
+def read_effort(
+    places: Names, where: str, link: str, effort: Measure | str, tree: Mechanism
+) -> Callable[[Mechanism], DriveEffort]:
+    """What a drive of a link supplies while its motion is prescribed.
+
+    Raises
+    ------
+    InputError
+        If it is of the other kind, or its formula cannot be read.
+    """
+    if isinstance(effort, str):
+        check_formula(places, where, effort)
+        size: float | str = effort
+    else:
+        size = places.measure(where, effort, link in tree.displacements, ('N m', 'N'))
+    guided = {c: tree.tree_joints[c].name for c in tree.sliding}
+    tables = {n: table.curve for n, table in places.scene.tables.items()}
+    return lambda mechanism: DriveEffort(
+        where, mechanism, (link, (0.0, 0.0)), torque=size, guided=guided, tables=tables
+    )
+
+
+def check_formula(places: Names, where: str, text: str) -> None:
     """Refuse a formula that names or calls what is not known.
 
     Raises

@@ -9,20 +9,20 @@ from itertools import cycle as endless
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from matplotlib.patches import ConnectionPatch
 
-from mechanism_sim.analysis.record import Record, one_of
+from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import choose
-from mechanism_sim.errors import InputError
-from mechanism_sim.export.skeleton import bounds, skeleton_of
-from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.report.brush import INK, Brush, Move
-from mechanism_sim.report.drawing import PATHS
-from mechanism_sim.report.labels import Labels
-from mechanism_sim.report.lens import ACCENT, EDGE, Lens
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.export.palette import ACCENT, INK
+from mechanism_sim.export.skeleton import bounds
+from mechanism_sim.export.stage import Frames, Stage, stage_of
+from mechanism_sim.report.brush import Brush
+from mechanism_sim.report.drawing import PATHS, rule, trace
+from mechanism_sim.report.labels import Labels, Move
+from mechanism_sim.report.lens import EDGE, Lens, Slit
 from mechanism_sim.report.picture import Picture
-from mechanism_sim.sensing.joint_view import JointView
 
 DENSITY = 100.0
 """Pixels in an inch of print."""
@@ -53,7 +53,7 @@ class Shown(NamedTuple):
     labels: str = 'none'
 
 
-class Stage:
+class Screen:
     """A machine at the instants of a film.
 
     Parameters
@@ -79,28 +79,31 @@ class Stage:
         self._record, self._t, machine = record, t, record.machine
         if shown.forces and not machine.physics.has_forces:
             raise InputError(f'{machine.name}: the forces are not known, its level has none')
-        points, lens = choose(machine, shown.paths), _lens_joint(record, shown.lens)
+        points = choose(machine, shown.paths)
         self._span = t[0], min(2.0 * t[-1] - t[-2], record.end) if len(t) > 1 else t[0]
-        sweep = self._coordinates(np.linspace(*self._span, _SWEEP))
-        self._skeleton = skeleton_of(machine, sweep, points.values())
-        low, high = bounds(self._skeleton, self._skeleton.placed(sweep))
+        samples = record.piece.samples(np.linspace(*self._span, _SWEEP))
+        self._stage = stage_of(machine, samples.observed)
+        skeleton = self._skeleton = self._stage.skeleton
+        low, high = bounds(skeleton, skeleton.poses(samples.observed.position))
+        lens = _lens_joint(record, self._stage, shown.lens)
         layout = _layout((high - low) / (high[1] - low[1]), size, bool(lens))
         self.size = layout.size
         self.figure = Picture((self.size[0] / DENSITY, self.size[1] / DENSITY), dpi=DENSITY)
         axes = self.figure.add_axes(layout.machine, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_axis_off()
         metre = layout.machine[3] * self.size[1] / (high[1] - low[1])  # [pixels]
-        brush = Brush(axes, self._skeleton.symbol, metre * 72.0 / DENSITY)
-        names = Labels(axes, brush, self._skeleton.symbol, low, high)
+        self._brush = brush = Brush(axes, skeleton, metre * 72.0 / DENSITY)
+        names = Labels(axes, brush, skeleton.symbol, low, high)
+        rule(axes, (low[0] + brush.thick(6.0), low[1] + brush.thick(6.0)), high[0] - low[0])
         self._shows: list[Callable[[int], None]] = [self._clock()]
         for (name, place), style in zip(points.items(), endless(PATHS)):
             line = self._path(axes, place, style, name)
             names.avoid(line)
-        self._moves = self._paint(brush)
+        (first,) = skeleton.poses(self._coordinates(t[:1]))
+        brush.paint(first)
+        self._moves: list[Move] = [brush.move]
         if shown.labels != 'none':
-            self._moves += names.write(
-                self._skeleton.shapes, self._outlines(), shown.labels == 'all'
-            )
+            self._moves.append(names.write(skeleton, first, shown.labels == 'all'))
         lines = textwrap.wrap(machine.scene.title, max(20, int(self.size[0] / _LETTER)))
         self.figure.text(
             0.5, 1.0 - 0.55 * _HEAD / self.size[1], '\n'.join(lines[:2]), ha='center',
@@ -110,11 +113,17 @@ class Stage:
             return
         k, dt = record.piece.motion.curve.find(t)
         observed = machine.physics.observe(record.piece.motion, k, dt)
-        modes = record.piece.motion.modes[k].T
+        frames = self._stage.frames(t, observed, record.piece.motion.modes[k].T)
         if shown.forces:
-            self._shows.append(self._arrows(axes, observed, modes))
+            self._shows.append(self._arrows(axes, frames))
         if lens:
-            glass = Lens(self.figure.add_axes(layout.lens), record, lens, t, observed, modes, pace)
+            under = self.figure.add_axes(layout.lens)
+            glass: Lens | Slit
+            if lens in {pair.name for pair in self._stage.plays}:
+                glass = Slit(under, self._stage, lens, frames)
+            else:
+                glass = Lens(under, record, self._stage, lens, frames, pace)
+            self._shows.append(self._callout(axes, under, lens, frames))
             times = glass.metre * layout.lens[2] * self.size[0] / (2.0 * EDGE) / metre
             glass.title(f'{lens.replace("_", " ")}\n{times:.3g} times larger')
             self._shows.append(glass.show)
@@ -122,10 +131,10 @@ class Stage:
     def frames(self) -> Iterator[int]:
         """Put everything to the instant of each frame, one after the other; gives its number."""
         for first in range(0, len(self._t), _BLOCK):
-            placed = self._skeleton.placed(self._coordinates(self._t[first : first + _BLOCK]))
+            poses = self._skeleton.poses(self._coordinates(self._t[first : first + _BLOCK]))
             for i in range(first, min(first + _BLOCK, len(self._t))):
-                for k, move in self._moves:
-                    move(placed[k][:, :, i - first])
+                for move in self._moves:
+                    move(poses[i - first])
                 for show in self._shows:
                     show(i)
                 yield i
@@ -133,21 +142,12 @@ class Stage:
     def _coordinates(self, t: Array) -> Array:
         return self._record.piece.motion.curve(t).T
 
-    def _outlines(self) -> list[Array]:
-        return [x[:, :, 0] for x in self._skeleton.placed(self._coordinates(self._t[:1]))]
-
-    def _paint(self, brush: Brush) -> list[tuple[int, Move]]:
-        """What moves each of the shapes that can be moved."""
-        painted = zip(self._skeleton.shapes, self._outlines(), strict=True)
-        moves = [brush.paint(shape, outline) for shape, outline in painted]
-        return [(i, move) for i, move in enumerate(moves) if move is not None]
-
     def _path(self, axes: Any, place: Any, style: Any, name: str) -> Array:
         """The whole path of a point, and a dot that runs on it."""
         mechanism, (link, at) = self._record.machine.mechanism, place
         fine = np.linspace(*self._span, max(_SWEEP, 4 * len(self._t)))
         path = mechanism.locate_all(link, self._coordinates(fine), at)
-        axes.plot(*path, color='0.35', lw=0.9, ls=style, zorder=4.0, label=name)
+        trace(axes, self._skeleton, name, path.T, style)
         (dot,) = axes.plot([], [], 'o', color=INK, ms=3.0, zorder=5.5)
         now = mechanism.locate_all(link, self._coordinates(self._t), at)
         self._shows.append(lambda i: dot.set_data(now[0, i : i + 1], now[1, i : i + 1]))
@@ -169,17 +169,30 @@ class Stage:
 
         return show
 
-    def _arrows(
-        self, axes: Any, observed: Observation, modes: NDArray[np.uint8]
-    ) -> Callable[[int], None]:
+    def _callout(self, axes: Any, under: Any, lens: str, frames: Frames) -> Callable[[int], None]:
+        """A line from the joint to its lens."""
+        joint = self._record.machine.mechanism.joint(lens)
+        if joint in self._stage.joints:
+            at = frames.acting(self._stage)[self._stage.joints.index(joint)].T
+        else:
+            place = np.array([joint.on_second])
+            at = self._skeleton.placed(joint.second, place, frames.poses)[:, 0]
+        line = ConnectionPatch(
+            (0.0, 0.0), (-EDGE, 0.0), 'data', 'data', axesA=axes, axesB=under, color='0.55',
+            lw=0.7, ls=(0, (4, 3)), zorder=0.5,
+        )  # fmt: skip
+        self.figure.add_artist(line)
+
+        def show(i: int) -> None:
+            x, y = at[i].tolist()
+            line.xy1 = x, y
+            line.set_visible(bool(np.isfinite(at[i]).all()))
+
+        return show
+
+    def _arrows(self, axes: Any, frames: Frames) -> Callable[[int], None]:
         """The force of the first-named on the second-named link of each joint, where it acts."""
-        machine = self._record.machine
-        feet, forces = [], []
-        for joint in machine.mechanism.joints:
-            view = JointView(machine.mechanism, joint, machine.physics, observed, modes)
-            feet.append(view.foot)
-            forces.append(view.force)
-        at, force = np.array(feet), np.array(forces)  # (j, 2, N)
+        at, force = frames.acting(self._stage), frames.forces.transpose(1, 2, 0)  # (j, 2, N)
         size = np.hypot(*force.swapaxes(0, 1))
         largest = float(np.nanmax(size, initial=0.0)) or 1.0
         shown = np.where(size > 1e-3 * largest, size, np.nan)
@@ -201,21 +214,24 @@ class Stage:
         return show
 
 
-def _lens_joint(record: Record, wanted: str | None) -> str:
+def _lens_joint(record: Record, stage: Stage, wanted: str | None) -> str:
     """The joint under the lens; none if empty.
 
     Raises
     ------
     InputError
-        If it is no pin loose in a bushing.
+        If it has no play.
     """
     if wanted is None:
         return ''
     machine = record.machine
-    known = [joint.name for joint in machine.bearings]
-    if wanted:
-        return one_of(known, wanted, machine)
-    return known[0] if known else ''
+    known = [joint.name for joints in (stage.bearings, stage.plays) for joint in joints]
+    if wanted and wanted not in known:
+        raise InputError(
+            f"'{wanted}' is no joint with play{nearest(wanted, known)}; such joints of "
+            f'{machine.name}: {", ".join(known) or "none"}'
+        )
+    return wanted or (known[0] if known else '')
 
 
 class _Layout(NamedTuple):

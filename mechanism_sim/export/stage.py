@@ -1,13 +1,13 @@
-"""What a page animates: the parts of a machine, and where they are at each instant.
+"""What moves on a film or a page: the parts of a machine, and where they are at each instant.
 
-All in SI units and as plain data for JSON. The page draws and moves it; it knows no mechanics.
+All in SI units and as plain data. Who shows it draws and moves it, and knows no mechanics.
 """
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,20 +15,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
+from mechanism_sim.export.palette import index
+from mechanism_sim.export.shapes import COIL, Shape
+from mechanism_sim.export.skeleton import Skeleton, bounds, round_below, scale_bar, skeleton_of
+from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import GROUND, HigherPair, Joint, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute, Side
+from mechanism_sim.planar.play import wall_name
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
+SIDES: tuple[Side, Side] = 'left', 'right'
+
 _LONGEST = 0.35
 """Length of an arrow for a force that is rarely exceeded, of the machine's size."""
+_FINE = 100.0  # points of curves for JSON: parts of a tenth of a symbol
 _RARELY = 98.0  # [%] of the instants have smaller forces
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """A machine at N instants: L moving links, B loose bearings, J joints, K of them higher pairs.
+    """A machine at N instants.
+
+    L moving links, B loose bearings, W other plays, J joints, K of them higher pairs.
 
     Attributes
     ----------
@@ -37,6 +46,8 @@ class Frames:
     pins : (N, B, 2) [m] centre of the pin less that of the bushing, along the world's axes
     pin_rates : (N, B, 2) [m/s] of the same; one instant's place and rate join with the next's
     modes : (N, B) of contact, as in ModeChange; 0 with an oil film
+    walls : (N, W, 2) [m] distance from the left and the right wall of a play; nan without one
+    touching : (N, W) 1 where the left wall is touched, 2 the right one, 3 both
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
     drive : (N,) coordinate of the main drive [rad], or [m]
@@ -47,9 +58,22 @@ class Frames:
     pins: Array
     pin_rates: Array
     modes: NDArray[np.uint8]
+    walls: Array
+    touching: NDArray[np.uint8]
     forces: Array
     feet: Array
     drive: Array
+
+    def acting(self, stage: Stage) -> Array:
+        """Where the forces act (J, 2, N) [m]."""
+        places = []
+        for joint in stage.joints:
+            if joint in stage.moving:
+                places.append(self.feet[:, stage.moving.index(joint)])
+            else:
+                at = np.array([joint.on_second])
+                places.append(stage.skeleton.placed(joint.second, at, self.poses)[:, 0])
+        return np.array(places).transpose(0, 2, 1)
 
     @classmethod
     def joined(cls, parts: Sequence[Frames]) -> Frames:
@@ -58,11 +82,12 @@ class Frames:
 
     def packed(self) -> dict[str, Any]:
         """All instants, as arrays in base64."""
-        single = 'poses', 'pins', 'pin_rates', 'forces', 'feet'
+        single = 'poses', 'pins', 'pin_rates', 'walls', 'forces', 'feet'
         return {
             't': packed(self.t),
             **{name: packed(getattr(self, name).astype('<f4')) for name in single},
             'modes': packed(self.modes),
+            'touching': packed(self.touching),
             'drive': packed(self.drive),
         }
 
@@ -75,6 +100,7 @@ class Stage:
     ----------
     low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
     force_scale : length of arrows per force [m/N]; 0 where there are no forces
+    widths : of each of `plays`, how far apart its walls are, or how far it parts [m]
     """
 
     machine: Machine
@@ -82,6 +108,7 @@ class Stage:
     low: Array
     high: Array
     force_scale: float
+    widths: dict[str, float] = field(default_factory=dict)
 
     @property
     def links(self) -> list[str]:
@@ -100,6 +127,25 @@ class Stage:
         """Those with a pin loose in a bushing."""
         return self.machine.bearings
 
+    @cached_property
+    def plays(self) -> list[HigherPair]:
+        """Those that have walls: pins in slots, teeth with backlash, cams that followers leave."""
+        pairs = [j for j in self.machine.mechanism.joints if isinstance(j, HigherPair)]
+        return [pair for pair in pairs if self._walls(pair)]
+
+    def _walls(self, pair: HigherPair) -> dict[Side, int]:
+        """The numbers of the gaps of a pair."""
+        known, mechanism = self.machine.physics.clearances, self.machine.mechanism
+        names: dict[Side, str] = {side: wall_name(mechanism, pair, side) for side in pair.sides}
+        return {side: known.index(name) for side, name in names.items() if name in known}
+
+    def _parted(self, o: Observation, pair: HigherPair) -> Array:
+        """Distances (2, N) [m] from the left and the right wall of a pair; nan without one."""
+        gaps = np.full((2, o.position.shape[1]), np.nan)
+        for side, k in self._walls(pair).items():
+            gaps[SIDES.index(side)] = o.gap[k]
+        return gaps
+
     def struck(self, gap: str) -> tuple[int, int]:
         """Numbers of the bearing and the joint that a gap belongs to; -1 if there is none."""
         joint = self._joints_of_gaps.get(gap, '')
@@ -112,32 +158,28 @@ class Stage:
         return {gap.name: gap.joint for gap in machine.system.gaps} if machine.dynamic else {}
 
     @cached_property
-    def _moving(self) -> list[Joint]:
+    def moving(self) -> list[Joint]:
+        """Those whose forces act at no fixed point."""
         return [joint for joint in self.joints if isinstance(joint, HigherPair)]
 
     def to_json(self) -> dict[str, Any]:
         """All that does not change from instant to instant."""
-        shapes = [shape for shape in self.skeleton.shapes if shape.kind != 'spring']
-        springs = [shape.outline for shape in self.skeleton.shapes if shape.kind == 'spring']
+        width = float(self.high[0] - self.low[0])
         return {
             'scene': self.machine.name,
             'title': self.machine.scene.title,
             'bounds': [*self.low.tolist(), *self.high.tolist()],
             'symbol': self.skeleton.symbol,
             'links': self.links,
-            'shapes': [
-                {
-                    'kind': shape.kind,
-                    'link': shape.link,
-                    'label': shape.label,
-                    'outline': [[float(x), float(y)] for _, (x, y) in shape.outline],
-                }
-                for shape in shapes
-            ],
-            'springs': [[[link, list(at)] for link, at in ends] for ends in springs],
+            'shapes': [_written(shape) for shape in self.skeleton.shapes],
+            'springs': [[[link, list(at)] for link, at in x] for x in self.skeleton.springs],
+            'coil': COIL.tolist(),
+            'scale': dict(zip(('length', 'text'), scale_bar(width), strict=True)),
             'joints': [self._joint(joint) for joint in self.joints],
             'force_scale': self.force_scale,
+            'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
             'bearings': [self._bearing(joint) for joint in self.bearings],
+            'plays': [self._play(pair) for pair in self.plays],
             'main': self.machine.main,
             'slides': self.machine.main in self.machine.physics.displacements,
         }
@@ -160,6 +202,8 @@ class Stage:
             for j in bearings
             for view in [views[j.name]]
         ]
+        poses = self.skeleton.poses(o.position)
+        poses[:, :, 2] = np.mod(poses[:, :, 2] + np.pi, 2.0 * np.pi) - np.pi
         known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
         touching = np.zeros((count, len(bearings)), np.uint8)
         for k, joint in enumerate(bearings):
@@ -167,14 +211,24 @@ class Stage:
                 touching[:, k] = known[joint.name]
         return Frames(
             t,
-            self._poses(o),
+            poses,
             _by_instant([path[0] for path in pins], count),
             _by_instant([path[1] for path in pins], count),
             touching,
+            _by_instant([self._parted(o, pair) for pair in self.plays], count),
+            self._touched(modes, count),
             _by_instant([views[j.name].force for j in self.joints], count),
-            _by_instant([views[j.name].foot for j in self._moving], count),
+            _by_instant([views[j.name].foot for j in self.moving], count),
             o.position[physics.coordinates.index(self.machine.main)],
         )
+
+    def _touched(self, modes: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+        found = np.zeros((count, len(self.plays)), np.uint8)
+        for w, pair in enumerate(self.plays):
+            for side, k in self._walls(pair).items():
+                touched = modes[k] > Mode.FREE_FLIGHT
+                found[:, w] += np.uint8(1 + SIDES.index(side)) * touched.astype(np.uint8)
+        return found
 
     def tips(self, o: Observation, scale: float, longest: float) -> Array:
         """Where arrows end that begin at fixed points, (J - K, 2, N) [m], none longer than that.
@@ -188,27 +242,16 @@ class Stage:
         physics, none = self.machine.physics, np.zeros((0, o.position.shape[1]), np.uint8)
         found = []
         for joint in self.joints:
-            if joint not in self._moving:
+            if joint not in self.moving:
                 view = JointView(self.machine.mechanism, joint, physics, o, none)
                 along = scale * view.force
                 along *= longest / np.maximum(np.hypot(*along), longest)
                 found.append(view.place(joint.second, joint.on_second) + along)
         return np.array(found)
 
-    def _poses(self, o: Observation) -> Array:
-        mechanism = self.machine.mechanism
-        rows = []
-        for link in self.links:
-            frame, offset = mechanism.frame(link)
-            turn = 0.0 if frame == GROUND else o.position[mechanism.coordinates.index(frame)]
-            angle = np.full(o.position.shape[1], offset) + turn
-            wrapped = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
-            rows.append(np.vstack([mechanism.locate_all(link, o.position), wrapped]))
-        return np.array(rows).transpose(2, 0, 1)
-
     def _joint(self, joint: Joint) -> dict[str, Any]:
         """Where its force is shown: at a point of its second link, or at one of the feet."""
-        foot = {'foot': self._moving.index(joint)} if joint in self._moving else {}
+        foot = {'foot': self.moving.index(joint)} if joint in self.moving else {}
         return {
             'name': joint.name,
             'first': joint.first,
@@ -231,12 +274,31 @@ class Stage:
             'contact': play.contact.law if play.contact else 'rigid',
         }
 
+    def _play(self, pair: HigherPair) -> dict[str, Any]:
+        """What has the walls, and what is between them or on one: of cams the follower is."""
+        ends = [pair.second, pair.first]
+        face, body = reversed(ends) if hasattr(pair, 'cam') else ends
+        numbers = {name: k for k, name in enumerate(self.links)}
+        return {
+            'joint': pair.name,
+            'link': pair.second,
+            'at': list(pair.on_second),
+            'walls': len(self._walls(pair)),
+            'width': self.widths[pair.name],
+            'face': index(numbers.get(face, -1)),
+            'body': index(numbers.get(body, -1)),
+        }
+
 
 def stage_of(machine: Machine, observed: Observation) -> Stage:
     """The stage of a machine that moves as it was observed to, over all of its motion."""
     skeleton = skeleton_of(machine, observed.position)
-    low, high = bounds(skeleton, skeleton.placed(observed.position))
+    low, high = bounds(skeleton, skeleton.poses(observed.position))
     stage = Stage(machine, skeleton, low, high, 0.0)
+    for pair in stage.plays:  # of two walls how far they are apart, else how far it parts
+        width = float(np.nansum(stage._parted(observed, pair), axis=0).max())
+        least = 1e-9 * skeleton.size  # of one that never parts there is but rounding
+        stage.widths[pair.name] = width if width > least else 1e-3 * skeleton.symbol
     if not stage.joints:
         return stage
     sizes = np.hypot(*observed.reaction.swapaxes(0, 1)).max(axis=0)
@@ -248,7 +310,7 @@ def stage_of(machine: Machine, observed: Observation) -> Stage:
     tips = stage.tips(observed, longest / usual, longest)
     tips = tips[:, :, known]
     low, high = np.minimum(low, tips.min(axis=(0, 2))), np.maximum(high, tips.max(axis=(0, 2)))
-    return Stage(machine, skeleton, low, high, longest / usual)
+    return replace(stage, low=low, high=high, force_scale=longest / usual)
 
 
 def packed(rows: NDArray[Any]) -> dict[str, str]:
@@ -258,6 +320,22 @@ def packed(rows: NDArray[Any]) -> dict[str, str]:
     data = base64.b64encode(np.ascontiguousarray(little).tobytes()).decode('ascii')
     shape = {'shape': ', '.join(map(str, rows.shape))} if rows.ndim > 1 else {}
     return {'dtype': kind, 'bdata': data, **shape}
+
+
+def _written(shape: Shape) -> dict[str, Any]:
+    """A shape for JSON: curves as x, y, x, y ... in tenths of a symbol, outlines in metres."""
+    fine = 10.0 * _FINE / shape.symbol
+    return {
+        'kind': shape.kind,
+        'link': shape.link,
+        'label': shape.label,
+        'colour': index(shape.number),
+        'outline': shape.outline.tolist(),
+        'paths': [
+            [path.style, [(np.round(fine * c) / _FINE).ravel().tolist() for c in path.curves]]
+            for path in shape.paths
+        ],
+    }
 
 
 def _index(names: list[str], name: str) -> int:

@@ -1,0 +1,272 @@
+"""What parts of a machine look like: curves in the frames of links, made once for every viewer.
+
+A shape knows its kind, its link and the curves that define it; its paths are what is painted, as
+polygons and lines, from back to front. Viewers (figures, pages, markers) paint paths by their
+style and the colour of the link, and know no kinds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+import scipy
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.planar.mechanism import GROUND
+from mechanism_sim.planar.view import SLOT, Kind, circle, points_of
+
+Style = Literal['body', 'plate', 'paper', 'ink', 'line', 'thin', 'accent']
+"""How a path is painted: closed curves filled in the link's colour, the same but see-through, in
+the colour of the paper, of ink, or of what drives; open curves as a line, or a thin one."""
+
+OPEN = 'line', 'thin'
+
+BAR, BOX, PIN, BUSHING, MARK = 0.55, (1.7, 1.1), 0.62, (0.82, 1.15), 0.32
+"""Sizes in units of symbols: half width of bars; half length and width of sliders; radius of pins;
+inner and outer radius of the bushings of loose joints; radius of marked points."""
+
+_FINE = 0.015  # how far edges of bodies may be off
+
+COIL = np.stack(
+    [
+        [0.0, *np.linspace(0.15, 0.85, 15), 1.0],
+        [0.0, 0.0, *(0.9 * (-1.0) ** np.arange(13)), 0.0, 0.0],
+    ],
+    axis=1,
+)
+"""A spring (17, 2): how far along the line between its ends, 0 to 1; across it, in symbols."""
+
+
+class Path(NamedTuple):
+    """Curves that are painted in one go; what lies within two closed ones is open."""
+
+    style: Style
+    curves: tuple[Array, ...]  #: (k, 2) [m] each, in the frame of the link
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A part of a drawing.
+
+    Attributes
+    ----------
+    kind : what it shows
+    link : that carries it
+    curves : (k, 2) [m] each, in the link's frame, that define it; a single point, ends, corners
+    symbol : size of a joint in this drawing [m]
+    label : of the link or joint; none if empty
+    size : of wheels, of which the largest are painted first
+    number : of the link among those that move, which stands for its colour; -1 of the ground
+    """
+
+    kind: Kind
+    link: str
+    curves: tuple[Array, ...]
+    symbol: float
+    label: str = ''
+    size: float = 0.0
+    number: int = -1
+
+    @property
+    def outline(self) -> Array:
+        """The first of the curves (k, 2) [m]."""
+        return self.curves[0]
+
+    @cached_property
+    def paths(self) -> tuple[Path, ...]:
+        """What is painted, from back to front."""
+        return tuple(
+            Path(style, curves if style in OPEN else _turned(curves))
+            for style, curves in _BUILDERS.get(self.kind, _body)(self)
+        )
+
+    @cached_property
+    def hull(self) -> Array:
+        """Points (k, 2) [m] around all that is painted, or the outline of what is not."""
+        curves = [curve for path in self.paths for curve in path.curves]
+        return _around(np.concatenate(curves or [self.outline]))
+
+
+def coil(start: Array, end: Array, symbol: float) -> Array:
+    """A spring between two points (2,) of the world, (17, 2) [m]."""
+    way = end - start
+    across = np.array([-way[1], way[0]]) * symbol / max(float(np.hypot(*way)), 1e-300)
+    return np.asarray(start + COIL @ np.stack([way, across]))
+
+
+def rounded(points: Array, radius: float) -> Array:
+    """The edge of the convex plate (k, 2) that reaches so far around all points (n, 2) [m]."""
+    return _around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
+
+
+def _around(points: Array) -> Array:
+    if len(points) < 3 or min(np.ptp(points, axis=0)) == 0.0:
+        return points
+    return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])
+
+
+def inside(hull: Array, point: Array) -> bool:
+    """Whether a point (2,) is within a convex polygon (k, 2) that turns counterclockwise."""
+    way, to = np.roll(hull, -1, axis=0) - hull, point - hull
+    return bool((way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0] >= 0.0).all())
+
+
+def _turned(curves: tuple[Array, ...]) -> tuple[Array, ...]:
+    """Closed curves, those in an odd number of others clockwise: holes by either rule."""
+    depths = [
+        sum(encloses(other, c[:2].mean(axis=0)) for other in curves if other is not c)
+        for c in curves
+    ]
+    return tuple(
+        curve[:: 1 if (area(curve) > 0.0) == (depth % 2 == 0) else -1]
+        for curve, depth in zip(curves, depths, strict=True)
+    )
+
+
+def encloses(curve: Array, point: Array) -> bool:
+    """Whether a closed curve (k, 2) goes round a point (2,), by crossings of a ray along x."""
+    (x, y), (u, v) = curve.T, np.roll(curve, -1, axis=0).T
+    across = (y > point[1]) != (v > point[1])
+    along = x[across] + (point[1] - y[across]) / (v - y)[across] * (u - x)[across]
+    return bool(np.count_nonzero(along > point[0]) % 2)
+
+
+def area(curve: Array) -> float:
+    """Within a closed curve (k, 2), positive if it turns counterclockwise."""
+    (x, y), (u, v) = curve.T, np.roll(curve, -1, axis=0).T
+    return 0.5 * float(x @ v - y @ u)
+
+
+def simplified(curve: Array, tolerance: float) -> Array:
+    """A closed curve (k, 2) less the points that chords between others pass within a tolerance.
+
+    D. H. Douglas, T. K. Peucker, Cartographica 10(2), 1973, from the first point and the one that
+    is farthest from it.
+    """
+    points = np.concatenate([curve, curve[:1]])
+    far = int(np.hypot(*(curve - curve[0]).T).argmax())
+    kept, spans = {0, far}, [(0, far), (far, len(curve))]
+    while spans:
+        a, b = spans.pop()
+        if b - a < 2:
+            continue
+        way, to = points[b] - points[a], points[a + 1 : b] - points[a]
+        share = np.clip(to @ way / (float(way @ way) or 1.0), 0.0, 1.0)
+        off = np.hypot(*(to - share[:, None] * way).T)
+        k = int(off.argmax())
+        if off[k] > tolerance:
+            kept.add(a + 1 + k)
+            spans += [(a, a + 1 + k), (a + 1 + k, b)]
+    return np.asarray(curve[sorted(kept)])
+
+
+def _body(shape: Shape) -> list[Path]:
+    fine = tuple(simplified(curve, _FINE * shape.symbol) for curve in shape.curves)
+    return [Path('body', fine)]
+
+
+def _link(shape: Shape) -> list[Path]:
+    """A bar or a plate around all corners; nothing where a slider or a wheel is all there is."""
+    corners = np.concatenate(shape.curves)
+    if len(corners) < 2:
+        return []
+    thick = BAR * shape.symbol
+    return [Path('body' if len(shape.outline) < 3 else 'plate', (rounded(corners, thick),))]
+
+
+def _frame(shape: Shape) -> list[Path]:
+    return [Path('plate', (rounded(shape.outline, 1.5 * shape.symbol),))]
+
+
+def _slot(shape: Shape) -> list[Path]:
+    inner, outer = (rounded(shape.outline, x * shape.symbol) for x in (SLOT, SLOT + 0.35))
+    return [Path('body', (outer, inner)), Path('paper', (inner,))]
+
+
+def _rail(shape: Shape) -> list[Path]:
+    """A rod of a link; of the frame a line, hatched below where the slider does not reach."""
+    if shape.link != GROUND:
+        return [Path('body', (rounded(shape.outline, 0.6 * BAR * shape.symbol),))]
+    start, end = shape.outline
+    along = (end - start) / np.hypot(*(end - start))
+    below = np.array([along[1], -along[0]])
+    below = -below if below[1] > 1e-9 else below
+    foot = shape.outline + 1.1 * shape.symbol * below
+    return [Path('line', (shape.outline,)), *_hatched(foot, below, shape.symbol)]
+
+
+def _support(shape: Shape) -> list[Path]:
+    at, s = shape.outline[0], shape.symbol
+    foot = at + s * np.array([[-1.3, -2.2], [1.3, -2.2]])
+    line = at + s * np.array([[-2.0, -2.2], [2.0, -2.2]])
+    triangle = np.array([at, *foot])
+    return [Path('paper', (triangle,)), *_hatched(line, np.array([0.0, -1.0]), s)]
+
+
+def _hatched(line: Array, below: Array, s: float) -> list[Path]:
+    """The frame: a line (2, 2) with strokes on one side."""
+    length = float(np.hypot(*(line[1] - line[0])))
+    along = (line[1] - line[0]) / length
+    feet = line[0] + np.arange(0.75 * s, length, 0.8 * s)[:, None] * along
+    strokes = tuple(np.array([foot, foot + 0.7 * s * (below - along)]) for foot in feet)
+    return [Path('line', (line,)), Path('thin', strokes)]
+
+
+def _belt(shape: Shape) -> list[Path]:
+    return [Path('line', shape.curves)]
+
+
+def _disc(style: Style, *radii: float) -> Callable[[Shape], list[Path]]:
+    def build(shape: Shape) -> list[Path]:
+        at = shape.outline[0]
+        return [Path(style, tuple(circle(r * shape.symbol, at, 32) for r in radii))]
+
+    return build
+
+
+def _cog(shape: Shape) -> list[Path]:
+    """A disc, quartered."""
+    at, radius = shape.outline[0], 0.5 * shape.symbol
+    quarters = []
+    for start in (0.0, np.pi):
+        turn = start + np.linspace(0.0, 0.5 * np.pi, 9)
+        quarters.append(at + radius * np.vstack([[0.0, 0.0], points_of(np.exp(1j * turn))]))
+    return [Path('paper', (circle(radius, at, 32),)), Path('ink', tuple(quarters))]
+
+
+def _drive(shape: Shape) -> list[Path]:
+    """An arrow: straight from the first point towards the second, or round the first one."""
+    (at, towards), s = shape.outline, shape.symbol
+    if shape.label == 'straight':
+        reach, line = complex(4.0, 0.0), np.array([0.0, 4.0], complex)
+    else:
+        line = 3.4 * np.exp(1j * np.radians(np.linspace(-65.0, 65.0, 25)))
+        reach = complex(line[-1])
+    ahead = np.gradient(line)
+    ahead /= np.abs(ahead)
+    head = reach + ahead[-1] * np.array([1.7, 0.8j, -0.8j])
+    band = np.concatenate([line + 0.15j * ahead, (line - 0.15j * ahead)[::-1]])
+    way = complex(*(towards - at)) / math.dist(towards, at)
+    sides = (x.conj() if shape.label == 'clockwise' else x for x in (band, head))
+    return [Path('accent', (points_of(s * way * x) + at,)) for x in sides]
+
+
+_BUILDERS: dict[Kind, Callable[[Shape], list[Path]]] = {
+    'frame': _frame,
+    'rail': _rail,
+    'support': _support,
+    'belt': _belt,
+    'link': _link,
+    'slot': _slot,
+    'bushing': _disc('body', BUSHING[1], BUSHING[0]),
+    'pin': _disc('paper', PIN),
+    'cog': _cog,
+    'point': _disc('ink', MARK),
+    'drive': _drive,
+}
+"""Of the kinds that are not just bodies: wheels, cams, sliders."""

@@ -1,0 +1,176 @@
+"""What acts of forces that step against a motion while they hold it, friction in joints included.
+
+Every such force has a switch on a rate. Off that rate's zero its part is known; at zero, where it
+holds, it is what keeps the rate there. A load acts by a part of 0 to 1 of its step. Friction in an
+ideal joint acts by its T, see `planar.joint_friction`: where it slides, T depends on the joint's
+force, and that on every T. All are found at once, by Newton's method from no friction at all; with
+only loads the equations are linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import heyoka as hy
+
+from mechanism_sim.numerics.symbolic import Term, add, dense
+from mechanism_sim.planar.joint_friction import Pressed
+from mechanism_sim.planar.switches import Switch
+
+_NEWTON = 5
+"""Steps of Newton's method.
+
+From an error x relative to the bounds a step leaves about k x^2, where k is coefficient times
+radius over the length of a link: below k = 0.3 the last one leaves a rounding.
+"""
+
+
+_OFF_ZERO = 1e-3  # of the resolution: no bound is exactly zero
+_UNFELT = 1e3  # times the resolution: an error of so small a bound is none
+
+
+class Acting(NamedTuple):
+    """What acts, as expressions of the motion and of the rows of switches."""
+
+    values: dict[
+        hy.expression, hy.expression
+    ]  #: by the flag of a load, and by the T of a friction
+    parts: list[hy.expression]  #: of every switch, 0 to 1: of its flag
+    residual: list[hy.expression]  #: of every friction that slides, what is left of its law
+    pressed: list[hy.expression]  #: [N] of every side, what it is the sign of
+    jam_margin: Term  #: 1 without friction; at 0 what slides jams; None if nothing rubs
+
+
+def acting(
+    switches: Sequence[Switch],
+    rates: Sequence[hy.expression],
+    forces: Sequence[hy.expression | None],
+    bounds: Sequence[Sequence[Pressed]],
+) -> Acting:
+    """Solve for what acts.
+
+    Parameters
+    ----------
+    switches : k that may hold
+    rates : (k,) of their functions, linear in the flags of loads and in every T
+    forces : (k,) the T of a friction, None of a load
+    bounds : (k,) their terms, likewise linear; none of a load
+    """
+    unknowns = [s.flag if T is None else T for s, T in zip(switches, forces, strict=True)]
+    components = [dense(c) for b in bounds for p in b for c in p.components]
+    every = [*rates, *components]
+    none = dict.fromkeys(unknowns, hy.expression(0.0))
+    A = list(hy.subs(every, none)) if every else []
+    B = [list(hy.subs(every, none | {x: hy.expression(1.0)})) for x in unknowns]
+    n = len(unknowns)
+    named = [{*hy.get_variables(x)} for x in every]
+    slopes = [
+        [B[j][k] - A[k] if str(unknowns[j]) in named[k] else hy.expression(0.0) for j in range(n)]
+        for k in range(len(every))
+    ]
+    found: list[hy.expression] = [hy.expression(0.0)] * n
+    jam: Term = None
+    rubs = any(T is not None for T in forces)
+    curved = any(p.side is None for b in bounds for p in b)
+    for _ in range(_NEWTON if curved else 1):
+        rows, at = [], n
+        for k, (s, T) in enumerate(zip(switches, forces, strict=True)):
+            z: Term = s.holds
+            if T is None:
+                row = [z * x for x in slopes[k]]
+                row[k] = row[k] - (1.0 - z)
+                rows.append([*row, -z * A[k] - (1.0 - z) * s.flag])
+                continue
+            own = slice(at, at + sum(len(p.components) for p in bounds[k]))
+            at = own.stop
+            b, slope = _bound(bounds[k], A[own], slopes[own], found)
+            way: Term = (1.0 - z) * (1.0 - 2.0 * s.flag)
+            row = [z * x - way * y for x, y in zip(slopes[k], slope, strict=True)]
+            row[k] = row[k] + (1.0 - z)
+            off = hy.sum([b, *(-x * y for x, y in zip(slope, found, strict=True))])
+            rows.append([*row, way * off - z * A[k]])
+        found, pivots = _eliminated(rows)
+        if rubs:
+            jam = hy.prod(
+                [
+                    dense(s.holds) + (1.0 - dense(s.holds)) * p
+                    for s, p, T in zip(switches, pivots, forces, strict=True)
+                    if T is not None
+                ]
+            )
+    parts, residual, at = [], [], n
+    for k, (s, T) in enumerate(zip(switches, forces, strict=True)):
+        if T is None:
+            parts.append(found[k])
+            continue
+        own = slice(at, at + sum(len(p.components) for p in bounds[k]))
+        at = own.stop
+        b, _ = _bound(bounds[k], A[own], slopes[own], found)
+        held: Term = s.holds
+        parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - found[k] / b)))
+        least = [p.coefficient * p.resolution for p in bounds[k]]
+        left = found[k] - (1.0 - 2.0 * s.flag) * b
+        residual.append((1.0 - held) * (left / (b + _UNFELT * hy.sum(least))))
+    sided = [p.side is not None for b in bounds for p in b for _ in p.components]
+    pressed = [_linear(A[n + i], slopes[n + i], found) for i, own in enumerate(sided) if own]
+    return Acting(dict(zip(unknowns, found, strict=True)), parts, residual, pressed, jam)
+
+
+def _bound(
+    terms: Sequence[Pressed],
+    start: Sequence[hy.expression],
+    slopes: Sequence[Sequence[hy.expression]],
+    at: Sequence[hy.expression],
+) -> tuple[hy.expression, list[hy.expression]]:
+    """A bound and its derivatives by the unknowns, at some of their values."""
+    bound: list[Term] = []
+    slope: list[list[Term]] = [[] for _ in at]
+    i = 0
+    for p in terms:
+        if p.side is not None:
+            pressed = p.side * _linear(start[i], slopes[i], at)
+            bound.append(p.coefficient * (pressed + _OFF_ZERO * p.resolution))
+            for j, x in enumerate(slopes[i]):
+                slope[j].append(p.coefficient * (p.side * x))
+            i += 1
+            continue
+        size: list[Term] = [p.resolution * p.resolution]
+        places = []
+        for _ in p.components:
+            places.append((i, _linear(start[i], slopes[i], at)))
+            size.append(places[-1][1] * places[-1][1])
+            i += 1
+        root = hy.sqrt(hy.sum(size))
+        bound.append(p.coefficient * root)
+        for i_c, c in places:
+            for j, x in enumerate(slopes[i_c]):
+                slope[j].append(p.coefficient * ((c * x) / root))
+    return dense(add(*bound)), [dense(add(*x)) for x in slope]
+
+
+def _linear(
+    start: hy.expression, slope: Sequence[hy.expression], at: Sequence[hy.expression]
+) -> hy.expression:
+    return hy.sum([start, *(x * y for x, y in zip(slope, at, strict=True))])
+
+
+def _eliminated(
+    rows: list[list[hy.expression]],
+) -> tuple[list[hy.expression], list[hy.expression]]:
+    """Solve linear equations, the right side behind each row, by pivots on the diagonal.
+
+    Returns
+    -------
+    The solution, and the pivots.
+    """
+    n = len(rows)
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
+    found: list[hy.expression] = []
+    for k in reversed(range(n)):
+        known = [rows[k][k + 1 + j] * x for j, x in enumerate(found)]
+        found.insert(0, (rows[k][n] - hy.sum([hy.expression(0.0), *known])) / rows[k][k])
+    return found, [rows[k][k] for k in range(n)]

@@ -1,0 +1,288 @@
+"""Elastic links: a beam that bends, and stretches on request, in a floating frame of reference.
+
+The point of a link's axis that lay at x before is, in the link's frame,
+
+    (x + u - s, w)   with   w = sum_i phi_i(x) q_i,   u = sum_k psi_k(x) p_k,
+    s = 1/2 int_0^x w'^2 dx.
+
+The beam is Euler's and Bernoulli's: cross-sections stay plane and square to the axis, turn by w',
+and have no rotary inertia. The foreshortening s makes the axis keep its length where it does not
+stretch. It is of second order, but the axial force does work on it: a beam that spins up is
+stiffened by it, one under thrust softened until it buckles (Kane, Ryan and Banerjee, J. Guidance
+10 (1987) 139-151; [Sh] A. A. Shabana, Dynamics of Multibody Systems, 4th ed., ch. 5). Kinetic
+energy counts up to second order in the elastic coordinates and their rates together, strain energy
+too: to that order the equations are exact for the shapes that are taken.
+
+Reference conditions say where the frame lies in the beam: `pinned`, its x axis through both ends
+of the axis, which do not move across; or `clamped`, its x axis tangent to the axis where that
+starts. Stretch is zero where the axis starts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import combinations_with_replacement
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.polynomial import Legendre, legendre
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Ends: TypeAlias = Literal['pinned', 'clamped']
+Functions: TypeAlias = Literal['modal', 'polynomial']
+
+ROUNDING = 1e-13
+"""Of a shape function's size: less is rounding, and no term of the equations."""
+
+
+_SECTIONS = 41
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Viscous damping of the modes of a beam by itself.
+
+    A mode of mass m and angular frequency w is damped by ``2 ratio m w + mass m + stiffness m
+    w^2``: by a ratio of critical damping, and by Rayleigh's two shares.
+    """
+
+    ratio: float = 0.0
+    mass: float = 0.0  #: [1/s]
+    stiffness: float = 0.0  #: [s]
+
+
+@dataclass(frozen=True)
+class Beam:
+    """What is elastic of a link: its axis runs from the link's origin along its x axis.
+
+    Coordinates are the amplitudes [m] of shape functions that are modes of the beam by itself
+    under its reference conditions, or the nearest to them in polynomials of the least degree
+    (Ritz): orthogonal to each other in mass and stiffness, of the size of ``sin(i pi x/L)``.
+
+    Attributes
+    ----------
+    modes, stretch : how many bend the axis, and how many stretch it (always polynomials)
+    shortens : whether there is foreshortening; without it the beam is that of linear textbooks
+    lumps : masses [kg] that the beam carries, with their points [m] in the link's frame
+    spin : moment of inertia [kg m^2] that turns with the link's frame beside beam and lumps
+    fibre : distance [m] of the outer fibres from the axis, if it is known
+    """
+
+    length: float  #: [m]
+    bending_stiffness: float  #: [N m^2] Young's modulus times second moment of area
+    axial_stiffness: float  #: [N] Young's modulus times area
+    density: float  #: [kg/m]
+    youngs_modulus: float  #: [Pa]
+    modes: int
+    stretch: int = 0
+    ends: Ends = 'pinned'
+    functions: Functions = 'modal'
+    damping: Damping = Damping()
+    shortens: bool = True
+    lumps: tuple[tuple[float, tuple[float, float]], ...] = ()
+    spin: float = 0.0
+    fibre: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates: ``bend1``, ..., ``stretch1``, ..."""
+        bends = (f'bend{i + 1}' for i in range(self.modes))
+        return (*bends, *(f'stretch{k + 1}' for k in range(self.stretch)))
+
+    @property
+    def mass(self) -> float:
+        """Of the beam without lumps [kg]."""
+        return self.density * self.length
+
+    def deflection(self, x: float | Array, derivative: int = 0) -> Array:
+        """Functions phi_i or their derivatives by x at places x (...,) [m]: (modes, ...)."""
+        found = _bent(
+            self.ends, self.functions, self.modes, np.asarray(x) / self.length, derivative
+        )
+        return found / self.length**derivative
+
+    def elongation(self, x: float | Array, derivative: int = 0) -> Array:
+        """Functions psi_k or their derivatives by x at places x (...,) [m]: (stretch, ...)."""
+        found = _polynomials('fixed', self.stretch, np.asarray(x) / self.length, derivative)
+        return found / self.length**derivative
+
+    def _nodes(self, end: float) -> tuple[Array, Array]:
+        """Places (N,) and weights (N,) [m] of Gauss' quadrature from 0 to `end`."""
+        places, weights = legendre.leggauss(12 + 4 * (self.modes + self.stretch))
+        return 0.5 * end * (1.0 + places), 0.5 * end * weights
+
+    def foreshortening(self, x: float) -> Array:
+        """``int_0^x phi_i' phi_j' dx`` (modes, modes) [1/m]; s is half its quadratic form."""
+        places, weights = self._nodes(x)
+        slopes = self.deflection(places, 1)
+        return np.asarray((slopes * weights) @ slopes.T)
+
+    def arms(self, at: tuple[float, float]) -> dict[tuple[str, ...], tuple[float, float]]:
+        """How a point of the link moves in the link's frame: vectors by products of coordinates.
+
+        Beside the axis a point moves with its cross-section, beyond the beam with the end of it.
+
+        Parameters
+        ----------
+        at : [m] in the link's frame, before it is deformed
+        """
+        x = min(max(at[0], 0.0), self.length)
+        beyond, y = at[0] - x, at[1]
+        w, slope = self.deflection(x), self.deflection(x, 1)
+        found: dict[tuple[str, ...], tuple[float, float]] = {}
+        for i in range(self.modes):
+            turned = float(slope[i])
+            found[self.names[i],] = (-y * turned, float(w[i]) + beyond * turned)
+        for name, u in zip(self.names[self.modes :], self.elongation(x), strict=True):
+            found[name,] = (float(u), 0.0)
+        if self.shortens:
+            H = self.foreshortening(x)
+            for i, j in combinations_with_replacement(range(self.modes), 2):
+                half, both = -0.5 if i == j else -1.0, float(slope[i] * slope[j])
+                along, across = float(H[i, j]) + beyond * both, y * both
+                found[self.names[i], self.names[j]] = (half * along, half * across)
+        for names, d in found.items():
+            least = ROUNDING * self.length ** (1 - len(names))
+            found[names] = (d[0] if abs(d[0]) > least else 0.0, d[1] if abs(d[1]) > least else 0.0)
+        return {names: d for names, d in found.items() if d != (0.0, 0.0)}
+
+    def slopes(self, at: tuple[float, float]) -> dict[str, float]:
+        """How much a cross-section turns with each coordinate [rad/m]."""
+        slope = self.deflection(min(max(at[0], 0.0), self.length), 1).tolist()
+        return {name: x for name, x in zip(self.names, slope, strict=False) if x}
+
+    def strain(self, x: float | Array, y: float) -> Array:
+        """Strain at places x (...,) [m] and y [m] from the axis, by coordinate: (n, ...) [1/m].
+
+        ``u' - y w''``: fibres at positive y are pressed where the link bends towards them.
+        """
+        return np.concatenate([-y * self.deflection(x, 2), self.elongation(x, 1)])
+
+    def columns(self, q: Array) -> dict[str, Array]:
+        """What is of interest (N,) of deformations (n, N) [m], by name.
+
+        ``deflection`` [m] across the link's x axis in the middle; ``stress`` [Pa], the largest
+        size at the outer fibres, in steps of a fortieth of the length, if these are known. Stress
+        is that of bending, and of stretch where the beam has coordinates for it.
+        """
+        middle = self.deflection(0.5 * self.length)
+        found = {'deflection': np.asarray(middle @ q[: self.modes])}
+        if self.fibre is not None:
+            sections = np.linspace(0.0, self.length, _SECTIONS)
+            bent = self.deflection(sections, 2).T @ q[: self.modes]
+            drawn = self.elongation(sections, 1).T @ q[self.modes :]
+            strain = np.abs(drawn) + self.fibre * np.abs(bent)
+            found['stress'] = np.asarray(self.youngs_modulus * strain.max(axis=0))
+        return found
+
+    @cached_property
+    def particles(self) -> tuple[tuple[float, tuple[float, float]], ...]:
+        """Masses [kg] and their points [m] that stand for the beam in integrals; then the lumps.
+
+        Gauss' quadrature: integrals of products of shape functions are exact but for rounding.
+        """
+        places, weights = self._nodes(self.length)
+        mass = (self.density * weights).tolist()
+        return (*((m, (x, 0.0)) for m, x in zip(mass, places.tolist(), strict=True)), *self.lumps)
+
+    @cached_property
+    def _modal(self) -> tuple[Array, Array]:
+        """Mass [kg] and stiffness [N/m] (n,) of each coordinate of the beam by itself."""
+        places, weights = self._nodes(self.length)
+        mass, stiffness = [], []
+        for shape, order, size in (
+            (self.deflection, 2, self.bending_stiffness),
+            (self.elongation, 1, self.axial_stiffness),
+        ):
+            mass += (self.density * (shape(places) ** 2 @ weights)).tolist()
+            stiffness += (size * (shape(places, order) ** 2 @ weights)).tolist()
+        return np.array(mass), np.array(stiffness)
+
+    @property
+    def stiffness(self) -> dict[str, float]:
+        """Of each coordinate [N/m]."""
+        return dict(zip(self.names, self._modal[1].tolist(), strict=True))
+
+    @property
+    def frequencies(self) -> dict[str, float]:
+        """Natural angular frequency [rad/s] of each coordinate of the beam by itself."""
+        mass, stiffness = self._modal
+        return dict(zip(self.names, np.sqrt(stiffness / mass).tolist(), strict=True))
+
+    @property
+    def resistance(self) -> dict[str, float]:
+        """Damping of each coordinate [N s/m]."""
+        (mass, stiffness), d = self._modal, self.damping
+        found = 2.0 * d.ratio * np.sqrt(mass * stiffness) + d.mass * mass + d.stiffness * stiffness
+        return dict(zip(self.names, found.tolist(), strict=True))
+
+
+def _bent(ends: Ends, functions: Functions, count: int, t: Array, derivative: int) -> Array:
+    """Shapes of bending of a beam of length 1 at places t (...,): (count, ...)."""
+    if functions == 'polynomial':
+        return _polynomials(ends, count, t, derivative)
+    order = np.arange(1, count + 1).reshape(-1, *[1] * np.ndim(t))
+    if ends == 'pinned':
+        k = np.pi * order
+        # whole and half multiples of pi exactly: at the ends there is no deflection
+        quarters = 2.0 * order * t + derivative
+        found = np.sin(0.5 * np.pi * (quarters % 4.0))
+        return np.asarray(k**derivative * np.where(quarters % 2.0 == 0.0, 0.0, found))
+    return np.array([_cantilever(i, t, derivative) for i in range(count)]).reshape(
+        count, *np.shape(t)
+    )
+
+
+def _cantilever(i: int, t: Array, derivative: int) -> Array:
+    """``1/2 (cosh kt - cos kt - r (sinh kt - sin kt))`` with ``cos k cosh k = -1``."""
+    k = (i + 0.5) * math.pi
+    for _ in range(8):
+        k += (math.cos(k) + 1.0 / math.cosh(k)) / (math.sin(k) + math.tanh(k) / math.cosh(k))
+    wide = math.sinh(k) + math.sin(k)
+    r = (math.cosh(k) + math.cos(k)) / wide
+    rising = (math.sin(k) - math.cos(k) - math.exp(-k)) / wide  # 1 - r without its rounding
+    phase = 0.5 * math.pi * derivative
+    found = 0.5 * (rising * np.exp(k * t) + (-1.0) ** derivative * (1.0 + r) * np.exp(-k * t))
+    found += -np.cos(k * t + phase) + r * np.sin(k * t + phase)
+    return np.asarray(np.where((t == 0.0) & (derivative < 2), 0.0, 0.5 * k**derivative * found))
+
+
+_T = Legendre([0.5, 0.5], domain=[0.0, 1.0])
+_FACTORS = {'pinned': _T * (1.0 - _T), 'clamped': _T * _T, 'fixed': _T}
+"""Polynomials on 0 to 1 that keep reference conditions; `fixed` is that of stretch."""
+
+
+@lru_cache
+def _ritz(ends: str, count: int, derivative: int) -> Array:
+    """The modes of a beam of length 1 in polynomials ``factor * (degree < count)``.
+
+    Returns
+    -------
+    Coefficients (degree + 1, count) of Legendre's polynomials on 0 to 1.
+    """
+    factor, order = _FACTORS[ends], 1 if ends == 'fixed' else 2
+    basis = [factor * Legendre.basis(k, domain=[0.0, 1.0]) for k in range(count)]
+    places, weights = legendre.leggauss(count + 6)
+    nodes, weights = 0.5 * (1.0 + places), 0.5 * weights
+    values = np.array([b(nodes) for b in basis])
+    bends = np.array([b.deriv(order)(nodes) for b in basis])
+    half = np.linalg.inv(np.linalg.cholesky((values * weights) @ values.T))
+    _, vectors = np.linalg.eigh(half @ ((bends * weights) @ bends.T) @ half.T)
+    shares = vectors.T @ half
+    # of the size of the modes: mean square 1/2, that of a cantilever 1/4; they begin upwards
+    shares *= math.sqrt(0.25 if ends == 'clamped' else 0.5)
+    first = np.array([b.deriv(2 if ends == 'clamped' else 1)(0.0) for b in basis])
+    shares *= np.sign(shares @ first)[:, None]
+    some = [np.asarray(b.deriv(derivative).coef if derivative else b.coef, float) for b in basis]
+    longest = max(map(len, some))
+    padded = np.array([np.pad(x, (0, longest - len(x))) for x in some])
+    return np.asarray(padded.T @ shares.T)
+
+
+def _polynomials(ends: str, count: int, t: Array, derivative: int) -> Array:
+    if not count:
+        return np.zeros((0, *np.shape(t)))
+    return np.asarray(legendre.legval(2.0 * t - 1.0, _ritz(ends, count, derivative)))

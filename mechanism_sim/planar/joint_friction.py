@@ -1,0 +1,460 @@
+"""Coulomb friction in ideal joints: journals, guides and slots that rub under their own load.
+
+What rubs is one number T per joint, on the second-named link: a moment about the pin, or a force
+along the line. While it slides ``T = -b sign(rate)``; while it sticks T is what keeps the rate at
+zero, as long as ``|T| <= b``. The bound b grows with the joint's own force, which depends on T:
+equations for all T at once, solved by Newton's method.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic
+from mechanism_sim.planar.switches import Switch
+
+Array = NDArray[np.float64]
+
+_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the friction, one after the other
+_SOUND = 1e-6
+"""Determinant of the equations, 1 without friction, at which it locks."""
+
+RESOLUTION = 1e-9
+"""Of the weight of all links on Earth: a smaller force in a joint is none, as far as it rubs.
+
+It rounds the corner of ``|R|`` at zero: a bound errs by twice this, times its coefficient.
+"""
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+
+class Pressed(NamedTuple):
+    """``coefficient sqrt(components^2 + resolution^2)``, one term of a bound.
+
+    With a single component whose sign is known it is linear: ``coefficient side component``.
+    """
+
+    coefficient: Term
+    components: Sequence[Term]  #: [N] linear in the joint's wrench
+    resolution: Term  #: [N]
+    side: Term = None  #: 1 or -1
+
+
+@dataclass(frozen=True)
+class JointFriction(ABC):
+    """Friction in an ideal joint."""
+
+    name: str  #: of the joint
+    mechanism: Mechanism
+    coefficient: float  #: Coulomb's
+
+    @property
+    def joint(self) -> Joint:
+        """The joint that rubs."""
+        return self.mechanism.joint(self.name)
+
+    @property
+    @abstractmethod
+    def words(self) -> str:
+        """How it rubs, in words."""
+
+    @abstractmethod
+    def slip(self, frames: Frames) -> Jet:
+        """Rate of the second-named link against the first [rad/s, m/s], with its derivatives."""
+
+    @abstractmethod
+    def loads(self, frames: Frames, T: Term) -> list[Load]:
+        """What T does to both links."""
+
+    @abstractmethod
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """The same as part of what the joint does to the second-named link."""
+
+    @abstractmethod
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """The terms of the bound of |T|, by what the joint carries without its friction."""
+
+    def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
+        """Power (N,) lost to it [W]: what the joint's force does to its relative motion.
+
+        Parameters
+        ----------
+        force, moment : (2, N) [N] and (N,) [N m] of the first-named on the second-named link
+        q, v : (n, N) coordinates and rates
+        """
+        j, m, index = self.joint, self.mechanism, self.mechanism.coordinates.index
+        away = m.locate_all(j.second, q, j.on_second) - m.locate_all(j.first, q, j.on_first)
+        w1, w2 = (
+            sum((x * v[index(c)] for c, x in m.turns(*end).items()), np.zeros(v.shape[1]))
+            for end in ((j.first, j.on_first), (j.second, j.on_second))
+        )
+        there = m.velocity_all(j.first, q, v, j.on_first) + w1 * np.array([-away[1], away[0]])
+        slip = m.velocity_all(j.second, q, v, j.on_second) - there
+        lost: Array = -(force * slip).sum(axis=0) - moment * (w2 - w1)
+        return lost
+
+    def _number(self, frames: Frames, key: str, value: float) -> Term:
+        return frames.parameters(f'{self.name}.friction.{key}', value)
+
+    def _resolution(self, frames: Frames) -> Term:
+        mass = sum(body.mass for body in self.mechanism.bodies) or 1.0
+        return self._number(frames, 'resolution', RESOLUTION * mass * STANDARD_GRAVITY)
+
+
+@dataclass(frozen=True)
+class JournalFriction(JointFriction):
+    """A pin in its bearing, R tangent to its friction circle: ``b = mu/sqrt(1 + mu^2) r |R|``.
+
+    That is the limit of a pin with clearance that slides in its bushing under the force R, whose
+    normal part is ``R/sqrt(1 + mu^2)``.
+    """
+
+    radius: float = 0.0  #: [m] of the pin
+
+    @property
+    def words(self) -> str:
+        """By the radius of its friction circle."""
+        circle = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
+        return f'coefficient {self.coefficient:g}, friction circle of radius {1e3 * circle:.4g} mm'
+
+    def slip(self, frames: Frames) -> Jet:
+        """Of the angles."""
+        j, m = self.joint, self.mechanism
+        first = frames.turn(m.turns(j.first, j.on_first), f'{self.name}.friction.first')
+        second = frames.turn(m.turns(j.second, j.on_second), f'{self.name}.friction.second')
+        return _rate(second - first)
+
+    def loads(self, _: Frames, T: Term) -> list[Load]:
+        """A moment on each."""
+        j = self.joint
+        return [
+            Load(f'{self.name}.friction.first', j.first, j.on_first, moment=neg(T)),
+            Load(f'{self.name}.friction.second', j.second, j.on_second, moment=T),
+        ]
+
+    def wrench(self, _: Frames, T: Term) -> Wrench:
+        """A moment."""
+        return Wrench(None, None, T)
+
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """By the size of the force."""
+        arm = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
+        return [
+            Pressed(
+                self._number(frames, 'arm', arm), (wrench.x, wrench.y), self._resolution(frames)
+            )
+        ]
+
+
+@dataclass(frozen=True)
+class LineFriction(JointFriction):
+    """What slides along a straight line: a block in a guide, or a pin in a slot.
+
+    A block of a given length L carries a moment with its ends:
+    ``b = mu (|N/2 + M/L| + |N/2 - M/L|)`` with the moment M about its middle, the joint's point on
+    the second-named link.
+    """
+
+    length: float = 0.0  #: [m] of a block along its guide; 0: only the force across counts
+
+    @property
+    def words(self) -> str:
+        """By the angle of friction."""
+        angle = math.degrees(math.atan(self.coefficient))
+        ends = f', both ends of {1e3 * self.length:g} mm' if self.length else ''
+        return f'coefficient {self.coefficient:g}, friction angle {angle:.4g} deg{ends}'
+
+    @cached_property
+    def _guided(self) -> bool:
+        """Whether the line belongs to the first-named link; that of a slot to the second."""
+        return isinstance(self.joint, Prismatic)
+
+    def _direction(self, frames: Frames, angle: float, what: str) -> tuple[Jet, Jet]:
+        joint: Any = self.joint  # both kinds have an axis
+        link = joint.first if self._guided else joint.second
+        return frames.position(
+            self.mechanism.direction(link, joint.axis + angle), f'{self.name}.{what}'
+        )
+
+    def _along(self, frames: Frames) -> tuple[Jet, Jet]:
+        return self._direction(frames, 0.0, 'along')
+
+    def slip(self, frames: Frames) -> Jet:
+        """Along the line."""
+        for link, joint in self.mechanism.tree_joints.items():
+            if joint.name == self.name:
+                return _rate(frames.displacement(link))
+        x, y = frames.position(self.mechanism.separation(self.name), self.name)
+        ux, uy = self._along(frames)
+        return _rate(-(ux * x + uy * y))
+
+    def loads(self, frames: Frames, T: Term) -> list[Load]:
+        """Opposite forces at the place of contact: the block's point, or the pin."""
+        j, (x, y) = self.joint, self.wrench(frames, T)[:2]
+        first, second = f'{self.name}.friction.first', f'{self.name}.friction.second'
+        return [
+            Load(first, j.first, j.on_first, (neg(x), neg(y))),
+            Load(second, j.second, j.on_second, (x, y), self._moment(frames, T)),
+        ]
+
+    def _moment(self, frames: Frames, T: Term) -> Term:
+        """Of the force on the second-named link about its own point; along a guide none."""
+        if self._guided:
+            return None
+        x, y = frames.position(self.mechanism.separation(self.name), self.name)
+        ux, uy = self._along(frames)
+        return moment_of((x.value, y.value), (mul(T, ux.value), mul(T, uy.value)))
+
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """A force along the line."""
+        ux, uy = self._along(frames)
+        return Wrench(mul(T, ux.value), mul(T, uy.value), self._moment(frames, T))
+
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """By the force across, or by those at both ends."""
+        nx, ny = self._direction(frames, 0.5 * math.pi, 'across')
+        across = add(mul(wrench.x, nx.value), mul(wrench.y, ny.value))
+        mu, none = self._number(frames, 'coefficient', self.coefficient), self._resolution(frames)
+        if not self.length:
+            return [Pressed(mu, (across,), none)]
+        couple = div(wrench.moment, self._number(frames, 'length', self.length))
+        half = mul(across, 0.5)
+        return [Pressed(mu, (add(half, x),), none) for x in (couple, neg(couple))]
+
+
+@dataclass(frozen=True)
+class TeethFriction(JournalFriction):
+    """Teeth that slide: what they lose on the mean, by the mean distance from the pitch point.
+
+    They slide at that distance times the rate of one gear against the other. The bound is
+    ``mu arm N`` of the force N along the line of action, with `radius` as the arm.
+    """
+
+    @property
+    def words(self) -> str:
+        """By the mean distance of contact from the pitch point."""
+        arm = f'{1e3 * self.radius:.4g} mm'
+        return f'coefficient {self.coefficient:g}, contact {arm} from the pitch point on the mean'
+
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """By the tangential force, which changes its sign where the other flanks bear."""
+        closure = _pair(self).closure(self.mechanism)
+        one, other = (closure.wrench(frames, [hy.expression(x)]) for x in (1.0, -1.0))
+        x, y = add(one.x, neg(other.x)), add(one.y, neg(other.y))  # 2 cos(pressure angle) long
+        square = add(mul(x, x), mul(y, y))
+        tangential = div(mul(_along(wrench, x, y), 2.0), square)
+        arm = self._number(frames, 'arm', self.coefficient * self.radius)
+        return [Pressed(arm, (tangential,), self._resolution(frames))]
+
+
+@dataclass(frozen=True)
+class ContactFriction(JointFriction):
+    """A pin in a slot that opens, a knife or a flat face or a roller on a cam: ``b = mu N``.
+
+    They touch where the line of action is nearest to the joint's point on the second-named link,
+    or by `radius` before that, where a roller touches. A roller turns on its pin: what acts at its
+    rim is less, as the pin's radius is than its own: `share`.
+    """
+
+    radius: float = 0.0  #: [m] of a roller
+    share: float = 1.0
+
+    @property
+    def words(self) -> str:
+        """By the coefficient at the contact."""
+        rolls = f', {self.share:.4g} of it at the rim of the roller' if self.radius else ''
+        return f'coefficient {self.coefficient:g}{rolls}'
+
+    def _contact(self, frames: Frames) -> tuple[tuple[Term, Term], tuple[Term, Term]]:
+        """Unit normal on the second-named link; from its point to the contact [m]."""
+        (nx, ny), arm = _line_of_action(self, frames)
+        off = neg(self._number(frames, 'roller', self.radius))
+        return (nx, ny), (add(mul(arm, ny), mul(off, nx)), add(neg(mul(arm, nx)), mul(off, ny)))
+
+    def slip(self, frames: Frames) -> Jet:
+        """Velocity of the second-named link on the first, along the normal turned by +90."""
+        j, m = self.joint, self.mechanism
+        (nx, ny), (dx, dy) = self._contact(frames)
+        x1, y1 = frames.position(m.point(j.first, j.on_first), f'{self.name}.friction.first')
+        x2, y2 = frames.position(m.point(j.second, j.on_second), f'{self.name}.friction.second')
+        w1, w2 = (frames.angle(m.frame(link)[0]).rate for link in (j.first, j.second))
+        from_first = add(x2.value, dx, neg(x1.value)), add(y2.value, dy, neg(y1.value))
+        vx = add(x2.rate, neg(mul(w2, dy)), neg(x1.rate), mul(w1, from_first[1]))
+        vy = add(y2.rate, mul(w2, dx), neg(y1.rate), neg(mul(w1, from_first[0])))
+        rate = add(mul(vy, nx), neg(mul(vx, ny)))
+        if rate is None:
+            return lift(0.0)
+        slopes = {c: hy.diff(rate, frames.v[c]) for c in frames.coordinates}
+        bends = [hy.diff(rate, frames.q[c]) * frames.v[c] for c in frames.coordinates]
+        return Jet(None, slopes, rate, hy.sum(bends))
+
+    def _force(self, frames: Frames, T: Term) -> tuple[Term, Term, Term]:
+        """On the second-named link, and its moment about the joint's point there."""
+        (nx, ny), arm = self._contact(frames)
+        force = neg(mul(T, ny)), mul(T, nx)
+        return *force, moment_of(arm, force)
+
+    def loads(self, frames: Frames, T: Term) -> list[Load]:
+        """Opposite forces at the contact."""
+        j, m = self.joint, self.mechanism
+        x, y, moment = self._force(frames, T)
+        ends = (j.second, j.on_second), (j.first, j.on_first)
+        (x2, y2), (x1, y1) = (
+            frames.position(m.point(link, at), f'{self.name}.friction.{which}')
+            for which, (link, at) in zip(('second', 'first'), ends, strict=True)
+        )
+        between = add(x2.value, neg(x1.value)), add(y2.value, neg(y1.value))
+        back = neg(x), neg(y)
+        other = add(neg(moment), moment_of(between, back))
+        first, second = f'{self.name}.friction.first', f'{self.name}.friction.second'
+        return [
+            Load(first, j.first, j.on_first, back, other),
+            Load(second, j.second, j.on_second, (x, y), moment),
+        ]
+
+    def wrench(self, frames: Frames, T: Term) -> Wrench:
+        """A force at the contact."""
+        return Wrench(*self._force(frames, T))
+
+    def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
+        """By the normal force."""
+        (nx, ny), _ = self._contact(frames)
+        mu = self._number(frames, 'coefficient', self.coefficient * self.share)
+        engaged = getattr(_pair(self).closure(self.mechanism), 'engaged', None)
+        mu = mul(mu, engaged(frames)) if engaged else mu
+        return [Pressed(mu, (_along(wrench, nx, ny),), self._resolution(frames))]
+
+
+def _pair(friction: JointFriction) -> HigherPair:
+    joint = friction.joint
+    if not isinstance(joint, HigherPair):
+        raise TypeError(f'{friction.name} is no higher pair')
+    return joint
+
+
+def _line_of_action(friction: JointFriction, frames: Frames) -> tuple[tuple[Term, Term], Term]:
+    """Of a pair's force on its second link: direction, and how far it passes by the joint's point.
+
+    The direction of a positive force along the row; the distance [m] is to the direction's right.
+    """
+    joint = _pair(friction)
+    unit = joint.closure(friction.mechanism).wrench(frames, [hy.expression(1.0)])
+    x, y = dense(unit.x), dense(unit.y)
+    size = hy.sqrt(x * x + y * y)
+    return (x / size, y / size), div(unit.moment, size)
+
+
+def _along(wrench: Wrench, nx: Term, ny: Term) -> Term:
+    return add(mul(wrench.x, nx), mul(wrench.y, ny))
+
+
+class Rub(NamedTuple):
+    """A friction in the equations of a mechanism."""
+
+    friction: JointFriction
+    T: hy.expression  #: its symbol
+    switch: Switch  #: of its slip
+    slip: Jet
+    loads: list[Load]
+
+    @property
+    def power_lost(self) -> Term:
+        """What it dissipates [W]."""
+        return neg(mul(self.T, self.slip.rate))
+
+
+def rubs(frictions: Sequence[JointFriction], frames: Frames) -> list[Rub]:
+    """The frictions of joints that move, each with a symbol and a switch of its own."""
+    found = []
+    for k, friction in enumerate(frictions):
+        slip, T = friction.slip(frames), hy.make_vars(f'friction{k}')
+        if slip.rate is not None:
+            switch = frames.slip(f'joints:{friction.name}.friction', slip.rate)
+            found.append(Rub(friction, T, switch, slip, friction.loads(frames, T)))
+    return found
+
+
+_LEFT, _STEPS = 1e-13, 60  # of a bound, and how often Newton's method may try
+
+
+def solve_friction(
+    start: Array, slopes: Array, numbers: Array, ways: Array, sizes: Sequence[Sequence[int]]
+) -> tuple[Array, Array]:
+    """Every T of known motions, by Newton's method, while the friction grows from none to all.
+
+    Parameters
+    ----------
+    start, slopes : (c, N) and (m, c, N) [N] components of all bounds without friction, and by
+        each T
+    numbers : (2 p, N) coefficient and resolution of each of their p terms
+    ways : (m, N) -1, 0 or 1: the sign of T
+    sizes : of each friction, how many components its terms have
+
+    Returns
+    -------
+    T (m, N), and where it was found (N,): elsewhere it grows beyond all bounds on the way.
+    """
+    m, count = ways.shape
+    T, sound = np.zeros((m, count)), np.ones(count, bool)
+    for share in _SHARES:
+        for _ in range(_STEPS):
+            b, slope = _bounds(start + np.einsum('mcn,mn->cn', slopes, T), slopes, numbers, sizes)
+            left = T - share * ways * b
+            matrix = np.eye(m)[:, :, None] - share * ways[:, None] * slope
+            along = np.moveaxis(matrix, 2, 0)
+            sound &= np.linalg.det(along) > _SOUND
+            along[~sound] = np.eye(m)
+            step = np.linalg.solve(along, left.T[:, :, None])[:, :, 0].T
+            T = np.where(sound, T - step, 0.0)
+            if (np.abs(step) <= _LEFT * b).all(axis=0)[sound].all():
+                break
+        else:
+            sound &= (np.abs(step) <= 1e3 * _LEFT * b).all(axis=0)
+    return T, sound
+
+
+def _bounds(
+    components: Array, slopes: Array, numbers: Array, sizes: Sequence[Sequence[int]]
+) -> tuple[Array, Array]:
+    """Bounds (m, N), and their derivatives (m, m, N) by each T."""
+    m, _, count = slopes.shape
+    bound, slope = np.zeros((m, count)), np.zeros((m, m, count))
+    i = p = 0
+    for k, terms in enumerate(sizes):
+        for size in terms:
+            own = slice(i, i + size)
+            coefficient, resolution = numbers[2 * p], numbers[2 * p + 1]
+            root = np.sqrt((components[own] ** 2).sum(axis=0) + resolution**2)
+            bound[k] += coefficient * root
+            slope[k] += coefficient * (components[own] * slopes[:, own]).sum(axis=1) / root
+            i, p = own.stop, p + 1
+    return bound, slope
+
+
+def with_friction(
+    rubs: Sequence[Rub], reactions: Mapping[str, Wrench], frames: Frames
+) -> dict[str, Wrench]:
+    """The wrenches of all joints, with what rubs in them."""
+    found = dict(reactions)
+    for rub in rubs:
+        name = rub.friction.name
+        found[name] = together(found[name], rub.friction.wrench(frames, rub.T))
+    return found
+
+
+def _rate(jet: Jet) -> Jet:
+    """Only the rate of a function and its derivatives."""
+    return Jet(None, jet.gradient, jet.rate, jet.curvature)

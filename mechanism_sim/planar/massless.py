@@ -1,0 +1,93 @@
+"""Which motions of a mechanism move no mass: links of mass 0 beside others.
+
+A direction of motion moves no mass if no centre of gravity of a link with mass moves and no link
+with inertia turns. That is a matter of geometry: how large masses are does not count.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.planar.mechanism import GROUND, Mechanism, Vector2
+
+Array = NDArray[np.float64]
+
+NO_MASS = 1e-7
+"""Of the largest motion or closure: what moves less along a direction does not move."""
+
+
+def inertial_motion(mechanism: Mechanism, q: Array) -> Array:
+    """How whatever has inertia moves with the coordinates, (k, n).
+
+    Rows are velocities of the centres of gravity of links with mass, over the mechanism's size,
+    and rates of links with inertia, per coordinate [1/rad, 1/m].
+    """
+    index = mechanism.coordinates.index
+    # a beam has mass all along
+    rows = [np.eye(len(q))[index(c)] for c in mechanism.deformations]
+    for body in mechanism.bodies:
+        if body.mass:
+            rows += [*_velocity(mechanism, q, body.name, body.cog) / mechanism.size]
+        if body.inertia:
+            rows.append(_spin(mechanism, body.name))
+    return np.array(rows).reshape(-1, len(mechanism.coordinates))
+
+
+def without_mass(motion: Array, closures: Array) -> Array:
+    """Directions (n, k) that keep closures (r, n) and move nothing of `motion` (m, n)."""
+    free = _null(closures, _size(closures))
+    return np.asarray(free @ _null(motion @ free, _size(motion)))
+
+
+def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
+    """The links that move along a direction (n,)."""
+    found = []
+    for body in mechanism.bodies:
+        ends: list[Vector2] = [(0.0, 0.0), body.cog]
+        ends += [j.on_first for j in mechanism.joints if j.first == body.name]
+        ends += [j.on_second for j in mechanism.joints if j.second == body.name]
+        motion = [x for at in ends for x in _velocity(mechanism, q, body.name, at)]
+        rates = np.array([*np.array(motion) / mechanism.size, _spin(mechanism, body.name)])
+        if np.abs(rates @ direction).max() > NO_MASS * np.abs(direction).max():
+            found.append(body.name)
+    return found
+
+
+def _velocity(mechanism: Mechanism, q: Array, link: str, at: Vector2) -> Array:
+    """Velocity (2, n) [m] of a point of a link, per rate of each coordinate."""
+    index = mechanism.coordinates.index
+    found = np.zeros((2, len(q)))
+    for (frame, slide), (x, y) in mechanism.point(link, at).items():
+        if isinstance(slide, tuple) or slide in mechanism.deformations:
+            continue  # of a beam as it is when straight
+        angle = 0.0 if frame == GROUND else q[index(frame)]
+        c, s = np.cos(angle), np.sin(angle)
+        arm = np.array([c * x - s * y, s * x + c * y])
+        length = 1.0 if slide is None else q[index(slide)]
+        if frame != GROUND:
+            found[:, index(frame)] += length * np.array([-arm[1], arm[0]])
+        if slide is not None:
+            found[:, index(slide)] += arm
+    return found
+
+
+def _spin(mechanism: Mechanism, link: str) -> Array:
+    """Rate (n,) of a link, per rate of each coordinate."""
+    frame, found = mechanism.frame(link)[0], np.zeros(len(mechanism.coordinates))
+    if frame != GROUND:
+        found[mechanism.coordinates.index(frame)] = 1.0
+    return found
+
+
+def _size(rows: Array) -> float:
+    """Largest singular value."""
+    return float(np.linalg.norm(rows, 2)) if rows.size else 0.0
+
+
+def _null(rows: Array, size: float) -> Array:
+    """Orthonormal directions (n, k) in which the rows (r, n) are next to nothing beside a size."""
+    if not rows.size:
+        return np.eye(rows.shape[1])
+    _, sizes, turned = np.linalg.svd(rows)
+    return np.asarray(turned[int((sizes > NO_MASS * size).sum()) :].T)

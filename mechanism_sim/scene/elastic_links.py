@@ -1,0 +1,164 @@
+"""Elastic links: from what a scene says of them to their beams, and what weighs them down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.planar.elastic import Beam, Damping
+from mechanism_sim.planar.mechanism import Body, Joint, Mechanism, Revolute, Vector2
+from mechanism_sim.scene.places import Places
+from mechanism_sim.scene.schema import LinkPart
+
+_QUASI_STATIC, _RIGID = 20.0, 200.0
+"""Ratios of the first mode to the drive from which on vibration, and then bending, is small."""
+
+
+def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -> dict[str, Body]:
+    """The elastic links as bodies, of what they weigh by themselves, by name.
+
+    Raises
+    ------
+    InputError
+        If keys are missing, or something holds them that no beam bears.
+    """
+    found = {
+        link: _body(f'{places.name}: links.{link}', link, given)
+        for link in places.links
+        if (given := places.scene.links[link]).elastic
+    }
+    for joint in joints:
+        for link in (joint.first, joint.second):
+            if link in found and not isinstance(joint, Revolute):
+                raise InputError(
+                    f'{places.name}: joints.{joint.name}: the elastic link {link} has revolute '
+                    'joints only; put a rigid link between'
+                )
+    for link in driven:
+        body = found.get(link)
+        if body and body.beam and body.beam.ends != 'clamped':
+            raise InputError(
+                f'{places.name}: links.{link}.elastic.ends must be clamped: a drive holds the '
+                'direction of its link where that starts'
+            )
+    return found
+
+
+def stiffened(link: LinkPart) -> LinkPart:
+    """The same link, but rigid."""
+    if not link.elastic:
+        return link
+    body = _body('', '', link)
+    known = {'mass': body.mass, 'inertia': body.inertia, 'cog': body.cog, 'elastic': None}
+    return link.model_copy(update=known)
+
+
+def _body(where: str, link: str, given: LinkPart) -> Body:
+    elastic = given.elastic
+    assert elastic  # noqa: S101 - only those are read
+    if given.length is None:
+        raise InputError(f"{where}: 'length' is missing: an elastic link is a beam of that length")
+    modulus, density = elastic.matter
+    area, moment, fibre = elastic.geometry
+    ends = (0.0, 0.0)
+    if given.mass is not None:
+        line, ends = _spread(where, given, given.mass, given.length)
+    elif given.inertia is not None:
+        raise InputError(f"{where}.inertia: 'mass' is missing: give both, or neither")
+    elif density is None:
+        raise InputError(f"{where}.elastic: needs 'material' or 'density', or the link a mass")
+    else:
+        line = density * area
+    beam = Beam(
+        given.length,
+        modulus * moment,
+        modulus * area,
+        line,
+        modulus,
+        elastic.modes,
+        elastic.stretch,
+        elastic.ends,
+        elastic.functions,
+        Damping(elastic.damping, elastic.rayleigh.mass, elastic.rayleigh.stiffness),
+        elastic.foreshortening,
+        tuple((m, (x, 0.0)) for m, x in zip(ends, (0.0, given.length), strict=True) if m),
+        fibre=fibre,
+    )
+    return loaded(Body(link, 0.0, 0.0, (0.0, 0.0), beam), (), 0.0)
+
+
+def loaded(body: Body, lumps: Iterable[tuple[float, Vector2]], spin: float) -> Body:
+    """An elastic link that carries more: masses at points, and what turns with its frame."""
+    old = body.beam
+    assert old  # noqa: S101 - it is elastic
+    beam = replace(old, lumps=(*old.lumps, *lumps), spin=old.spin + spin)
+    weights = np.array([m for m, _ in beam.particles])
+    places = np.array([at for _, at in beam.particles])
+    mass = float(weights.sum())
+    x, y = (weights @ places / mass).tolist()
+    about = float((weights * ((places - (x, y)) ** 2).sum(axis=1)).sum())
+    return Body(body.name, mass, about + beam.spin, (x, y), beam)
+
+
+def _spread(where: str, given: LinkPart, m: float, L: float) -> tuple[float, tuple[float, float]]:
+    """Mass of the beam per length [kg/m], and the masses at its start and its end [kg].
+
+    A mass alone lies evenly along the beam. With a centre of gravity and a moment of inertia, part
+    of it sits at both ends, so that the undeformed link has what is given.
+    """
+    if given.inertia is None:
+        if given.cog not in (0.0, (0.0, 0.0)):
+            raise InputError(
+                f"{where}.cog: 'inertia' is missing: without it the mass lies evenly along the "
+                'elastic link'
+            )
+        return m / L, (0.0, 0.0)
+    c, off = given.cog if isinstance(given.cog, tuple) else (given.cog, 0.0)
+    second = given.inertia + m * c**2
+    # m = r L + a + b, m c = r L^2/2 + b L, second = r L^3/3 + b L^2
+    line = 6.0 * (m * c * L - second) / L**3
+    end = m * c / L - 0.5 * line * L
+    start = m - end - line * L
+    rounding = 1e-9 * m
+    if off or line <= 0.0 or min(start, end) < -rounding:
+        raise InputError(
+            f'{where}: mass, cog and inertia are those of no beam with masses at its ends: leave '
+            'inertia and cog out to spread the mass evenly'
+        )
+    return line, (start if start > rounding else 0.0, end if end > rounding else 0.0)
+
+
+def elastic_notes(mechanism: Mechanism, period: float, impacts: bool) -> list[str]:
+    """Frequencies of the modes of each elastic link by itself, and which treatment would do.
+
+    Accelerations of a machine that turns at W are about ``W^2`` times its size, and bend a link of
+    the first angular frequency w by about ``(W/w)^2`` of that.
+    """
+    notes = []
+    turns = 1.0 / period
+    for link, beam in mechanism.beams.items():
+        modes = {name: w / (2.0 * math.pi) for name, w in beam.frequencies.items()}
+        listed = ', '.join(f'{name} {f:.6g} Hz' for name, f in modes.items())
+        ends = f'{beam.ends} ends' if beam.ends == 'pinned' else 'clamped where it starts'
+        note = f'elastic {link}, {ends}: {listed}'
+        if turns:
+            ratio = modes['bend1'] / turns
+            note += f'; the drive turns at {turns:.6g} Hz, bend1 is {ratio:.3g} times as fast: '
+            note += _treatment(ratio, impacts)
+        notes.append(note)
+    return notes
+
+
+def _treatment(ratio: float, impacts: bool) -> str:
+    """What does for a link whose first mode is so many times as fast as the drive."""
+    if impacts:
+        return 'impacts are faster than any mode: take modes until their impulses converge'
+    if ratio >= _RIGID:
+        return f'it bends by about {ratio**-2:.1g} of its size, and a rigid link would do'
+    if ratio >= _QUASI_STATIC:
+        return 'it bends nearly as if at rest (quasi-static), and one mode would do'
+    return 'it vibrates, and needs its modes'
