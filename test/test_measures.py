@@ -218,3 +218,31 @@ def test_windows_and_names_are_read():
     assert (figure.since, figure.until) == ((2.0, False), (0.3, False))
     assert read('count(impacts.pin, per revolution)').figures[0].per_revolution
     assert read('percentile(x, 95, from 3 rev)').figures[0].percent == 95
+
+
+WORDS = (
+    'largest', 'rms', 'count', 'percentile', 'work', 'min', 'abs', 'sqrt', 'hypot', '_quantity',
+    '_0', 'drive_torque', 'reaction.coupler_rocker', 'impacts', 'impacts.t', 'sensors.x',
+    'motor.torque', 'pi', '(', ')', '(', ')', ',', '+', '-', '*', '/', '**', '<', '>=', ' if ',
+    ' else ', ' and ', 'not ', '=', '2', '0', '1e400', '3 N', '2 s', '5 kN mm', ', from 2 s',
+    ', to 1 revolution', ', per revolution', ' from ', "'a'", '[0]', 'lambda: ', '\\n', 'é',
+)  # fmt: skip
+
+
+def test_any_text_is_a_measure_or_refused(nominal):
+    """Random words, many of them nearly right: no other exception gets out."""
+    random = np.random.default_rng(3)
+    kept, refused = 0, []
+    for _ in range(4000):
+        text = ''.join(random.choice(WORDS, random.integers(1, 9)))
+        if random.random() < 0.7:
+            text = f'{random.choice(WORDS[:10])}({text})'
+        try:
+            taken = read(text)
+            kept += 1
+            if kept <= 15:
+                measure(*nominal, taken.text)
+        except InputError as error:
+            refused.append(str(error))
+    assert kept > 15
+    assert all(len(said.splitlines()) == 1 for said in refused)

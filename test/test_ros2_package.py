@@ -85,7 +85,7 @@ import sys
 
 class Blocked:
     def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] == sys.argv[1]:
+        if name.partition('.')[0] in sys.argv[1].split(','):
             raise ModuleNotFoundError(f'No module named {name!r}', name=name)
 
 sys.meta_path.insert(0, Blocked())
@@ -124,6 +124,16 @@ def test_a_node_says_what_it_lacks_and_needs_no_more(package, node, code, said):
     assert said in sentence
     if 'missing' in said:
         assert sentence.endswith(f'{sys.executable} -m pip install {package}')
+
+
+def test_a_run_and_its_page_need_no_extra(tmp_path):
+    args = 'report', 'four_bar_clearance', '--duration', '0.1', '-o', str(tmp_path / 'page.html')
+    done = subprocess.run(
+        [sys.executable, '-c', BLOCKING, ','.join(EXTRAS), *args],
+        env=environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / 'page.html').stat().st_size > 100_000
 
 
 MESSAGES = sorted((ROOT / 'msg').glob('*.msg'))

@@ -16,6 +16,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import scipy
+import yaml
+from blocks import ROOT
 
 from mechanism_sim import tables
 from mechanism_sim.cli import main
@@ -269,3 +271,17 @@ def test_the_command_prints_effects_and_draws_them(tmp_path, capsys, monkeypatch
     assert found['units']['peak'] == 'N m'
     assert {e['factor'] for e in found['effects']} == {'drive.speed', 'links.bar.cog'}
     assert (tmp_path / 'e.svg').stat().st_size > 10_000
+
+
+@pytest.mark.deep
+def test_the_sweep_of_the_tutorial_is_the_one_of_the_package():
+    text = (ROOT / 'docs' / 'tutorial.md').read_text(encoding='utf-8')
+    shown = yaml.safe_load(text.partition('```yaml\n')[2].partition('```')[0])
+    kept = yaml.safe_load((ROOT / 'config' / 'sweeps' / 'press_tolerances.yaml').read_text())
+    assert shown == {k: v for k, v in kept.items() if k not in ('title', 'description')}
+    plan = read_plan('press_tolerances')
+    assert plan.size == 200
+    assert plan.limits == {'ram_peak': 400e3}
+    radial = np.array([r.values['joints.ram_pin.clearance.radial'] for r in plan.runs])
+    assert np.abs(radial - 50e-6).max() <= 30e-6
+    assert radial.std() == pytest.approx(9.87e-6, rel=0.02)

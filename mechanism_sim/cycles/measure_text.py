@@ -346,7 +346,7 @@ def evaluate(node: ast.expr, value_of: Callable[[str], Value], text: str) -> Val
             number, _, unit = written.partition(' ')
             try:
                 return Value(*read_common(number, unit))
-            except ValueError as error:
+            except (ValueError, ArithmeticError) as error:
                 raise InputError(f'{quoted(text)}: {error}') from error
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             value = of(operand)
@@ -404,8 +404,8 @@ def _called(name: str, args: list[Value], text: str) -> Value:
             f"'{name}' in {quoted(text)} is not a function of expressions"
             f'{nearest(name, _KNOWN)}; known are {", ".join(_KNOWN)}'
         )
-    if len(args) != 1:
-        raise InputError(f'{name} in {quoted(text)} has {len(args)} arguments')
+    if len(args) != 1 or name in ('min', 'max', 'hypot'):
+        raise InputError(f'{name} in {quoted(text)} cannot have {len(args)} arguments')
     (a,) = args
     if name == 'abs':
         return a._replace(x=np.abs(a.x))

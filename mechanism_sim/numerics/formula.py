@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
@@ -62,7 +63,9 @@ def parse(text: str) -> ast.expr:
     if len(text) > LONGEST:
         raise ValueError(f'{quoted(text)} is no formula: it is longer than {LONGEST} characters')
     try:
-        tree = ast.parse(text, mode='eval').body
+        with warnings.catch_warnings():  # of what Python may refuse one day, as 2else
+            warnings.simplefilter('ignore', SyntaxWarning)
+            tree = ast.parse(text, mode='eval').body
     except (SyntaxError, ValueError) as error:  # the latter of numbers with too many digits
         said = error.msg if isinstance(error, SyntaxError) else str(error)
         raise ValueError(f'{quoted(text)} is not a formula: {said}') from error

@@ -198,7 +198,7 @@ def read_plan(name: str, measures: Sequence[str] = ()) -> Plan:
                 runs.append(Run(len(runs), base.stem, nudged, ordered, given, key))
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
-    units = _units(columns, runs) | {f.path: f.unit for f in factors if f.unit}
+    units = _units(columns, runs) | {f.path: f.unit for f in factors}
     design = file.design if factors else None
     return Plan(
         path.stem, file.title, extent, columns, tuple(runs), file.bags, windows, units,
