@@ -399,3 +399,10 @@ def test_what_cannot_rub_is_refused(name, joint, friction, sentence):
 def test_the_efficiency_is_said():
     assert 'efficiency 0.59578' in run('cycle', 'wedge').stdout
     assert run_json('cycle', 'wedge')['efficiency'] == pytest.approx(0.595783, abs=1e-6)
+
+
+def test_the_equations_show_it():
+    """The wedge with its pin pressed across the slot, and rubbing along it."""
+    shown = ' '.join(run('equations', 'wedge').stdout.split())
+    assert 'lambda1_face*nx_face + T_bed - T_face*ux_face + F_wedge' in shown
+    assert '|T_guide| <= 0.1 times the force across guide' in shown

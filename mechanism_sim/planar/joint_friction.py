@@ -38,6 +38,8 @@ RESOLUTION = 1e-9
 It rounds the corner of ``|R|`` at zero: a bound errs by twice this, times its coefficient.
 """
 
+_AGAINST = '; where {1} slips, it is as large as that and against the slip'
+
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
@@ -70,6 +72,16 @@ class JointFriction(ABC):
     @abstractmethod
     def words(self) -> str:
         """How it rubs, in words."""
+
+    @property
+    @abstractmethod
+    def law(self) -> str:
+        """What bounds it, in words; {0} is its symbol, {1} the joint."""
+
+    @property
+    def unit(self) -> str:
+        """Of T."""
+        return 'N'
 
     @abstractmethod
     def slip(self, frames: Frames) -> Jet:
@@ -125,6 +137,17 @@ class JournalFriction(JointFriction):
     radius: float = 0.0  #: [m] of the pin
 
     @property
+    def law(self) -> str:
+        """By the force of the pin."""
+        circle = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
+        return f'|{{0}}| <= {circle:.6g} m times the force in {{1}}{_AGAINST}'
+
+    @property
+    def unit(self) -> str:
+        """A moment."""
+        return 'N m'
+
+    @property
     def words(self) -> str:
         """By the radius of its friction circle."""
         circle = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
@@ -169,6 +192,12 @@ class LineFriction(JointFriction):
     """
 
     length: float = 0.0  #: [m] of a block along its guide; 0: only the force across counts
+
+    @property
+    def law(self) -> str:
+        """By the force across, or those at both ends."""
+        ends = f' at both ends of {self.length:g} m' if self.length else ''
+        return f'|{{0}}| <= {self.coefficient:g} times the force across {{1}}{ends}{_AGAINST}'
 
     @property
     def words(self) -> str:
@@ -244,6 +273,12 @@ class TeethFriction(JournalFriction):
     """
 
     @property
+    def law(self) -> str:
+        """By the force along the line of action."""
+        arm = self.coefficient * self.radius
+        return f'|{{0}}| <= {arm:.6g} m times the force of the teeth of {{1}}{_AGAINST}'
+
+    @property
     def words(self) -> str:
         """By the mean distance of contact from the pitch point."""
         arm = f'{1e3 * self.radius:.4g} mm'
@@ -271,6 +306,12 @@ class ContactFriction(JointFriction):
 
     radius: float = 0.0  #: [m] of a roller
     share: float = 1.0
+
+    @property
+    def law(self) -> str:
+        """By the normal force."""
+        mu = self.coefficient * self.share
+        return f'|{{0}}| <= {mu:.6g} times the normal force in {{1}}{_AGAINST}'
 
     @property
     def words(self) -> str:

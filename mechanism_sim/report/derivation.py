@@ -50,6 +50,7 @@ class _Derivation:
         self._elements = () if machine.level is Level.KINEMATIC else model.elements
         ideal, plan = machine.plan.ideal, machine.plan
         self._unknowns = plan.unknowns(ideal)
+        self._rubs: list[str] = []
         self._efforts = {c: effort(ideal) for c, effort in plan.efforts.items()}
         self._symbols = Symbols(self._equations)
         self._vectors = Vectors(self._equations, self._symbols)
@@ -74,7 +75,7 @@ class _Derivation:
             Part('gap_rates', 'Gaps, differentiated once', gaps[1]),
             Part('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
             Part('forces', 'Forces', self._abridged()),
-            Part('motion', 'Equations of motion', self._motion()),
+            Part('motion', 'Equations of motion', self._motion(), tuple(self._rubs)),
         ]
         parts.insert(1, Part('switches', 'Parts of the cycle', self._switches(parts)))
         used = _symbols_of(parts)
@@ -205,6 +206,18 @@ class _Derivation:
                 self._on[c].append(Q)
                 self._forces.append(Equation(element.name, (Q,), self._terms(term)))
 
+        for friction in self._machine.plan.frictions(mechanism):
+            found = generalised(
+                friction.loads(self._vectors.frames, hy.expression(1.0)), self._vectors.frames,
+                mechanism,
+            )  # fmt: skip
+            self._vectors.use_seen()
+            name, unit = friction.name, friction.unit
+            meaning = f'friction of {name} on its second link, against its slip'
+            T = self._symbols.make('T', (name,), f'{name}.friction', meaning, unit)
+            for c, term in found.items():
+                self._on[c].append(sympy.Mul(T, self._in_symbols(term)))
+            self._rubs.append(f'{name}: {friction.law.format(f"T_{name}", name)}.')
         for load in self._unknowns:
             found = generalised(load.loads(self._vectors.frames), self._vectors.frames, mechanism)
             self._vectors.use_seen()

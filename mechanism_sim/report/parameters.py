@@ -135,9 +135,10 @@ def _of_vectors(name: str, equations: Equations) -> Description | None:
         return Description(f'e{axis}', (slide[0],), meaning, '', direction=True)
     joint, _, part = label.removesuffix('.x').rpartition('.')
     joints = {joint.name for joint in equations.mechanism.joints}
-    if joint in joints and part in ('normal', 'first', 'second'):
+    if joint in joints and part in ('normal', 'along', 'across', 'first', 'second'):
         meaning = f'{axis} in the frame of {frame} of a direction in {joint}'
-        stem, own = ('n', (joint,)) if part == 'normal' else ('e', (joint, part))
+        stem = {'normal': 'n', 'across': 'n', 'along': 'u'}.get(part, 'e')
+        own = (joint, part) if stem == 'e' else (joint,)
         return Description(f'{stem}{axis}', own, meaning, '', direction=True)
     meaning = f'arm on {frame} towards {bare(label)}, {axis} in its frame'
     return Description('l' if axis == 'x' else 'h', (frame,), meaning, 'm')
