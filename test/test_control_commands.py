@@ -16,6 +16,7 @@ from mechanism_sim.cli.network import _value
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import MessageError, message_class, service_class
 from mechanism_sim.messages.plain import field, from_plain, to_plain
+from mechanism_sim.middleware.errors import InvalidNameError
 from mechanism_sim.nodes.command_node import command_node
 from mechanism_sim.recording import read_bag
 
@@ -83,6 +84,8 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
                 node.parameter_names('/crank_driv')
             with pytest.raises(MessageError, match="did you mean 'state'"):
                 node.call('set_simulation_state', None, {'state': {'stat': 1}})
+            with pytest.raises(InvalidNameError):
+                node.publish('bad name', 'std_msgs/msg/Float64', None, 1, 1.0, lambda: None)
             node.call('set_simulation_state', None, {'state': {'state': 3}})
         assert running.wait(TIMEOUT) == 0
         assert read_bag(bag).complete

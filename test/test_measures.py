@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -9,9 +10,10 @@ import pytest
 from four_bars import loose
 
 import mechanism_sim as ms
+from mechanism_sim.cli import main
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.cycles.measure_text import read
-from mechanism_sim.cycles.measures import EXACT, Measurement, measure
+from mechanism_sim.cycles.measures import EXACT, Measurement, check_measures, measure
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.sampling import EnergyTerms
@@ -218,6 +220,31 @@ def test_windows_and_names_are_read():
     assert (figure.since, figure.until) == ((2.0, False), (0.3, False))
     assert read('count(impacts.pin, per revolution)').figures[0].per_revolution
     assert read('percentile(x, 95, from 3 rev)').figures[0].percent == 95
+
+
+def test_a_scene_names_its_measures_and_moves_as_before(nominal, capsys):
+    plain, solution = nominal
+    texts = {'peak': 'largest(reaction.coupler_rocker)', 'half': 'rms(drive_torque)/2'}
+    named = {'measures': texts}
+    machine = ms.load_scene('four_bar_nominal', named)
+    assert machine.fingerprint == plain.fingerprint
+    found = measure(machine, solution)
+    assert [(m.name, m.unit) for m in found] == [('peak', 'N'), ('half', 'N m')]
+    given = ['--set', 'measures.peak=largest(reaction.coupler_rocker)', '--measure', 'peak']
+    given += ['--measure', 'b = mean(drive_torque)', '--json']
+    with pytest.raises(SystemExit):
+        main(['solve', 'four_bar_nominal', *given])
+    seen = json.loads(capsys.readouterr().out)['measures']
+    assert list(seen) == ['peak', 'b']
+    assert seen['peak']['value'] == pytest.approx(13.8987, rel=1e-5)
+    assert seen['peak']['resolution'] == EXACT
+    for override, said in (
+        ({'measures': {'peak': 'largest(x)'}}, "there is no quantity 'x'"),
+        ({'measures': {'peak': 'large(x)'}}, "measures.peak: 'large' in"),
+    ):
+        bad = ms.load_scene('four_bar_nominal', override)
+        with pytest.raises(InputError, match=said):
+            check_measures(bad, bad.scene.measures, 'measures')
 
 
 WORDS = (

@@ -50,7 +50,13 @@ def shown():
     }
 
 
-@pytest.mark.parametrize('name', ['machine', 'solution', 'piece', 'cycle'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'solution',
+        *(pytest.param(n, marks=pytest.mark.deep) for n in ('machine', 'piece', 'cycle')),
+    ],
+)
 def test_objects_show_a_picture_and_a_table_and_are_short_as_text(shown, name):
     one = shown[name]
     assert len(repr(one)) < LONGEST_LINE
@@ -61,6 +67,7 @@ def test_objects_show_a_picture_and_a_table_and_are_short_as_text(shown, name):
     assert base64.b64decode(data).startswith(b'\x89PNG')
 
 
+@pytest.mark.deep
 def test_a_cycle_shows_its_extremes_in_units_of_people(shown):
     cells = Cells(shown['cycle']._repr_html_()).cells
     at = cells.index('reaction.coupler_rocker.size')

@@ -255,6 +255,7 @@ def test_measures_that_cannot_be_are_refused_before_anything_runs(tmp_path):
             read_plan(str(tmp_path / 'study.yaml'), [measure])
 
 
+@pytest.mark.deep
 def test_the_command_prints_effects_and_draws_them(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     plan_of(tmp_path, UNIFORM + 'design: {samples: 12}\nlimits: {peak: 15 N m}\n')

@@ -83,8 +83,10 @@ def command_node(patience: float = PATIENCE) -> Iterator[CommandNode]:
     try:
         yield node
     except MessageError as error:
-        raise InputError(str(error)) from error
+        raise InputError(str(error).removesuffix('; define() adds one')) from error
     except MiddlewareError as error:
+        if isinstance(error, InputError):  # as a name that is none
+            raise
         raise RunError(str(error)) from error
     finally:
         leave([node.node])
