@@ -21,6 +21,7 @@ __all__ = [
     'equations',
     'load_scene',
     'measure',
+    'play',
     'scene_names',
     'simulate',
     'stream',
@@ -62,6 +63,10 @@ def __getattr__(name: str) -> _Any:
         from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
 
         return measure
+    if name == 'play':
+        from mechanism_sim.pages.notebook import play  # noqa: PLC0415
+
+        return play
     if name in ('animate', 'draw'):
         from mechanism_sim.report import shown  # noqa: PLC0415
 

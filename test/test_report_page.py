@@ -139,6 +139,24 @@ def test_it_plays_and_stops(opened):
     assert told == pytest.approx(stopped, abs=1e-5)
 
 
+def test_it_plays_in_a_cell_of_a_notebook(browser, tmp_path):
+    machine = ms.load_scene('four_bar_clearance')
+    player = ms.play(machine, ms.simulate(machine, duration=0.1), end=0.08)
+    assert len(player._repr_html_()) < 300_000
+    file = tmp_path / 'cell.html'
+    file.write_text(f'<!doctype html><title>cell</title>{player._repr_html_()}', encoding='utf-8')
+    tab = Tab(browser.new_page(), tmp_path)
+    tab.page.goto(file.as_uri())
+    inside = next(frame for frame in tab.page.frames if frame != tab.page.main_frame)
+    inside.wait_for_selector('html[data-ready="1"]', state='attached')
+    inside.click('#play')
+    when(inside, 'document.documentElement.dataset.time > 0.005')
+    assert inside.locator('#stage g[data-kind=link]').count() == 3
+    assert not tab.complaints
+    assert tab.requests == [file.as_uri()]
+    tab.page.close()
+
+
 def test_a_turn_takes_some_seconds_of_ours(opened, record):
     speed = float(opened.locator('#speed').input_value())
     assert 2.5 < 1.0 / (record.rate * speed) < 6.4
