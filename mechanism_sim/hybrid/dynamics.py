@@ -145,6 +145,8 @@ class Dynamics:
         if self.compliant:  # no gap is kept closed
             self.active[: len(gaps)] = [hy.expression(0.0)] * len(gaps)
         self._gaps = tuple(gaps)
+        #: of every row, the share by which it yields where others hold the same
+        self.softness = [0.0] * len(gaps) + [getattr(gap, 'softness', 0.0) for gap in gaps]
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
         self.rubs: list[Rub] = rubs(frictions, eq.frames)
         self.loads += [load for rub in self.rubs for load in rub.loads]
@@ -339,6 +341,8 @@ class Dynamics:
             line: Vector = []
             for c in columns:
                 entry = self.compliance[r][c]
+                if r == c and self.softness[r]:
+                    entry = mul(entry, 1.0 + self.softness[r])
                 entry = mul(self.active[r], mul(1.0 if r == c else self.active[c], entry))
                 line.append(add(entry, 1.0 - self.active[r]) if r == c else entry)
             K.append(line)

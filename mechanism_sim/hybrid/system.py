@@ -574,7 +574,9 @@ class System:
             count = len(rows)
             K = [
                 [
-                    add(mul(mul(d.active[i], d.active[k]), d.compliance[i][k]),
+                    add(mul(mul(d.active[i], d.active[k]),
+                            mul(d.compliance[i][k], 1.0 + d.softness[i])
+                            if i == k and d.softness[i] else d.compliance[i][k]),
                         1.0 - d.active[i] if i == k else None)
                     for k in range(count)
                 ]

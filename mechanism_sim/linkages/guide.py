@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import heyoka as hy
 import numpy as np
@@ -44,6 +45,9 @@ class GuideClearance:
     friction: float = 0.0
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
+
+    softness: ClassVar[float] = 1e-6
+    """Two corners that stick to one wall hold the same: they share it, giving way so little."""
 
     def stretch(self, value: Term) -> Term:
         """The value is the distance."""

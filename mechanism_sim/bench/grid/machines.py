@@ -220,6 +220,33 @@ def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> Non
         scene['joints'][name] = {**joint, 'friction': keys}
 
 
+GUIDED = ('slider_crank', 'slider_crank_offset', 'slider_crank_engine', 'punch')
+
+
+def _guide(random: Random, k: int) -> Draft:
+    """A slider-crank whose slider has play in its guide, rigid walls or compliant ones."""
+    name = GUIDED[k % len(GUIDED)]
+    keys, extent = drive(random, WAYS[k // len(GUIDED) % 5], (0.3, 1.2))
+    scene = variant(name, {'gravity': [0.0, pick(random, (0.0, -9.81))], 'start': 'centred'})
+    old = {k: scene['drive'][k] for k in ('coordinate', 'start_angle') if k in scene['drive']}
+    scene['drive'] = {**keys, **old}
+    joint = next(n for n, j in scene['joints'].items() if 'prismatic' in j)
+    length = float(random.uniform(0.03, 0.1))
+    play = {
+        'radial': decades(random, -5.0, -3.0), 'restitution': pick(random, RESTITUTIONS[:-1]),
+        'length': length, 'height': length * float(random.uniform(0.2, 1.0)),
+        'friction': pick(random, (0.0, decades(random, -2.0, -0.7))),
+    }  # fmt: skip
+    if k % 3 == 2:
+        play['restitution'] = max(0.1, min(0.9, play['restitution']))
+        play['friction'] = 0.0  # two corners that stick make steps without number
+        play['contact'] = {'law': LAWS[k // 3 % 4], 'stiffness': decades(random, 7.5, 9.0)}
+    scene['joints'][joint] = {**scene['joints'][joint], 'clearance': play}
+    block = scene['joints'][joint]['prismatic'][1].partition('.')[0]
+    scene['links'][block] = {**scene['links'][block], 'inertia': decades(random, -5.0, -3.0)}
+    return Draft(scene, **extent)
+
+
 MOVING = 'forward', 'backward'
 SHOWN = tuple(n for n in scene_names() if n != 'thesis')
 
@@ -247,6 +274,7 @@ FAMILIES = (
     Family('loads', 30, _loads, NOT_SEATED),
     Family('steps', 60, _steps, NOT_SEATED),
     Family('rubbing', 100, _rubbing, (), len(RUBBING)),
+    Family('guide', 40, _guide, (), len(GUIDED)),
     Family('loose', 60, _loose, NOT_SEATED),
     Family('package', 2 * len(SHOWN), _package),
 )
