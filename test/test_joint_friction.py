@@ -1,6 +1,7 @@
 """Coulomb friction in ideal joints, against closed forms and equations written out by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -276,6 +277,22 @@ def test_forces_forwards_are_those_backwards():
     assert solution.energy.residual == pytest.approx(0.0, abs=1e-9 * seen['energy.dissipated'][-1])
     # rod and piston turn back, each at its own instants
     assert (np.diff(solution.motion.acting.astype(int), axis=0) != 0).any(axis=0)[2:].all()
+
+
+def test_a_pause_changes_nothing():
+    """What presses and where forces point goes on with the rest, to the bit."""
+    scene = variant('rubbing_compressor', {
+        'drive': {'coordinate': 'crank', 'speed': 40.0, 'torque': {'constant': 4.0}}
+    })  # fmt: skip
+    machine = build('free', check_scene('free', scene))
+    whole, first = machine.start(), machine.start()
+    whole.advance(0.2, final=True)
+    first.advance(0.137)
+    paused = replace(first.snapshot(), machine=machine.fingerprint)
+    assert -1.0 in paused.rubbing
+    rest = machine.resume(paused)
+    rest.advance(0.2, final=True)
+    assert rest.state == whole.state
 
 
 def test_a_tight_pin_is_the_limit_of_a_loose_one():

@@ -224,8 +224,12 @@ def _hz(node: CommandNode, options: argparse.Namespace, words: list[str]) -> int
 
 def _pub(node: CommandNode, options: argparse.Namespace, words: list[str]) -> int:
     count = 1 if options.once else options.count
-    told = lambda: None if options.json else print(f'published on {words[0]}', flush=True)  # noqa: E731
-    node.publish(words[0], words[1], _values(words[2:]), count or sys.maxsize, options.rate, told)
+
+    def show() -> None:
+        if not options.json:
+            print(f'published on {words[0]}', flush=True)
+
+    node.publish(words[0], words[1], _values(words[2:]), count or sys.maxsize, options.rate, show)
     return 0
 
 

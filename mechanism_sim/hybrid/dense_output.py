@@ -25,8 +25,8 @@ class Motion:
     approach: Array  #: (m, gaps) [m/s] of the first touch of compliant contacts, else (m, 0)
     torques: Array  #: (m, k, 3) coefficients of the torque laws of k powered coordinates
     acting: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
-    """(m, h) rows of the h switches of loads that depend on rates: off, on, or holding; where they
-    are not known (0, 0)."""
+    """(m, h) rows of switches of loads and frictions that depend on rates: off, on or holding;
+    then 1 or 0 by the side on which each line that rubs is pressed. Where not known (0, 0)."""
 
     def __len__(self) -> int:
         return len(self.curve)

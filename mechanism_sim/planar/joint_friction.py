@@ -1,9 +1,10 @@
-"""Coulomb friction in ideal joints: journals, guides and slots that rub under their own load.
+"""Coulomb friction in ideal joints: all kinds that rub under their own load.
 
 What rubs is one number T per joint, on the second-named link: a moment about the pin, or a force
 along the line. While it slides ``T = -b sign(rate)``; while it sticks T is what keeps the rate at
 zero, as long as ``|T| <= b``. The bound b grows with the joint's own force, which depends on T:
-equations for all T at once, solved by Newton's method.
+equations for all T at once, solved by Newton's method: in `hybrid.holding` for equations of
+motion, in `solve_friction` for known motions. The derivation is in docs/physics.md.
 """
 
 from __future__ import annotations
