@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from mechanism_sim.planar.elastic import Beam
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
+    from mechanism_sim.planar.rotor import Rotor
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
@@ -34,13 +35,17 @@ Spread: TypeAlias = dict[Arm, Any]
 
 @dataclass(frozen=True)
 class Body:
-    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed."""
+    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed.
+
+    The mass of a rotor includes its supports; centre of gravity and inertia are the disk's.
+    """
 
     name: str
     mass: float  #: [kg]
     inertia: float  #: [kg m^2] about the centre of gravity
     cog: Vector2  #: [m] centre of gravity in the link's frame
     beam: Beam | None = None  #: what is elastic of it
+    rotor: Rotor | None = None  #: how its axis gives way
 
 
 @dataclass(frozen=True)
@@ -201,7 +206,13 @@ class Mechanism:
     @cached_property
     def deformations(self) -> tuple[str, ...]:
         """The elastic coordinates."""
-        return tuple(f'{link}.{name}' for link, beam in self.beams.items() for name in beam.names)
+        parts = ((b.name, part) for b in self.bodies for part in (b.beam, b.rotor) if part)
+        return tuple(f'{link}.{name}' for link, part in parts for name in part.names)
+
+    @cached_property
+    def rotors(self) -> dict[str, Rotor]:
+        """What gives way of the links that are rotors."""
+        return {body.name: body.rotor for body in self.bodies if body.rotor}
 
     def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
@@ -215,6 +226,7 @@ class Mechanism:
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
         turning = [b.name for b in self.bodies if b.name not in self.sliding]
+        turning += [f'{link}.{c}' for link, rotor in self.rotors.items() for c in rotor.angles]
         return tuple(c for c in self.coordinates if c not in turning)
 
     @cached_property
@@ -346,6 +358,8 @@ class Mechanism:
         moved = _minus(self._deformed(link, here))
         if deformed:
             moved = _plus(self._deformed(link, at), moved)
+        if deformed and link in self.rotors:
+            moved = _plus(moved, self.rotors[link].moved(link))
         rigid: Point = {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)}
         return _plus(_plus(result, rigid), moved)
 
@@ -365,17 +379,20 @@ class Mechanism:
         A rigid link has one, at its centre of gravity, beside its moment of inertia.
         """
         body = self.body(link)
-        if not body.beam:
+        if body.beam:
+            return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+        if not body.rotor:
             return [(body.mass, self.point(link, body.cog))]
-        return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+        disk = body.mass - body.rotor.mass, self.point(link, body.cog)
+        return [disk, *body.rotor.particles(link)]
 
     def spread(self, link: str) -> tuple[Any, Spread]:
         """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
 
-        Of a rigid link, numbers instead.
+        Of a rigid link with one particle, numbers instead.
         """
         found = self.particles(link)
-        if link not in self.beams:
+        if len(found) == 1 and link not in self.beams:
             return found[0]
         arms = dict.fromkeys(arm for _, point in found for arm in point)
         none = (0.0, 0.0)
@@ -386,7 +403,7 @@ class Mechanism:
     def centre(self, link: str) -> Point:
         """The centre of gravity of a link."""
         body = self.body(link)
-        if not body.beam:
+        if not (body.beam or body.rotor):
             return self.point(link, body.cog)
         found: Point = {}
         for mass, point in self.particles(link):

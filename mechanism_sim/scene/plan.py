@@ -28,7 +28,7 @@ from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints
+from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints, read_rotors
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -141,7 +141,11 @@ def plan_of(name: str, scene: Scene) -> Plan:
     closing = closing_joints(places.links, joints, (), straight)
     check_bearings(places, joints, closing)
     elastic = read_beams(places, joints, drives)
-    massless = tuple(elastic.get(link, Body(link, 0.0, 0.0, (0.0, 0.0))) for link in places.links)
+    rotors = read_rotors(places)
+    massless = tuple(
+        elastic.get(link, Body(link, 0.0, 0.0, (0.0, 0.0), rotor=rotors.get(link)))
+        for link in places.links
+    )
     tree = Mechanism(massless, joints, closing)
     laws: dict[str, tuple[Law, ...]] = {}
     begins: dict[str, tuple[float, float]] = {}
@@ -176,7 +180,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         if drive.effort is not None
     }
     return Plan(
-        read_bodies(places, tree, drives, elastic),
+        read_bodies(places, tree, drives, elastic, rotors),
         joints,
         closing,
         scene.gravity,
