@@ -47,6 +47,11 @@ class Body:
     beam: Beam | None = None  #: what is elastic of it
     rotor: Rotor | None = None  #: how its axis gives way
 
+    @property
+    def disk_radius(self) -> float:
+        """Of an even disk with its mass and inertia [m]."""
+        return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0
+
 
 @dataclass(frozen=True)
 class Revolute:
@@ -252,7 +257,7 @@ class Mechanism:
         """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; a higher pair may reach
-        farther. 0 if all coincide.
+        farther, and so may the disk of a rotor. 0 if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
@@ -265,7 +270,8 @@ class Mechanism:
             for b in points
         )
         extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        return max(longest, *extents, 0.0)
+        disks = (body.disk_radius for body in self.bodies if body.rotor)
+        return max(longest, *extents, *disks, 0.0)
 
     @cached_property
     def reach(self) -> float:

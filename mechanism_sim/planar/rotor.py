@@ -1,17 +1,18 @@
 """Rotors: a link on a shaft or in supports that give way, whose axis moves and tilts a little.
 
-The axis is that of a shaft without mass, square to the plane of the machine. Its coordinates come
-in pairs, along x and y: the disk's centre, the slope of the axis there (from this axis' direction
-towards x and y), and each support that has a mass. With ``r`` the pairs as complex numbers x + i y,
-the spin W and the diametral and polar moments of inertia ``I_d``, ``I_p`` their equations are
+The axis is that of a shaft without mass, square to the plane of the machine. Its coordinates
+come in pairs, along x and y: the disk's centre, the slope of the axis there (out of the direction
+in which it rests, towards x and y), and each support that has a mass. With the pairs as complex
+numbers ``r = x + i y``, the spin W and the diametral and polar moments of inertia ``I_d``, ``I_p``
+their equations are
 
     M r'' + C r' + C_i (r' - i W r) + K r - i W I_p e e^T r' = forces
 
 with e the unit vector of the slope, and K and C of their own along x and y. External damping C
-acts against the motion in the ground, internal damping ``C_i`` in the shaft against that in a frame
-that turns with it, so that it does work on a whirl slower than the spin; the torque
-``-Im(conj(r) f_i)`` on the disk pays for it. The gyroscopic moment does no work. All is of the
-first order in the tilt (G. Genta, Dynamics of Rotating Systems, 2005, sections 2.4, 2.5 and 4.2).
+acts against the motion in the ground, internal damping ``C_i`` in the shaft against that in a
+frame that turns with it, so that it feeds a whirl slower than the spin; the disk's spin pays for
+it. The gyroscopic moment does no work. All is of the first order in the tilt (G. Genta, Dynamics
+of Rotating Systems, 2005, sections 2.4, 2.5 and 4.2).
 """
 
 from __future__ import annotations

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-12  # of a stiffness
+
 
 @dataclass(frozen=True)
 class Bearing:
@@ -77,12 +79,14 @@ def condensed(
     inner = K[np.ix_(rest, rest)]
     if rest:
         size = np.sqrt(np.diag(inner))
-        if np.linalg.eigvalsh(inner / np.outer(size, size)).min() < 1e-12:
+        if np.linalg.eigvalsh(inner / np.outer(size, size)).min() < ROUNDING:
             return None
     moves = np.zeros((len(K), len(kept)))  # all places, from those that are kept
     moves[kept, range(len(kept))] = 1.0
     moves[rest] = -np.linalg.solve(inner, K[np.ix_(rest, kept)])
     found = moves.T @ K @ moves
+    stiff = np.sqrt(np.diag(K)[kept])
+    found[np.abs(found) < ROUNDING * np.outer(stiff, stiff)] = 0.0
     rows = []
     for b in bearings:
         i = at[b.along]

@@ -150,9 +150,7 @@ def _check(where: str, key: str, joint: RotorKeys, support: SupportPart) -> None
         )
 
 
-def _bending(
-    where: str, joint: RotorKeys, polar: float, place: tuple[float, float]
-) -> Rotor:
+def _bending(where: str, joint: RotorKeys, polar: float, place: tuple[float, float]) -> Rotor:
     """A rotor whose shaft bends."""
     shaft = joint.shaft
     assert shaft  # noqa: S101 - it bends
@@ -186,9 +184,10 @@ def _bending(
             c[i, i] = _both(support.damping)[axis]
         own = dict(zip(joint.supports, found[1], strict=True))
         for key in heavy:
-            own[key] = np.eye(len(pairs))[pairs.index(key)] * _both(
-                joint.supports[key].stiffness or 0.0
-            )[axis]
+            own[key] = (
+                np.eye(len(pairs))[pairs.index(key)]
+                * _both(joint.supports[key].stiffness or 0.0)[axis]
+            )
         K.append(k)
         C.append(c)
         rows.append(own)
@@ -211,8 +210,8 @@ def _stiff(where: str, joint: RotorKeys, polar: float, place: tuple[float, float
     apart = len({s.along for s in supports.values()}) > 1
     if not tilts and apart and any(any(_both(s.damping)) or s.mass for s in supports.values()):
         raise InputError(
-            f"{where}.diametral_inertia is missing: the disk tilts in supports beside it that have "
-            'a damping or a mass'
+            f'{where}.diametral_inertia is missing: the disk tilts in supports beside it that '
+            'have a damping or a mass'
         )
     K, C, rows, damped = [], [], [], []
     for axis in (0, 1):
@@ -232,9 +231,7 @@ def _stiff(where: str, joint: RotorKeys, polar: float, place: tuple[float, float
     arms = [np.array([1.0, s.along] if tilts else [1.0]) for s in supports.values()]
     lumps = [(s.mass, arm) for s, arm in zip(supports.values(), arms, strict=True) if s.mass]
     pairs = ['', SLOPE] if tilts else ['']
-    return _made(
-        where, joint, polar, place, pairs, K, C, np.zeros_like(K[0]), lumps, rows, damped
-    )
+    return _made(where, joint, polar, place, pairs, K, C, np.zeros_like(K[0]), lumps, rows, damped)
 
 
 def _loose(where: str) -> InputError:
