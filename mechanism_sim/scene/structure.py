@@ -171,6 +171,11 @@ def read_bodies(
         if link in drives:
             body = Body(link, body.mass, body.inertia + drives[link].added_inertia, body.cog)
         if link in rotors:
+            if given.mass is not None and not body.mass:
+                raise InputError(
+                    f"{places.name}: 'links.{link}.mass' is 0: the axis of the rotor could move "
+                    'without moving any mass: give it more'
+                )
             body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
         found.append(body)
     return tuple(found)
