@@ -143,7 +143,8 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, Comp
     """Frequencies [Hz], damping ratios and shapes (f,) of ``M z'' + C z' + K z = 0``.
 
     Proportional damping gives one mode for each coordinate, overdamped ones too; any other, or
-    where a rigid-body mode is damped, gives one for each pair of conjugate roots and one for each real root.
+    where a rigid-body mode is damped, gives one for each pair of conjugate roots and one for each
+    real root.
     """
     scale = 1.0 / np.sqrt(np.diag(M))
     M, C, K = (scale[:, None] * x * scale for x in (M, C, K))
