@@ -472,10 +472,21 @@ class Mechanism:
         frame, offset = self.frame(link)
         return offset + (0.0 if frame == GROUND else q[frame])
 
-    def separation(self, joint: str) -> Point:
-        """Point of the first link minus point of the second link at a cut joint."""
+    def separation(
+        self, joint: str, pin: Vector2 = (0.0, 0.0), bushing: Vector2 = (0.0, 0.0)
+    ) -> Point:
+        """Point of the first link minus point of the second link at a cut joint.
+
+        `pin` and `bushing` are how far off the joint's points these are, in the links' frames [m].
+        """
         j = self.joint(joint)
-        return _plus(self.point(j.first, j.on_first), _minus(self.point(j.second, j.on_second)))
+        first = _plus(self.point(j.first, j.on_first), self.offset(j.first, pin))
+        second = _plus(self.point(j.second, j.on_second), self.offset(j.second, bushing))
+        return _plus(first, _minus(second))
+
+    def offset(self, link: str, off: Vector2) -> Point:
+        """A vector of a link's frame [m] as a sum over arms."""
+        return {(self.frame(link)[0], None): self.turn(link, off)}
 
 
 def closing_joints(
