@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import heyoka as hy
 import numpy as np
@@ -29,6 +29,7 @@ class EndPlane:
     joint: str
     pin: Vector2  #: [m] off the joint's point on the first link, in its frame
     bushing: Vector2  #: [m] the same on the second link
+    height: float  #: [m] above the plane of the links
 
 
 @dataclass(frozen=True)
@@ -112,14 +113,16 @@ class BearingClearance:
         if not self.end:
             return pressed
         joint = self.mechanism.joint(self.joint)
-        off = self.mechanism.offset(joint.second, self.end.bushing)
+        off = self.mechanism.offset(joint.second, self.end.bushing, self.end.height)
         x, y = frames.position(off, f'{self.name}.bushing')
         turning = moment_of((x.value, y.value), (pressed.x, pressed.y))
         return pressed._replace(moment=add(pressed.moment, turning))
 
     def _pin_in_bushing(self, frames: Frames) -> tuple[Jet, Jet]:
         """From the bushing's centre to the pin's, in the plane of the contact."""
-        off = (self.end.pin, self.end.bushing) if self.end else ()
+        if not self.end:
+            return frames.position(self.mechanism.separation(self.name), self.name)
+        _, *off = astuple(self.end)
         return frames.position(self.mechanism.separation(self.joint, *off), self.name)
 
     def _minus_curvature(self, frames: Frames) -> hy.expression:
@@ -133,7 +136,7 @@ class BearingClearance:
 
 
 def bearing_ends(
-    gap: BearingClearance, length: float, pin: Vector2, bushing: Vector2
+    gap: BearingClearance, length: float, pin: Vector2, bushing: Vector2, along: float = 0.0
 ) -> Iterator[BearingClearance]:
     """The gaps at both ends of a bearing whose pin and bushing are out of line.
 
@@ -142,18 +145,16 @@ def bearing_ends(
     Parameters
     ----------
     gap : of the bearing as if pin and bushing were in line; its law is that of each end
-    length : of the bearing [m], its middle in the plane of the links
+    length : of the bearing [m]
     pin, bushing : inclinations of the axes [rad], the way each leans towards the reader, in the
         frame of its link
+    along : how far its middle is above the plane of the links [m]; counts where these lean
     """
     joint = gap.mechanism.joint(gap.name)
     assert isinstance(joint, Revolute)  # noqa: S101 - a bearing is
     for end, height in zip(ENDS, (0.5 * length, -0.5 * length), strict=True):
-        plane = EndPlane(
-            joint.name,
-            (height * pin[0], height * pin[1]),
-            (height * bushing[0], height * bushing[1]),
-        )
+        on_pin, on_bushing = ((height * x, height * y) for x, y in (pin, bushing))
+        plane = EndPlane(joint.name, on_pin, on_bushing, along + height)
         yield replace(gap, name=end_name(gap.mechanism, joint, end), end=plane)
 
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing, bearing_ends
 from mechanism_sim.linkages.guide import corners
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Vector2
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Mechanism, Prismatic, Vector2
 from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
-from mechanism_sim.scene.contact_keys import Clearance, Play
+from mechanism_sim.scene.contact_keys import Clearance, Misalignment, Play
 
-_IN_LINE = 1e-6
+_IN_LINE = 1e-5
 
 
 def gaps_and_films(
@@ -39,7 +40,7 @@ def gaps_and_films(
         elif film:
             films.append(FilmBearing(name, mechanism, film))
         else:
-            leans = leaning(c)
+            leans = leaning(mechanism, name, c)
             gap = BearingClearance(
                 name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis, c.pin_radius,
                 force_law(c, 0.5 if leans else 1.0),
@@ -58,18 +59,30 @@ def oil_film(clearance: Play) -> ShortBearing | None:
     return ShortBearing(viscosity, width, radius, clearance.radial)
 
 
-def leaning(clearance: Play) -> tuple[float, Vector2, Vector2] | None:
-    """Length of a bearing [m], inclinations of pin and bushing [rad]; None if they are in line.
+class Leaning(NamedTuple):
+    """A bearing whose ends differ, see `bearing_ends`."""
 
-    Within a millionth of the clearance at its ends they count as in line.
+    length: float  #: [m]
+    pin: Vector2  #: [rad] inclination by manufacture
+    bushing: Vector2  #: [rad]
+    along: float  #: [m]
+
+
+def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None:
+    """How the axes of a bearing lean against each other; None if its ends do not differ.
+
+    Within a hundred thousandth of the clearance at its ends they count as in line.
     """
-    if not isinstance(clearance, Clearance) or not clearance.misalignment:
+    if not isinstance(clearance, Clearance) or not clearance.length:
         return None
-    given = clearance.misalignment
+    given, length = clearance.misalignment or Misalignment(), clearance.length
     pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
-    length = clearance.length or 0.0
     off = 0.5 * length * (math.hypot(*pin) + math.hypot(*bushing))
-    return (length, pin, bushing) if off > _IN_LINE * clearance.radial else None
+    ends = (mechanism.joint(joint).first, mechanism.joint(joint).second)
+    leans = any(mechanism.body(link).tilt for link in ends if link != GROUND)
+    if not leans and off <= _IN_LINE * clearance.radial:
+        return None
+    return Leaning(length, pin, bushing, clearance.along)
 
 
 def force_law(clearance: Play, share: float = 1.0) -> ForceLaw | None:

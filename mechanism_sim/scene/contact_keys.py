@@ -14,6 +14,7 @@ from mechanism_sim.scene.quantities import (
     Displacement,
     Length,
     Part,
+    Position,
     Radius,
     si,
 )
@@ -97,6 +98,8 @@ class Clearance(Play):
     """Radius of the circle in which the pin's centre can move; of a block, its play each side."""
     length: Length | None = None
     """Of a bearing along its axis, or of a block along its guide, about the joint's point."""
+    along: Position = 0.0
+    """Where the middle of a bearing lies along its axis, above the plane of its links."""
     misalignment: Misalignment | None = None
     """Of the axes of pin and bushing, which then touch at the ends of the bearing's length."""
     height: Length | None = None

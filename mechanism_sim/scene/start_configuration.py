@@ -58,8 +58,9 @@ def seats(machine: DynamicModel, q: Array, v: Array, a: Array) -> dict[str, Arra
         size = float(np.hypot(*force))
         contact = clearance.contact
         soft = contact.stiffness if contact and not machine.placed_outright else None
-        leans = leaning(clearance)
-        soft = 0.5 * soft if soft and leans else soft
+        leans = leaning(machine.mechanism, name, clearance)
+        alone = leans and any((*leans.pin, *leans.bushing))  # one end of two takes it all
+        soft = 0.5 * soft if soft and alone else soft
         depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
         if pin:
             found[name] = (clearance.radial + depth) * force / size
@@ -74,11 +75,11 @@ def leaning_seats(machine: DynamicModel, found: dict[str, Array], q: Array) -> d
     place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
     seated = {}
     for name, centred in found.items():
-        if leans := leaning(machine.clearances[name]):
-            joint, (length, *axes) = mechanism.joint(name), leans
+        if leans := leaning(mechanism, name, machine.clearances[name]):
+            joint, axes = mechanism.joint(name), (leans.pin, leans.bushing)
             angles = (mechanism.angle(link, place) for link in (joint.first, joint.second))
             first, second = (np.array(rotate(x, a)) for x, a in zip(axes, angles, strict=True))
-            off = 0.5 * length * (first - second)
+            off = 0.5 * leans.length * (first - second)
             room = float(np.hypot(*centred))
             seated[name] = seat(room, centred / room, off) if off.any() else centred
     return seated

@@ -55,12 +55,13 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> JournalFricti
 def _wrong_play(given: Clearance) -> str:
     if given.height:
         return 'has a clearance with height, which is of blocks in guides'
-    if not given.misalignment:
+    if (given.misalignment or given.along) and not given.length:
+        what = 'misalignment' if given.misalignment else 'along'
+        return f"has a clearance with {what}: it needs 'length', that of the bearing"
+    if given.length and given.contact and given.contact.law == 'film':
+        return "has a film with length, which is for solid contacts: leave it out, or 'contact'"
+    if not given.misalignment or not given.length:
         return ''
-    if not given.length:
-        return "has a misalignment: its clearance needs 'length', that of the bearing"
-    if given.contact and given.contact.law == 'film':
-        return 'has a film with misalignment: here films are between parallel axes'
     most = 2.0 * given.radial / given.length
     both = given.misalignment.pin, given.misalignment.bushing
     angle = sum(x.angle for x in both if x)
