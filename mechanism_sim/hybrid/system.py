@@ -575,8 +575,8 @@ class System:
             K = [
                 [
                     add(mul(mul(d.active[i], d.active[k]),
-                            mul(d.compliance[i][k], 1.0 + d.softness[i])
-                            if i == k and d.softness[i] else d.compliance[i][k]),
+                            mul(d.compliance[i][k], 1.0 + dense(d.softness[i]))
+                            if i == k and d.softness[i] is not None else d.compliance[i][k]),
                         1.0 - d.active[i] if i == k else None)
                     for k in range(count)
                 ]
