@@ -58,8 +58,9 @@ def initial_state(machine: DynamicModel) -> State:
 
 
 def _starts_closed(machine: DynamicModel, gap: Gap) -> bool:
-    """Pins are on their bushings, and what can only lift off is in contact."""
-    return machine.clearances[gap.joint].radial == 0.0 or isinstance(gap, BearingClearance)
+    """Pins are on their bushings but in oil, and what can only lift off is in contact."""
+    play = machine.clearances[gap.joint]
+    return play.radial == 0.0 or (isinstance(gap, BearingClearance) and not play.film)
 
 
 def _placed(machine: DynamicModel) -> tuple[Values, Values]:
