@@ -414,7 +414,8 @@ class System:
         loads = [load for rub in self.dynamics.rubs for load in rub.loads]
         for element in self.elements:
             if isinstance(element, JointForce):
-                cut[element.name] = element.wrench(eq.frames)
+                carried, before = element.wrench(eq.frames), cut.get(element.name)
+                cut[element.name] = together(before, carried) if before else carried
                 loads += element.loads(eq.frames)[2:]
             else:
                 loads += element.loads(eq.frames)

@@ -220,9 +220,14 @@ class Mechanism:
         """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
         found: dict[str, NDArray[np.float64]] = {}
         for link, beam in self.beams.items():
-            own = [self.coordinates.index(f'{link}.{name}') for name in beam.names]
-            found |= {f'{what}.{link}': x for what, x in beam.columns(q[own]).items()}
+            columns = beam.columns(q[self.amplitudes(link)])
+            found |= {f'{what}.{link}': x for what, x in columns.items()}
         return found
+
+    def amplitudes(self, link: str) -> list[int]:
+        """Numbers of the elastic coordinates of a link."""
+        names = self.beams[link].names if link in self.beams else ()
+        return [self.coordinates.index(f'{link}.{name}') for name in names]
 
     @cached_property
     def displacements(self) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ def seats(machine: DynamicModel, q: Array, v: Array, a: Array) -> dict[str, Arra
     pressed = [
         name
         for name, c in machine.clearances.items()
+        if not c.film
         if isinstance(machine.mechanism.joint(name), Revolute) or not c.radial
     ]
     if not pressed:
