@@ -43,6 +43,7 @@ def add(command: Command) -> None:
     option(sub, '--frequencies', 'A:B:N', "as '1 Hz:20 Hz:39'")
     option(sub, '--harmonics', 'N', 'instead: of the vibration under drives and loads', int)
     option(sub, '--period', 'T', "with --harmonics: as '0.1 s'; a turn of the drive if not given")
+    option(sub, '--speeds', 'A:B:N', 'instead: of the first harmonic over N speeds of the drive')
     option(sub, '-o --output', 'FILE', 'draw it')
 
 
@@ -106,10 +107,23 @@ def _modes(options: argparse.Namespace) -> int:
 
 def _response(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
-    from mechanism_sim.study.response import harmonics, read_source, response  # noqa: PLC0415
+    from mechanism_sim.study.response import (  # noqa: PLC0415
+        harmonics,
+        read_source,
+        response,
+        unbalance_response,
+    )
 
     file = _picture(options)
     forced = [options.force, options.direction, options.torque, options.base, options.frequencies]
+    if options.speeds is not None:
+        if any(x is not None for x in (*forced, options.harmonics, options.period)):
+            raise InputError('--speeds goes without a source, --frequencies and --harmonics')
+        speeds = _span('--speeds', options.speeds, 'rad/s')
+        machine = read_machine(options)
+        turned = unbalance_response(machine, options.quantities, speeds)
+        _draw(file, report.response_picture, turned, machine.scene.title)
+        return print_result(options, turned, report.response_json, report.response_text)
     if options.harmonics is not None:
         if any(x is not None for x in forced):
             raise InputError('--harmonics goes without a source and without --frequencies')
@@ -121,7 +135,7 @@ def _response(options: argparse.Namespace) -> int:
     if options.period is not None:
         raise InputError('--period belongs to --harmonics')
     if not options.frequencies:
-        raise InputError("give --frequencies, as '1 Hz:20 Hz:39', or --harmonics")
+        raise InputError("give --frequencies, as '1 Hz:20 Hz:39', --harmonics or --speeds")
     frequency = _span('--frequencies', options.frequencies, 'Hz')
     direction = None
     if options.direction is not None:

@@ -19,7 +19,8 @@ def shaft_columns(machine: Machine, samples: Samples) -> dict[str, Array]:
 
     ``tooth_force.JOINT.LINK.tangential``, counterclockwise about the link's shaft, ``.radial``,
     towards it, and ``.axial``; ``bearing_force.SHAFT.BEARING.x``, ``.y``, ``.size`` of each
-    bearing on the shaft, across it, and ``.axial`` of the one that locates it.
+    bearing on the shaft, across it, and ``.axial`` of the one that locates it. Of a support of a
+    rotor that has a mass it is the force of the ground on that.
     """
     if not machine.physics.has_forces:
         return {}
@@ -31,7 +32,25 @@ def shaft_columns(machine: Machine, samples: Samples) -> dict[str, Array]:
                 loads.append(load)
                 parts = load.components
                 found |= {f'tooth_force.{joint.name}.{load.link}.{k}': x for k, x in parts.items()}
-    return found | dict(_bearings(machine, samples, loads))
+    return found | dict(_bearings(machine, samples, loads)) | dict(_supports(machine, samples))
+
+
+def _supports(machine: Machine, samples: Samples) -> Iterator[tuple[str, Array]]:
+    """Forces of the supports of rotors."""
+    mechanism, o = machine.mechanism, samples.observed
+    index = mechanism.coordinates.index
+    for joint in mechanism.joints:
+        rotor = mechanism.rotors.get(joint.second)
+        if rotor is None or mechanism.tree_joints.get(joint.second) is not joint:
+            continue
+        own = [index(f'{joint.second}.{name}') for name in rotor.names]
+        spin = o.velocity[index(joint.second)]
+        for name, _ in rotor.supports:
+            x, y = rotor.support_force(name, o.position[own], o.velocity[own], spin)
+            head = f'bearing_force.{joint.name}.{name}'
+            yield f'{head}.x', x
+            yield f'{head}.y', y
+            yield f'{head}.size', np.hypot(x, y)
 
 
 def _view(machine: Machine, joint: HigherPair | Revolute, samples: Samples) -> JointView:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
@@ -82,6 +84,29 @@ def read_frictions(
     return made
 
 
+def read_rotors(places: Places) -> dict[str, Rotor]:
+    """What gives way of the links that are rotors, by link.
+
+    Raises
+    ------
+    InputError
+        If one is in two joints of that kind, or is elastic itself.
+    """
+    found: dict[str, Rotor] = {}
+    for name, joint in places.scene.joints.items():
+        make = KINDS[joint.kind].rotor
+        if make is None:
+            continue
+        link, rotor = make(places, name, joint)
+        if link in found or places.scene.links[link].elastic:
+            raise InputError(
+                f'{places.name}: joints.{name}: {link} gives way already, as a rotor in another '
+                "joint or by its key 'elastic': leave one of them out"
+            )
+        found[link] = rotor
+    return found
+
+
 def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
     reached, grown = {GROUND}, True
     while grown:
@@ -101,6 +126,7 @@ def read_bodies(
     tree: Mechanism,
     drives: Mapping[str, DrivePart],
     elastic: Mapping[str, Body],
+    rotors: Mapping[str, Rotor],
 ) -> tuple[Body, ...]:
     """The moving links with what they weigh, point masses and flywheels included.
 
@@ -145,6 +171,8 @@ def read_bodies(
         body = _together(link, parts)
         added = drives[link].added_inertia if link in drives else 0.0
         body = Body(link, body.mass, body.inertia + added, body.cog)
+        if link in rotors:
+            body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
         found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)
 

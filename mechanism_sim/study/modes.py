@@ -6,7 +6,7 @@ static equilibrium near the start. Joints with clearance count as ideal, prescri
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -43,17 +43,27 @@ class Mode:
     damping_ratio : -Re(root)/|root|; above 1 if overdamped, negative if it grows
     shape : complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1;
         angles are compared with displacements over the size of the mechanism
+    whirl : how round the axes of rotors go, from -1, a circle against their rotation, over 0, to
+        and fro, to 1, a circle with it; None if no rotor turns, or no axis moves
     """
 
     frequency: float
     damping_ratio: float
     shape: dict[str, complex]
+    whirl: float | None = None
 
     @property
     def damped_frequency(self) -> float:
         """Frequency of the free vibration [Hz]; 0 where it does not oscillate."""
         square = (1.0 - self.damping_ratio) * (1.0 + self.damping_ratio)
         return self.frequency * float(np.sqrt(max(square, 0.0)))
+
+
+class CriticalSpeed(NamedTuple):
+    """A speed of rotation that is a natural frequency."""
+
+    speed: float  #: [rad/s]
+    whirl: float | None  #: of its mode
 
 
 class Station(NamedTuple):
@@ -110,10 +120,22 @@ class LinearMachine:
             )
         free = self.derivatives.free
         B, scale = self.B[free], self.derivatives.scale[free]
-        return [
-            Mode(frequency, ratio, _shape([names[i] for i in free], B @ z, scale))
-            for frequency, ratio, z in natural_modes(M, C, K)
-        ]
+        found = []
+        for frequency, ratio, z in natural_modes(M, C, K):
+            shape = _shape([names[i] for i in free], B @ z, scale)
+            found.append(Mode(frequency, ratio, shape, self._whirl(shape)))
+        return found
+
+    def _whirl(self, shape: Mapping[str, complex]) -> float | None:
+        """Area that rotors' axes go round, with their rotation, over the largest for their size."""
+        area = size = 0.0
+        for link, rotor in self.machine.plan.ideal.rotors.items():
+            spin = self.at.v[self.derivatives.coordinates.index(link)]
+            lengths = [shape[f'{link}.{c}'] for c in rotor.names if c not in rotor.angles]
+            for x, y in zip(lengths[::2], lengths[1::2], strict=True):
+                area -= 2.0 * (x.conjugate() * y).imag * np.sign(spin)
+                size += (abs(x) ** 2 + abs(y) ** 2) * abs(np.sign(spin))
+        return area / size if size else None
 
 
 def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, ComplexArray]]:
@@ -164,8 +186,14 @@ def _shape(names: Sequence[str], amplitudes: ComplexArray, scale: Array) -> dict
     return dict(zip(names, (amplitudes / largest).tolist(), strict=True))
 
 
-def derivatives(machine: Machine, excitation: Excitation | None = None) -> Linearisation:
+def derivatives(
+    machine: Machine, excitation: Excitation | None = None, held: Sequence[str] = ()
+) -> Linearisation:
     """The derivatives of a machine's equations of motion, its joints ideal.
+
+    Parameters
+    ----------
+    held : coordinates that a torque moves, but whose motion is given here
 
     Raises
     ------
@@ -184,13 +212,13 @@ def derivatives(machine: Machine, excitation: Excitation | None = None) -> Linea
             f'{machine.name}: joints.{name}.friction: Coulomb friction has no linear form, and '
             f"near rest it sticks: set it to zero, as '--set joints.{name}.friction.coefficient=0'"
         )
-    laws = [plan.laws[c][0] for c in plan.powered]
+    laws = [plan.laws[c][0] for c in plan.powered if c not in held]
     found = Linearisation(
-        ideal, closures(ideal, ideal.cut), plan.prescribed,
-        [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal), plan.motors,
-        excitation,
+        ideal, closures(ideal, ideal.cut), [*plan.prescribed, *held],
+        [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal),
+        [motor for motor in plan.motors if motor.coordinate not in held], excitation,
     )  # fmt: skip
-    if machine.assembly.freedom + len(plan.powered) == 0:
+    if machine.assembly.freedom + len(plan.powered) - len(held) <= 0:
         raise InputError(
             f'{machine.name}: nothing can vibrate: its drives prescribe the whole motion; give '
             "'drive.torque' instead of a speed, or a link that moves on springs"
@@ -223,7 +251,7 @@ def linearised(
     found = known or derivatives(machine, excitation)
     q = machine.assembly.q if start is None else start
     try:
-        at = found.equilibrium(found.point(np.array(q, float), _rates(machine, speed)))
+        at = found.equilibrium(found.point(np.array(q, float), steady_rates(machine, speed)))
     except FloatingPointError:
         raise InputError(
             f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
@@ -246,7 +274,7 @@ def linearised(
     return LinearMachine(machine, found, at, linear, *found.basis(linear.J))
 
 
-def _rates(machine: Machine, speed: float) -> Array:
+def steady_rates(machine: Machine, speed: float) -> Array:
     """Rates (n,) of a steady motion: the main drive, and the angles of the links it carries."""
     mechanism = machine.plan.ideal
     rates = np.zeros(len(mechanism.coordinates))
@@ -293,17 +321,18 @@ def _frame_modes(machine: Machine, name: str) -> list[Mode]:
 def along(machine: Machine, count: int) -> list[Station]:
     """The modes with the drive held at `count` places around its turn.
 
-    At each the equilibrium is sought from that at the place before.
+    At each the equilibrium is sought from that at the place before. A torque or a motor is replaced
+    by what holds its link (frozen).
 
     Raises
     ------
     InputError
-        As `linearised`; or if no drive prescribes an angle.
+        As `linearised`; or if no drive turns an angle.
     """
     if count < 1:
         raise InputError(f'--along {count}: expected 1 angle or more')
-    main = _turning(machine, '--along')
-    found = derivatives(machine)
+    main = turning(machine, '--along')
+    found = derivatives(machine, held=kept(machine))
     k, q = found.coordinates.index(main), machine.assembly.q.copy()
     first, stations = q[k], []
     for i in range(count):
@@ -322,46 +351,64 @@ def along(machine: Machine, count: int) -> list[Station]:
 def campbell(machine: Machine, speeds: Array) -> list[Station]:
     """The modes at steady speeds (s,) [rad/s] of the drive, about the relative equilibrium.
 
+    A torque or a motor is replaced by what keeps the speed.
+
     Raises
     ------
     InputError
-        As `linearised`; or if no drive prescribes an angle.
+        As `linearised`; or if no drive turns an angle.
     """
-    _turning(machine, '--speeds')
-    found = derivatives(machine)
+    turning(machine, '--speeds')
+    found = derivatives(machine, held=kept(machine))
     return [
         _station(linearised(machine, speed=float(speed), known=found), float(speed))
         for speed in speeds
     ]
 
 
-def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[float]:
-    """Speeds [rad/s] at which a natural frequency is that of the rotation, between stations."""
-    known, found = derivatives(machine), []
+def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[CriticalSpeed]:
+    """Speeds at which a natural frequency is that of the rotation, between stations."""
+    known, found = derivatives(machine, held=kept(machine)), []
+
+    def mode(speed: float, k: int) -> Mode:
+        modes = linearised(machine, speed=speed, known=known).modes()
+        return modes[min(k, len(modes) - 1)]
 
     def above(speed: float, k: int) -> float:
-        modes = linearised(machine, speed=speed, known=known).modes()
-        return modes[min(k, len(modes) - 1)].frequency - abs(speed) / (2.0 * np.pi)
+        return mode(speed, k).frequency - abs(speed) / (2.0 * np.pi)
 
     for a, b in pairwise(stations):
         for k in range(min(len(a.modes), len(b.modes))):
             ends = [x.modes[k].frequency - abs(x.speed) / (2.0 * np.pi) for x in (a, b)]
             if ends[0] == 0.0 and a.speed:
-                found.append(a.speed)
+                found.append(CriticalSpeed(a.speed, a.modes[k].whirl))
             elif ends[0] * ends[1] < 0.0:
-                found.append(scipy.optimize.brentq(above, a.speed, b.speed, (k,), rtol=1e-14))
-    return sorted(found)
+                w = scipy.optimize.brentq(above, a.speed, b.speed, (k,), rtol=1e-14)
+                found.append(CriticalSpeed(w, mode(w, k).whirl))
+    return sorted(found, key=lambda x: x.speed)
 
 
-def _turning(machine: Machine, option: str) -> str:
-    """The main drive's coordinate."""
+def turning(machine: Machine, option: str) -> str:
+    """The main drive's coordinate, which an option turns.
+
+    Raises
+    ------
+    InputError
+        If it is no angle, or nothing drives it.
+    """
     plan = machine.plan
-    if machine.main not in plan.prescribed or machine.main in plan.ideal.displacements:
+    driven = machine.main in plan.prescribed or machine.scene.drive is not None
+    if not driven or machine.main in plan.ideal.displacements:
         raise InputError(
-            f'{machine.name}: {option} needs a drive that prescribes an angle: give '
-            "'drive.coordinate' and 'drive.speed'"
+            f"{machine.name}: {option} needs a drive of an angle: give 'drive.coordinate', and "
+            "'drive.speed' or 'drive.torque'"
         )
     return machine.main
+
+
+def kept(machine: Machine) -> list[str]:
+    """The main coordinate if a torque moves it: then the torque is what its motion takes."""
+    return [machine.main] if machine.main in machine.plan.powered else []
 
 
 def _station(one: LinearMachine, speed: float) -> Station:
