@@ -55,7 +55,7 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 class Explore(Directive):
-    """A machine with a slider: ``explore`` with a scene, and in it the arguments of `ms.explore`."""
+    """A machine with a slider: a scene, and as content the arguments of `ms.explore`."""
 
     required_arguments = 1
     has_content = True
@@ -73,7 +73,7 @@ class Explore(Directive):
         address = _beside(env.docname, page.name)
         return [nodes.raw('', (
             f'<iframe class="explore" title="{scene} with a slider" src="{address}" '
-            f'loading="lazy" style="height: {self.options.get("height", 660)}px"></iframe>'
+            f'loading="lazy" style="height: {self.options.get("height", 740)}px"></iframe>'
         ), format='html')]  # fmt: skip
 
 

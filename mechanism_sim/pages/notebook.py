@@ -85,7 +85,7 @@ def explore(
     overrides: Mapping[str, Any] | None = None,
     revolutions: float | None = None,
     duration: float | None = None,
-    height: int = 720,
+    height: int = 780,
 ) -> Player:
     """Play a machine with a slider through values of its scene, and chart a quantity of each.
 
