@@ -430,7 +430,7 @@ class Mechanism:
         Of a rigid link with one particle, numbers instead.
         """
         found = self.particles(link)
-        if link not in self.flexible:
+        if len(found) == 1 and link not in self.flexible:
             return found[0]
         arms = dict.fromkeys(arm for _, point in found for arm in point)
         none = (0.0, 0.0)
