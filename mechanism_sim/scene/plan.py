@@ -198,7 +198,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         guess,
         places.points,
         lambda m: [x for x in loads(m) if not isinstance(x, UnknownForce)],
-        read_frictions(places, plays),
+        read_frictions(places),
         lambda m: [x for x in loads(m) if isinstance(x, UnknownForce)],
         efforts,
         tuple(m for c, drive in drives.items() if (m := read_motor(c, drive)) is not None),

@@ -9,7 +9,6 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
 from mechanism_sim.planar.rotor import Rotor
-from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
@@ -46,15 +45,13 @@ def _joint(places: Places, name: str, joint: JointPart) -> Joint:
     return kind.read(places, name, joint)
 
 
-def read_frictions(
-    places: Places, plays: Mapping[str, Play]
-) -> Callable[[Mechanism], list[JointFriction]]:
+def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]:
     """Friction in ideal joints.
 
     Raises
     ------
     InputError
-        If there are loose joints, too.
+        If keys do not fit the kind.
     """
     rubs = {}
     for name, joint in places.scene.joints.items():
@@ -70,12 +67,6 @@ def read_frictions(
             raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
         if given.coefficient:
             rubs[name] = given
-    if rubs and plays:
-        raise InputError(
-            f'{places.name}: joints.{next(iter(rubs))}.friction: friction in ideal joints is not '
-            f'modelled beside joints with clearance ({next(iter(plays))}): give the friction of '
-            "each joint in its 'clearance', or leave out the clearances"
-        )
 
     def made(mechanism: Mechanism) -> list[JointFriction]:
         makers = ((name, KINDS[places.scene.joints[name].kind].friction) for name in rubs)
