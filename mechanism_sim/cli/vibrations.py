@@ -29,6 +29,10 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--along', 'N', 'with the drive held at N angles around its turn', int)
     option(sub, '--speeds', 'A:B:N', "over N speeds of the drive, as '0 rpm:3000 rpm:31'")
+    sub.add_argument(
+        '--turning', action='store_true',
+        help='about the motion in which its torque keeps it, even if it could rest',
+    )  # fmt: skip
     option(sub, '-o --output', 'FILE', 'draw the shapes, or the frequencies over angle or speed')
     sub = command('response', _response, 'steady response to a harmonic force or base motion')
     scene_options(sub)
@@ -84,10 +88,11 @@ def _span(name: str, text: str, unit: str) -> Array:
 
 def _modes(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
+    from mechanism_sim.study import floquet  # noqa: PLC0415
     from mechanism_sim.study import modes as study  # noqa: PLC0415
 
-    if options.along is not None and options.speeds:
-        raise InputError('give either --along or --speeds, not both')
+    if (options.along is not None) + bool(options.speeds) + options.turning > 1:
+        raise InputError('give one of --along, --speeds and --turning')
     file = _picture(options)
     speeds = _span('--speeds', options.speeds, 'rad/s') if options.speeds else None
     machine = read_machine(options)
@@ -99,8 +104,8 @@ def _modes(options: argparse.Namespace) -> int:
         stations = study.along(machine, options.along)
         table = report.ModeTable(machine.name, stations, 'angle', machine.main)
     else:
-        found = study.modes(machine)
-        table = report.ModeTable(machine.name, [study.Station({}, 0.0, found)])
+        found = floquet.station(machine, options.turning)
+        table = report.ModeTable(machine.name, [found], main=machine.main)
     _draw(file, report.modes_picture, table, machine.scene.title)
     return print_result(options, table, report.modes_json, report.modes_text)
 

@@ -39,7 +39,9 @@ class ModeTable(NamedTuple):
 def modes_json(table: ModeTable) -> dict[str, Any]:
     """SI units, frequencies in Hz."""
     if table.over is None:
-        return {'scene': table.scene, 'modes': [_mode(m) for m in table.stations[0].modes]}
+        (only,) = table.stations
+        turning = {'speed': only.speed, 'faded': only.faded} if only.speed else {}
+        return {'scene': table.scene, **turning, 'modes': [_mode(m) for m in only.modes]}
     found: dict[str, Any] = {
         'scene': table.scene,
         'over': table.over,
@@ -90,7 +92,12 @@ def modes_text(table: ModeTable) -> str:
         if any(_way(m.whirl) for m in modes):
             rows.append(['whirl', *(_way(m.whirl).strip() or '-' for m in modes)])
         rows += [[name, *(_amplitude(m.shape.get(name)) for m in modes)] for name in names]
-        return '\n'.join(text_table.lines(rows, indent=''))
+        lines = text_table.lines(rows, indent='')
+        if speed := table.stations[0].speed:
+            lines.append(f'its torque keeps {table.main} turning at {speed:.9g} rad/s')
+        if faded := table.stations[0].faded:
+            lines.append(f'{faded} more die out within a turn')
+        return '\n'.join(lines)
     unit = 'rad/s' if table.over == 'speed' else 'rad'
     most = max(len(s.modes) for s in table.stations)
     rows = [[f'{table.over} of {table.main} [{unit}]', *(f'{k + 1} [Hz]' for k in range(most))]]

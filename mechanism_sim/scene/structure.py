@@ -163,6 +163,11 @@ def read_bodies(
         added = drives[link].added_inertia if link in drives else 0.0
         body = Body(link, body.mass, body.inertia + added, body.cog)
         if link in rotors:
+            if given.mass is not None and not body.mass:
+                raise InputError(
+                    f"{places.name}: 'links.{link}.mass' is 0: the axis of the rotor could move "
+                    'without moving any mass: give it more'
+                )
             body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
         found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)

@@ -72,6 +72,7 @@ class Station(NamedTuple):
     position: dict[str, float]  #: of all coordinates, where they are linearised [rad, m]
     speed: float  #: of the drive [rad/s, m/s]
     modes: list[Mode]
+    faded: int = 0  #: modes besides that die out in less than a turn, too fast to be told
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class LinearMachine:
         return found
 
     def _whirl(self, shape: Mapping[str, complex]) -> float | None:
-        """Area that rotors' axes go round, with their rotation, over the largest for their size."""
+        """Area that rotors' axes go round, with their rotation, over the largest of their size."""
         area = size = 0.0
         for link, rotor in self.machine.plan.ideal.rotors.items():
             spin = self.at.v[self.derivatives.coordinates.index(link)]
@@ -141,8 +142,9 @@ class LinearMachine:
 def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, ComplexArray]]:
     """Frequencies [Hz], damping ratios and shapes (f,) of ``M z'' + C z' + K z = 0``.
 
-    Proportional damping gives one mode for each coordinate, overdamped ones too; any other gives
-    one for each pair of conjugate roots and one for each real root.
+    Proportional damping gives one mode for each coordinate, overdamped ones too; any other, or
+    where a rigid-body mode is damped, gives one for each pair of conjugate roots and one for each
+    real root.
     """
     scale = 1.0 / np.sqrt(np.diag(M))
     M, C, K = (scale[:, None] * x * scale for x in (M, C, K))
@@ -160,9 +162,11 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, Comp
         if found is not None and found.decay_rates is not None:
             w, a = found.frequencies, found.decay_rates
             w = np.where(w <= np.sqrt(ROUNDING) * w.max(initial=0.0), 0.0, w)
-            ratios = [float(x / y) if y else float(x > 0.0) for x, y in zip(a, w, strict=True)]
-            shapes = (scale[:, None] * found.shapes).astype(complex)
-            return list(zip((w / (2.0 * np.pi)).tolist(), ratios, shapes.T, strict=True))
+            drifts = (w == 0.0) & (a > ROUNDING * np.maximum(w, a).max(initial=0.0))
+            if not drifts.any():
+                ratios = [float(x / y) if y else 0.0 for x, y in zip(a, w, strict=True)]
+                shapes = (scale[:, None] * found.shapes).astype(complex)
+                return list(zip((w / (2.0 * np.pi)).tolist(), ratios, shapes.T, strict=True))
     roots, vectors = scipy.linalg.eig(state_space.state_matrix(M, C, tidy))
     roots[np.abs(roots) <= _RIGID * np.abs(roots).max()] = 0.0
     shapes = scale[:, None] * vectors[: len(M)]
@@ -232,6 +236,7 @@ def linearised(
     start: Array | None = None,
     speed: float = 0.0,
     known: Linearisation | None = None,
+    turning: bool = False,
 ) -> LinearMachine:
     """A machine near its equilibrium, driven coordinates held or turning steadily.
 
@@ -241,6 +246,7 @@ def linearised(
         start of the scene if not given
     speed : of the main drive [rad/s, m/s]; links that it carries turn with it
     known : derivatives of the same machine
+    turning : whether to look for the steady rotation in which a torque keeps it, not for rest
 
     Raises
     ------
@@ -251,13 +257,16 @@ def linearised(
     found = known or derivatives(machine, excitation)
     q = machine.assembly.q if start is None else start
     try:
-        at = found.equilibrium(found.point(np.array(q, float), steady_rates(machine, speed)))
+        rates = steady_rates(machine, speed)
+        at = None if turning else found.equilibrium(found.point(np.array(q, float), rates))
     except FloatingPointError:
         raise InputError(
             f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
             "spring whose ends meet has no direction (set them apart, with a 'free_length'), and "
             'a formula may be out of its range'
         ) from None
+    if at is None and not speed and machine.main in machine.plan.powered:
+        at = _steady(machine, found, q)
     if at is None:
         raise InputError(
             f'{machine.name}: no equilibrium was found near the start'
@@ -266,12 +275,30 @@ def linearised(
             "'initial.position'"
         )
     linear = found(at)
-    if np.abs(linear.J @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
+    if speed and np.abs(linear.J @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
         raise InputError(
             f'{machine.name}: at a steady speed of {machine.main} its links move against each '
             'other, so the modes change over the turn: take --along'
         )
     return LinearMachine(machine, found, at, linear, *found.basis(linear.J))
+
+
+def _steady(machine: Machine, found: Linearisation, q: Array) -> Point | None:
+    """The steady rotation in which a drive's torque keeps a machine, sought from likely speeds."""
+    if machine.scene.drive is None or machine.main in machine.plan.ideal.displacements:
+        return None
+    start = found.point(np.array(q, float), np.zeros(len(q)))
+    paces = [getattr(m.characteristic, 'synchronous_speed', 0.0) / m.ratio
+             for m in machine.plan.motors]  # fmt: skip
+    for speed in dict.fromkeys((machine.start_of_crank[1], *paces)):
+        try:
+            turned = found.turning(start, found.coordinates.index(machine.main))
+            at = found.steady(start._replace(v=speed * turned), turned)
+        except FloatingPointError:
+            continue
+        if at is not None:
+            return at
+    return None
 
 
 def steady_rates(machine: Machine, speed: float) -> Array:
@@ -294,7 +321,24 @@ def steady_rates(machine: Machine, speed: float) -> Array:
 
 
 def modes(machine: Machine) -> list[Mode]:
-    """The modes of a machine about its static equilibrium, and of its frames on springs.
+    """The modes of a machine, as `about`, and of its frames on springs.
+
+    Raises
+    ------
+    InputError
+        As `about`.
+    """
+    return about(machine).modes
+
+
+def about(machine: Machine, turning: bool = False) -> Station:
+    """The modes about the static equilibrium, or the steady rotation in which a torque keeps it.
+
+    Those of frames on springs are among them.
+
+    Parameters
+    ----------
+    turning : whether to look for the rotation only
 
     Raises
     ------
@@ -303,8 +347,12 @@ def modes(machine: Machine) -> list[Mode]:
     """
     found = [mode for name in machine.scene.oscillators for mode in _frame_modes(machine, name)]
     if found and not machine.torque_driven:
-        return found
-    return sorted([*found, *linearised(machine).modes()], key=lambda m: m.frequency)
+        return Station({}, 0.0, found)
+    one = linearised(machine, turning=turning)
+    k = one.derivatives.coordinates.index(machine.main)
+    driven = machine.main in machine.plan.prescribed
+    own = _station(one, 0.0 if driven else float(one.at.v[k]))
+    return own._replace(modes=sorted([*found, *own.modes], key=lambda m: m.frequency))
 
 
 def _frame_modes(machine: Machine, name: str) -> list[Mode]:
@@ -321,8 +369,8 @@ def _frame_modes(machine: Machine, name: str) -> list[Mode]:
 def along(machine: Machine, count: int) -> list[Station]:
     """The modes with the drive held at `count` places around its turn.
 
-    At each the equilibrium is sought from that at the place before. A torque or a motor is replaced
-    by what holds its link (frozen).
+    At each the equilibrium is sought from that at the place before. A torque or a motor is
+    replaced by what holds its link (frozen).
 
     Raises
     ------

@@ -46,7 +46,7 @@ def beam(rigidity: float, length: float) -> Array:
 def condensed(
     rigidity: float, bearings: Sequence[Bearing], tilts: bool
 ) -> tuple[Array, list[Array]] | None:
-    """Stiffness for the deflection of the disk, its slope if it counts, and supports that are kept.
+    """Stiffness for the deflection of the disk, its slope, and the supports that are kept.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def condensed(
 
     Returns
     -------
-    (p, p) [N/m, N m/rad], without the stiffness of the supports that are kept; and of each support
-    the row (p,) of minus its force on the shaft, zero where it is kept. None if the supports do not
+    (p, p) [N/m, N m/rad], without the stiffness of the supports that are kept; of each support the
+    row (p,) of minus its force on the shaft, zero where it is kept. None if the supports do not
     hold the shaft.
     """
     places = sorted({0.0, *(b.along for b in bearings)})
