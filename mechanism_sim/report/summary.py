@@ -120,11 +120,11 @@ def _final(run: Stream) -> dict[str, object]:
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
     }
-    strained: dict[str, dict[str, float]] = {}
-    for name, row in physics.strained(o.position).items():
+    others: dict[str, dict[str, float]] = {}
+    for name, row in physics.columns(o).items():
         kind, _, link = name.partition('.')
-        strained.setdefault(kind, {})[link] = float(row[0])
-    final |= strained
+        others.setdefault(kind, {})[link] = float(row[0])
+    final |= others
     if physics.has_forces:
         final['reactions'] = {
             joint: plain(force[:, 0].tolist())
@@ -187,6 +187,8 @@ def render(run: Stream) -> str:
         turning = f' {moment:14.9g} N m' if moment else ''
         force = ' '.join(f'{"no limit" if z is None else f"{z:.9g}":>14}' for z in (x, y))
         lines.append(f'    {joint:16} {force} N{turning}')
+    for name, moment in data.get('bearing_moment', {}).items():  # type: ignore[attr-defined]
+        lines.append(f'    moment {name} {moment:14.9g} N m')
     torques: dict[str, float | None] = data.get('drive_torques', {})  # type: ignore[assignment]
     for c, torque in torques.items():
         straight = c in run.machine.physics.displacements
