@@ -22,7 +22,7 @@ from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute, Side
-from mechanism_sim.planar.play import wall_name
+from mechanism_sim.planar.play import gaps_of, wall_name
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -210,8 +210,8 @@ class Stage:
         known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
         touching = np.zeros((count, len(bearings)), np.uint8)
         for k, joint in enumerate(bearings):
-            if joint.name in known:  # an oil film has no gap
-                touching[:, k] = known[joint.name]
+            for gap in gaps_of(self.machine.mechanism, joint.name, known):  # a film has none
+                touching[:, k] = np.maximum(touching[:, k], known[gap])
         return Frames(
             t,
             poses,

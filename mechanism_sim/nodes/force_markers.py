@@ -21,6 +21,7 @@ from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, st
 from mechanism_sim.nodes.markers import STEEL, Colour, disc, frame_of, marker
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Joint
+from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
@@ -160,7 +161,7 @@ class Picture:
         out = place.mean(axis=1) - seen.centre
         far = float(np.hypot(*out))
         out = out / far if far > 1e-6 * self._size else np.array([0.0, 1.0])
-        film = joint.name not in physics.clearances
+        film = not gaps_of(self._machine.mechanism, joint.name, physics.clearances)
         arm = play.pin_radius + play.radial
         return _Lens(joint, 2.0 * radius * out, radius, magnified, play.radial, arm, film)
 

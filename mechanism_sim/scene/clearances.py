@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.contact.film import ShortBearing
-from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing, bearing_ends
+from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
+from mechanism_sim.linkages.bearing_ends import bearing_ends
 from mechanism_sim.linkages.guide import corners
 from mechanism_sim.planar.mechanism import GROUND, HigherPair, Mechanism, Prismatic, Vector2
 from mechanism_sim.planar.play import walls
