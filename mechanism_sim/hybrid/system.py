@@ -258,7 +258,8 @@ class System:
         a = [dense(x) for x in self.dynamics.stabilised.a]
         rates = [frames.v[c] for c in self.turning]
         near = [self.dynamics.distance] if self.relations else []
-        driven = self._driven([*self._by_directions([*a, *self._guards, *near]), *rates], True)
+        known = [*self._acted(a), *self._guards, *near]
+        driven = self._driven([*self._by_directions(known), *rates])
         n, m, k = len(a), len(self._guards), len(near)
         a, guards, near = driven[:n], driven[n : n + m], driven[n + m : n + m + k]
         rates = driven[n + m + k :]
@@ -301,7 +302,8 @@ class System:
                 result.append(FORCE_SCALE * (x * ux + y * uy + 0.5 * size + self._unpressed))
                 continue
             if gap < 0:
-                result.append(JAM_SCALE * (self.acting(solved).jam_margin - RUB_JAMMED) + TINY)
+                margin = dense(self.acting(solved).jam_margin)
+                result.append(JAM_SCALE * (margin - RUB_JAMMED) + TINY)
                 continue
             s = d.closed[gap]
             if not friction:
@@ -326,6 +328,10 @@ class System:
                 least = JAMMED_ROUGH if d.friction[gap] == ROUGH else JAMMED
                 idle = idle + sign * sign * (JAM_SCALE * (margin * margin - least * least))
             result.append(inside + idle + TINY)
+        # what friction in ideal joints is by itself has been solved for already
+        own = [k for k, g in enumerate(self.guards) if g.gap >= 0 or g.switch is not None]
+        for k, guard in zip(own, self._acted([result[k] for k in own]), strict=True):
+            result[k] = guard
         return result
 
     @cached_property
@@ -375,7 +381,7 @@ class System:
     def pin_forces(self) -> hy.cfunc_dbl:
         """Components of the forces in pins that rub, one after the other; as `watch`."""
         carried = self.acting(self.dynamics.stabilised).carried
-        return self._on_now([c for pair in carried for c in pair], parts=True)
+        return self._on_now([c for pair in carried for c in pair])
 
     @property
     def _unpressed(self) -> Term:
@@ -443,7 +449,7 @@ class System:
     def holding_rates(self) -> hy.cfunc_dbl:
         """Rates of the functions of switches that may hold, then their parts; as `watch`."""
         rates = self.rates_of_holding(self.dynamics.stabilised.a)
-        return self._on_now([*rates, *(s.flag for s in self.holding.values())], parts=True)
+        return self._on_now(self._acted([*rates, *(s.flag for s in self.holding.values())]))
 
     @cached_property
     def edges(self) -> Edges | None:
@@ -477,16 +483,17 @@ class System:
             replace |= {hy.cos(q): cosine, hy.sin(q): sine}
         return list(hy.subs(list(expressions), replace))
 
-    def _driven(
-        self, expressions: Sequence[hy.expression], parts: bool = False
-    ) -> list[hy.expression]:
+    def _acted(self, expressions: Sequence[Term]) -> list[hy.expression]:
+        """The expressions with what acts of loads that hold, and of friction in ideal joints."""
+        terms = [dense(x) for x in expressions]
+        return list(hy.subs(terms, self._parts)) if self._parts else terms
+
+    def _driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
         """The expressions with the laws of the prescribed coordinates, and what loads ask for.
 
-        With `parts` flags of switches that hold are their parts; else parameters, frozen.
+        Flags of switches that hold are parameters.
         """
         frames = self.equations.frames
-        if parts and self._parts:
-            expressions = hy.subs(list(expressions), self._parts)
         replace: dict[str | hy.expression, hy.expression] = {}
         for name, c in self._laws.items():
             for symbol, d in ((frames.q, 0), (frames.v, 1), (frames.a, 2)):
@@ -500,7 +507,7 @@ class System:
             replace[symbol] = hy.par[index] + hy.time if name == 'time' else hy.par[index]
         return list(hy.subs(list(expressions), replace))
 
-    def _on_now(self, outputs: Sequence[Term], parts: bool = False) -> hy.cfunc_dbl:
+    def _on_now(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
         """Compiled function of one vector: free coordinates, rates, parameters and time.
 
         A call with parameters and time apart takes more than twice as long.
@@ -509,7 +516,7 @@ class System:
         replace = {hy.par[i]: hy.make_vars(f'parameter{i}') for i in range(len(self.parameters))}
         replace[hy.time] = hy.make_vars('now')
         state = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
-        expressions = self._driven([dense(o) for o in outputs], parts)
+        expressions = self._driven([dense(o) for o in outputs])
         return compiled.function(hy.subs(expressions, replace), [*state, *replace.values()])
 
     @cached_property
@@ -522,12 +529,12 @@ class System:
         d, places = self.dynamics, (s.place for s in self.switches)
         values = (jet.value for jet in d.normal if d.compliant)
         rates = (jet.rate for jet in d.normal)
-        return self._on_now([*self._guards, *rates, *values, *places], parts=True)
+        return self._on_now([*self._guards, *rates, *values, *places])
 
     @cached_property
     def accelerations(self) -> hy.cfunc_dbl:
         """Of the free coordinates, as the integrator has them; of the same vector as `watch`."""
-        return self._on_now(self.dynamics.stabilised.a, parts=True)
+        return self._on_now(self._acted(self.dynamics.stabilised.a))
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
@@ -576,8 +583,8 @@ class System:
             K = [
                 [
                     add(mul(mul(d.active[i], d.active[k]),
-                            mul(d.compliance[i][k], 1.0 + d.softness[i])
-                            if i == k and d.softness[i] else d.compliance[i][k]),
+                            mul(d.compliance[i][k], 1.0 + dense(d.softness[i]))
+                            if i == k and d.softness[i] is not None else d.compliance[i][k]),
                         1.0 - d.active[i] if i == k else None)
                     for k in range(count)
                 ]

@@ -95,7 +95,7 @@ class Equations:
 
     def _products(self, name: str, pairs: Iterable[tuple[Any, _Vector, _Vector]]) -> Term:
         """``sum m a . b``, with the constants of equal frames and displacements collected."""
-        total = np.sum if self.mechanism.beams else float
+        total = np.sum if self.mechanism.flexible else float
         sums: dict[tuple[str, str, tuple[str, ...]], tuple[float, float]] = {}
         sizes: dict[tuple[str, str, tuple[str, ...]], float] = {}
         order = self.coordinates
@@ -106,7 +106,7 @@ class Equations:
             inner += total(mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1]))
             outer += total(mass * (a.d[0] * b.d[1] - a.d[1] * b.d[0]))
             sums[key] = inner, outer
-            if self.mechanism.beams:
+            if self.mechanism.flexible:
                 size = np.sum(np.abs(mass) * np.hypot(*a.d) * np.hypot(*b.d))
                 sizes[key] = sizes.get(key, 0.0) + float(size)
         for key, size in sizes.items():  # what orthogonal shapes leave of integrals is rounding
@@ -136,7 +136,12 @@ class Equations:
             if f == g == self.mechanism.frame(body.name)[0]:
                 # about the centre of gravity, as if of a mass at the radius of gyration
                 unit = _Vector(f, (), (1.0, 0.0))
-                pairs.append((body.beam.spin if body.beam else body.inertia, unit, unit))
+                own = self.mechanism.flexible.get(body.name)
+                pairs.append((own.spin if own else body.inertia, unit, unit))
+            if f == g and body.tilt and f in self.mechanism.tilts:
+                link, _, name = f.partition('.')
+                unit = _Vector(GROUND, (), (1.0, 0.0))
+                pairs += [(body.tilt.rising[name], unit, unit)] if link == body.name else []
         return self._products(f'inertia:{f}:{g}', pairs)
 
     def _velocity_product(self, f: str) -> Term:
@@ -188,7 +193,7 @@ class _Beams:
         p, half = frames.parameters, hy.expression(0.5)
         self._forces: dict[str, Term] = {}
         self._losses: dict[str, Term] = {}
-        for link, beam in mechanism.beams.items():
+        for link, beam in mechanism.flexible.items():
             for name, size in beam.stiffness.items():
                 c = f'{link}.{name}'
                 self._forces[c] = mul(p(f'links:{c}.stiffness', size), q[c])

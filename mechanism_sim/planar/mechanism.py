@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from mechanism_sim.planar.elastic import Beam
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
+    from mechanism_sim.planar.tilt import Tilt
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
@@ -41,6 +42,7 @@ class Body:
     inertia: float  #: [kg m^2] about the centre of gravity
     cog: Vector2  #: [m] centre of gravity in the link's frame
     beam: Beam | None = None  #: what is elastic of it
+    tilt: Tilt | None = None  #: how it leans out of its plane
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ class Mechanism:
     a link, or the displacement [m] of a link that a prismatic joint of the tree carries. A link
     that no uncut joint ties to the ground, not even by way of others, floats: its angle is
     followed, after those of all links, by two displacements of its centre of gravity. Last come
-    the elastic coordinates, see `Beam`.
+    the elastic coordinates, see `Beam`, and the inclinations of links that lean, see `Tilt`.
     """
 
     bodies: tuple[Body, ...]
@@ -199,9 +201,20 @@ class Mechanism:
         return {body.name: body.beam for body in self.bodies if body.beam}
 
     @cached_property
+    def flexible(self) -> dict[str, Beam | Tilt]:
+        """What has coordinates of its own, by link."""
+        tilts = {body.name: body.tilt for body in self.bodies if body.tilt}
+        return {**self.beams, **tilts}
+
+    @cached_property
     def deformations(self) -> tuple[str, ...]:
-        """The elastic coordinates."""
-        return tuple(f'{link}.{name}' for link, beam in self.beams.items() for name in beam.names)
+        """The elastic coordinates, and the inclinations."""
+        return tuple(f'{link}.{name}' for link, own in self.flexible.items() for name in own.names)
+
+    @property
+    def tilts(self) -> tuple[str, ...]:
+        """The inclinations among them [rad]."""
+        return tuple(c for c in self.deformations if c.partition('.')[0] not in self.beams)
 
     def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
@@ -219,7 +232,7 @@ class Mechanism:
     @cached_property
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
-        turning = [b.name for b in self.bodies if b.name not in self.sliding]
+        turning = [b.name for b in self.bodies if b.name not in self.sliding] + [*self.tilts]
         return tuple(c for c in self.coordinates if c not in turning)
 
     @cached_property
@@ -356,11 +369,11 @@ class Mechanism:
 
     def _deformed(self, link: str, at: Vector2) -> Point:
         """How the deformation of a link moves its points in its frame."""
-        if link not in self.beams:
+        if link not in self.flexible:
             return {}
         return {
             (link, names[0] if len(names) == 1 else names): d
-            for own, d in self.beams[link].arms(at).items()
+            for own, d in self.flexible[link].arms(at).items()
             for names in [tuple(f'{link}.{name}' for name in own)]
         }
 
@@ -370,9 +383,20 @@ class Mechanism:
         A rigid link has one, at its centre of gravity, beside its moment of inertia.
         """
         body = self.body(link)
-        if not body.beam:
+        if link not in self.flexible:
             return [(body.mass, self.point(link, body.cog))]
-        return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+        return [
+            (mass, _plus(self.point(link, (x, y)), self.lean(link, *height)))
+            for mass, (x, y, *height) in self.flexible[link].particles
+        ]
+
+    def lean(self, link: str, height: float = 0.0) -> Point:
+        """How a point above a link's plane [m] moves in the plane when the link leans."""
+        if not height or link not in self.flexible or link in self.beams:
+            return {}
+        names = (f'{link}.{name}' for name in self.flexible[link].names)
+        ways = (height, 0.0), (0.0, height)
+        return {(link, name): d for name, d in zip(names, ways, strict=True)}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
         """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
@@ -380,7 +404,7 @@ class Mechanism:
         Of a rigid link, numbers instead.
         """
         found = self.particles(link)
-        if link not in self.beams:
+        if link not in self.flexible:
             return found[0]
         arms = dict.fromkeys(arm for _, point in found for arm in point)
         none = (0.0, 0.0)
@@ -403,8 +427,8 @@ class Mechanism:
         """How much a link turns at a point with each coordinate: 1, or [rad/m]."""
         frame = self.frame(link)[0]
         found = {} if frame == GROUND else {frame: 1.0}
-        if link in self.beams:
-            found |= {f'{link}.{name}': x for name, x in self.beams[link].slopes(at).items()}
+        if link in self.flexible:
+            found |= {f'{link}.{name}': x for name, x in self.flexible[link].slopes(at).items()}
         return found
 
     def locate(self, link: str, q: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
@@ -477,10 +501,29 @@ class Mechanism:
         frame, offset = self.frame(link)
         return offset + (0.0 if frame == GROUND else q[frame])
 
-    def separation(self, joint: str) -> Point:
-        """Point of the first link minus point of the second link at a cut joint."""
+    def separation(
+        self,
+        joint: str,
+        pin: Vector2 = (0.0, 0.0),
+        bushing: Vector2 = (0.0, 0.0),
+        height: float = 0.0,
+    ) -> Point:
+        """Point of the first link minus point of the second link at a cut joint.
+
+        Parameters
+        ----------
+        pin, bushing : how far off the joint's points these are, in the links' frames [m]
+        height : above the plane of the links [m]
+        """
         j = self.joint(joint)
-        return _plus(self.point(j.first, j.on_first), _minus(self.point(j.second, j.on_second)))
+        first = _plus(self.point(j.first, j.on_first), self.offset(j.first, pin, height))
+        second = _plus(self.point(j.second, j.on_second), self.offset(j.second, bushing, height))
+        return _plus(first, _minus(second))
+
+    def offset(self, link: str, off: Vector2, height: float) -> Point:
+        """A vector of a link's frame, and what a height above the plane adds by leaning [m]."""
+        fixed = {(self.frame(link)[0], None): self.turn(link, off)}
+        return _plus(fixed, self.lean(link, height))
 
 
 def closing_joints(

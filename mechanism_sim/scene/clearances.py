@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.contact.film import ShortBearing
-from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
+from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing, bearing_ends
 from mechanism_sim.linkages.guide import corners
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Mechanism, Prismatic, Vector2
 from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
-from mechanism_sim.scene.contact_keys import Clearance, Play
+from mechanism_sim.scene.contact_keys import Clearance, Misalignment, Play
+
+_IN_LINE = 1e-5
 
 
 def gaps_and_films(
@@ -41,12 +45,12 @@ def gaps_and_films(
                     FilmBearing(name, mechanism, film, reach if c.wall else 0.0, c.wall == 'soft')
                 )
             if c.wall:
-                gaps.append(
-                    BearingClearance(
-                        name, mechanism, reach, c.restitution, c.friction, c.hypothesis, arm,
-                        force_law(c),
-                    )
+                leans = leaning(mechanism, name, c)
+                gap = BearingClearance(
+                    name, mechanism, reach, c.restitution, c.friction, c.hypothesis, arm,
+                    force_law(c, 0.5 if leans else 1.0),
                 )  # fmt: skip
+                gaps += bearing_ends(gap, *leans) if leans else [gap]
     return gaps, films
 
 
@@ -61,16 +65,42 @@ def oil_film(clearance: Play) -> ShortBearing | None:
     return ShortBearing(viscosity, width, radius, clearance.radial, full)
 
 
-def force_law(clearance: Play) -> ForceLaw | None:
-    """The law of a compliant contact; ``None`` for a rigid one."""
+class Leaning(NamedTuple):
+    """A bearing whose ends differ, see `bearing_ends`."""
+
+    length: float  #: [m]
+    pin: Vector2  #: [rad] inclination by manufacture
+    bushing: Vector2  #: [rad]
+    along: float  #: [m]
+
+
+def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None:
+    """How the axes of a bearing lean against each other; None if its ends do not differ.
+
+    Within a hundred thousandth of the clearance at its ends they count as in line.
+    """
+    if not isinstance(clearance, Clearance) or not clearance.length:
+        return None
+    given, length = clearance.misalignment or Misalignment(), clearance.length
+    pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
+    off = 0.5 * length * (math.hypot(*pin) + math.hypot(*bushing))
+    ends = (mechanism.joint(joint).first, mechanism.joint(joint).second)
+    leans = any(mechanism.body(link).tilt for link in ends if link != GROUND)
+    if not leans and off <= _IN_LINE * clearance.radial:
+        return None
+    return Leaning(length, pin, bushing, clearance.along)
+
+
+def force_law(clearance: Play, share: float = 1.0) -> ForceLaw | None:
+    """The law of a compliant contact with a share of the stiffness; ``None`` for a rigid one."""
     contact, e = clearance.contact, clearance.restitution
     if contact is None or contact.stiffness is None:
         return None
     if contact.law in ('hertz', 'film'):
-        return Hertz(contact.stiffness, contact.exponent)
+        return Hertz(share * contact.stiffness, contact.exponent)
     laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
         'hunt_crossley': HuntCrossley,
         'lankarani_nikravesh': LankaraniNikravesh,
         'flores': Flores,
     }
-    return laws[contact.law](contact.stiffness, e, contact.exponent)
+    return laws[contact.law](share * contact.stiffness, e, contact.exponent)

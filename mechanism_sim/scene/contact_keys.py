@@ -6,12 +6,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from mechanism_sim.planar.mechanism import rotate
 from mechanism_sim.scene.quantities import (
     POSITIVE,
+    Angle,
     Coefficient,
     Displacement,
     Length,
     Part,
+    Position,
     Radius,
     si,
 )
@@ -84,12 +87,39 @@ class Play(Part):
         return 'soft' if self.contact.stiffness else 'rigid'
 
 
+class Inclination(Part):
+    """How an axis is inclined against the normal of the plane of motion."""
+
+    angle: Annotated[float, si('rad'), Field(ge=0.0, lt=0.1)]
+    """Small: the equations are of the first order in it."""
+    direction: Angle = 0.0
+    """In which the axis leans on the side towards the reader, in the frame of its link."""
+
+    @property
+    def inclination(self) -> tuple[float, float]:
+        """Along the x and y axes of the link's frame [rad]; exact for quarter turns."""
+        return rotate((self.angle, 0.0), self.direction)
+
+
+class Misalignment(Part):
+    """How far the axes of a bearing are out of line, by manufacture."""
+
+    pin: Inclination | None = None
+    """Of the pin, on the first-named link."""
+    bushing: Inclination | None = None
+    """Of the bushing, on the second-named link."""
+
+
 class Clearance(Play):
     """A pin on the first-named link, loose in a bushing on the second-named one; or a block."""
 
     radial: Length
     """Radius of the circle in which the pin's centre can move; of a block, its play each side."""
     length: Length | None = None
-    """Of a block along its guide, about its point; required there."""
+    """Of a bearing along its axis, or of a block along its guide, about the joint's point."""
+    along: Position = 0.0
+    """Where the middle of a bearing lies along its axis, above the plane of its links."""
+    misalignment: Misalignment | None = None
+    """Of the axes of pin and bushing, which then touch at the ends of the bearing's length."""
     height: Length | None = None
     """Of a block across its guide; required there."""

@@ -114,7 +114,7 @@ class DynamicModel(NominalModel):
         system = self.system
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + self._rows >= _COMPACT_FROM
-        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.beams
+        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.flexible
         return bool(more) or tabulated or many
 
     @property

@@ -29,6 +29,7 @@ from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints
+from mechanism_sim.scene.tilt_keys import check_tilts, without_mass
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -141,7 +142,10 @@ def plan_of(name: str, scene: Scene) -> Plan:
     closing = closing_joints(places.links, joints, (), straight)
     check_bearings(places, joints, closing)
     elastic = read_beams(places, joints, drives)
-    massless = tuple(elastic.get(link, Body(link, 0.0, 0.0, (0.0, 0.0))) for link in places.links)
+    check_tilts(places, joints)
+    massless = tuple(
+        elastic.get(link) or without_mass(link, scene.links[link].tilt) for link in places.links
+    )
     tree = Mechanism(massless, joints, closing)
     laws: dict[str, tuple[Law, ...]] = {}
     begins: dict[str, tuple[float, float]] = {}

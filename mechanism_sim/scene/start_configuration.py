@@ -6,7 +6,9 @@ import numpy as np
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.system import Array
-from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.linkages.bearing import seat
+from mechanism_sim.planar.mechanism import Revolute, rotate
+from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.dynamic_model import DynamicModel
 
 
@@ -57,12 +59,31 @@ def seats(machine: DynamicModel, q: Array, v: Array, a: Array) -> dict[str, Arra
         size = float(np.hypot(*force))
         contact = clearance.contact
         soft = contact.stiffness if contact and not machine.placed_outright else None
+        leans = leaning(machine.mechanism, name, clearance)
+        alone = leans and any((*leans.pin, *leans.bushing))  # one end of two takes it all
+        soft = 0.5 * soft if soft and alone else soft
         depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
         if pin:
             found[name] = (clearance.radial + depth) * force / size
         else:  # what can only lift off
             found[name] = np.array([-depth])
     return found
+
+
+def leaning_seats(machine: DynamicModel, found: dict[str, Array], q: Array) -> dict[str, Array]:
+    """The same where pin and bushing are out of line, at coordinates (n,) of the loose machine."""
+    mechanism = machine.mechanism
+    place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
+    seated = {}
+    for name, centred in found.items():
+        if leans := leaning(mechanism, name, machine.clearances[name]):
+            joint, axes = mechanism.joint(name), (leans.pin, leans.bushing)
+            angles = (mechanism.angle(link, place) for link in (joint.first, joint.second))
+            first, second = (np.array(rotate(x, a)) for x, a in zip(axes, angles, strict=True))
+            off = 0.5 * leans.length * (first - second)
+            room = float(np.hypot(*centred))
+            seated[name] = seat(room, centred / room, off) if off.any() else centred
+    return seated
 
 
 def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:

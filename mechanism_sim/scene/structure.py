@@ -12,6 +12,7 @@ from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
+from mechanism_sim.scene.tilt_keys import tilted
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:
@@ -142,9 +143,9 @@ def read_bodies(
             if on == link:
                 parts.append((mass.mass, 0.0, at))
         body = _together(link, parts)
-        if link in drives:
-            body = Body(link, body.mass, body.inertia + drives[link].added_inertia, body.cog)
-        found.append(body)
+        added = drives[link].added_inertia if link in drives else 0.0
+        body = Body(link, body.mass, body.inertia + added, body.cog)
+        found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)
 
 

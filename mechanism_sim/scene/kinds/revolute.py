@@ -53,8 +53,25 @@ def _friction(name: str, given: Friction, mechanism: Mechanism) -> JournalFricti
 
 
 def _wrong_play(given: Clearance) -> str:
-    block = given.length or given.height
-    return 'has a clearance with length or height, which are of blocks in guides' if block else ''
+    if given.height:
+        return 'has a clearance with height, which is of blocks in guides'
+    if (given.misalignment or given.along) and not given.length:
+        what = 'misalignment' if given.misalignment else 'along'
+        return f"has a clearance with {what}: it needs 'length', that of the bearing"
+    if given.length and given.contact and given.contact.law == 'film':
+        return "has a film with length, which is for solid contacts: leave it out, or 'contact'"
+    if not given.misalignment or not given.length:
+        return ''
+    most = 2.0 * given.radial / given.length
+    both = given.misalignment.pin, given.misalignment.bushing
+    angle = sum(x.angle for x in both if x)
+    if angle >= most:
+        return (
+            f'has axes inclined by {angle:.4g} rad, but in a bearing {given.length:g} m long with '
+            f'a radial clearance of {given.radial:g} m a pin has room up to {most:.4g} rad: give '
+            'less misalignment, a shorter bearing or more clearance'
+        )
+    return ''
 
 
 register(
