@@ -231,7 +231,7 @@ def _film_on_walls(random: Random, k: int) -> Draft:
         radial = (viscosity * radius * width**3 / _DRAG) ** (1.0 / 3.0) * decades(random, 0.0, 0.7)
         contact: Scene = {
             'law': 'film', 'viscosity': viscosity, 'width': width, 'radius': radius,
-            'roughness': radial * pick(random, (0.01, 0.1, 0.5, 0.9)),
+            'roughness': radial * pick(random, (0.05, 0.1, 0.5, 0.9)),
             'cavitation': pick(random, ('guembel', 'guembel', 'none')),
         }  # fmt: skip
         if soft:
