@@ -89,7 +89,7 @@ class Shape:
     def hull(self) -> Array:
         """Points (k, 2) [m] around all that is painted, or the outline of what is not."""
         curves = [curve for path in self.paths for curve in path.curves]
-        return _around(np.concatenate(curves or [self.outline]))
+        return around(np.concatenate(curves or [self.outline]))
 
 
 def coil(start: Array, end: Array, symbol: float) -> Array:
@@ -101,10 +101,11 @@ def coil(start: Array, end: Array, symbol: float) -> Array:
 
 def rounded(points: Array, radius: float) -> Array:
     """The edge of the convex plate (k, 2) that reaches so far around all points (n, 2) [m]."""
-    return _around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
+    return around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
 
 
-def _around(points: Array) -> Array:
+def around(points: Array) -> Array:
+    """The corners of the convex polygon around points (n, 2), counterclockwise; or all of a line."""
     if len(points) < 3 or min(np.ptp(points, axis=0)) == 0.0:
         return points
     return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])

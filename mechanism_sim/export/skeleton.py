@@ -269,9 +269,15 @@ class Skeleton:
         return sorted(lower, key=lambda j: GROUND not in (j.first, j.second))
 
 
-def skeleton_of(machine: Machine, q: Array) -> Skeleton:
-    """The skeleton of a machine with its springs, named points, loose joints, drive and frames."""
-    elements = machine.plan.elements(machine.mechanism)
+def skeleton_of(machine: Machine, q: Array, mechanism: Mechanism | None = None) -> Skeleton:
+    """The skeleton of a machine with its springs, named points, loose joints, drive and frames.
+
+    Parameters
+    ----------
+    q : (n, N) coordinates of the machine's mechanism, or of another tree of it
+    """
+    mechanism = mechanism or machine.mechanism
+    elements = machine.plan.elements(mechanism)
     springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
     points = {
         f'{link}.{name}': (link, at)
@@ -281,7 +287,7 @@ def skeleton_of(machine: Machine, q: Array) -> Skeleton:
     }
     ground = [
         at
-        for j in machine.mechanism.joints
+        for j in mechanism.joints
         for link, at in ((j.first, j.on_first), (j.second, j.on_second))
         if link == GROUND
     ]
@@ -290,7 +296,7 @@ def skeleton_of(machine: Machine, q: Array) -> Skeleton:
         for name, part in machine.scene.oscillators.items()
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
-    return Skeleton(machine.mechanism, q, points, springs, machine.clearances, drives, frames)
+    return Skeleton(mechanism, q, points, springs, machine.clearances, drives, frames)
 
 
 def _sense(law: Law) -> float:

@@ -4,6 +4,7 @@ import { add, arrow, line, quantity } from 'svg';
 const SYMBOL = 10;
 const BAR = 11;
 const OPEN = ['line', 'thin'];
+const watched = new WeakMap(); // who looks at the size of a drawing
 
 /**
  * @typedef {Object} Frame an instant; SI units, along the world's axes
@@ -42,7 +43,9 @@ export class Stage {
       add(this.arrows[i], 'title').textContent = `force of ${words(joint.first)} on ${
         words(joint.link)} in ${words(joint.name)}`;
     });
-    new ResizeObserver(() => this.#measure()).observe(svg);
+    watched.get(svg)?.disconnect();
+    watched.set(svg, new ResizeObserver(() => this.#measure()));
+    watched.get(svg).observe(svg);
     this.#measure();
   }
 
