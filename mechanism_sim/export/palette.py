@@ -44,7 +44,7 @@ def css() -> str:
     )
     return (
         f':root {{ {light} }}\n'
-        f'@media screen and (prefers-color-scheme: dark) {{ body.report {{ {dark} }} }}\n'
+        f'@media screen and (prefers-color-scheme: dark) {{ body:is(.report, .edit) {{ {dark} }} }}\n'
     )
 
 

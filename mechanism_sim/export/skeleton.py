@@ -316,9 +316,17 @@ class Skeleton:
         return sorted(lower, key=lambda j: GROUND not in (j.first, j.second))
 
 
-def skeleton_of(machine: Machine, q: Array, magnified: float = 0.0) -> Skeleton:
-    """The skeleton of a machine with its springs, named points, loose joints, drive and frames."""
-    elements = machine.plan.elements(machine.mechanism)
+def skeleton_of(
+    machine: Machine, q: Array, magnified: float = 0.0, mechanism: Mechanism | None = None
+) -> Skeleton:
+    """The skeleton of a machine with its springs, named points, loose joints, drive and frames.
+
+    Parameters
+    ----------
+    q : (n, N) coordinates of the machine's mechanism, or of another tree of it
+    """
+    mechanism = mechanism or machine.mechanism
+    elements = machine.plan.elements(mechanism)
     springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
     points = {
         f'{link}.{name}': (link, at)
@@ -328,7 +336,7 @@ def skeleton_of(machine: Machine, q: Array, magnified: float = 0.0) -> Skeleton:
     }
     ground = [
         at
-        for j in machine.mechanism.joints
+        for j in mechanism.joints
         for link, at in ((j.first, j.on_first), (j.second, j.on_second))
         if link == GROUND
     ]
@@ -338,7 +346,7 @@ def skeleton_of(machine: Machine, q: Array, magnified: float = 0.0) -> Skeleton:
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
     return Skeleton(
-        machine.mechanism, q, points, springs, machine.clearances, drives, frames, magnified
+        mechanism, q, points, springs, machine.clearances, drives, frames, magnified
     )
 
 

@@ -173,7 +173,7 @@ class Stage:
             'bounds': [*self.low.tolist(), *self.high.tolist()],
             'symbol': self.skeleton.symbol,
             'links': self.links,
-            'shapes': [_written(shape) for shape in self.skeleton.shapes],
+            'shapes': [written(shape) for shape in self.skeleton.shapes],
             'springs': [[[link, list(at)] for link, at in x] for x in self.skeleton.springs],
             'coil': COIL.tolist(),
             'scale': dict(zip(('length', 'text'), self.skeleton.scale_bar(width), strict=True)),
@@ -325,7 +325,7 @@ def packed(rows: NDArray[Any]) -> dict[str, str]:
     return {'dtype': kind, 'bdata': data, **shape}
 
 
-def _written(shape: Shape) -> dict[str, Any]:
+def written(shape: Shape) -> dict[str, Any]:
     """A shape for JSON: curves as x, y, x, y ... in tenths of a symbol, outlines in metres."""
     fine = 10.0 * _FINE / shape.symbol
     return {
