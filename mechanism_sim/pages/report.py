@@ -20,7 +20,7 @@ from mechanism_sim.pages.charts.style import NIGHT
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.units import typeset
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'curves', 'report'
+MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'curves', 'keys', 'zoom', 'report'
 
 
 @dataclass(frozen=True)
