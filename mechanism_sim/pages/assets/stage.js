@@ -299,6 +299,7 @@ export class Stage {
 
 const outline = (style, curves) => curves.map((curve) => line(curve, !OPEN.includes(style)))
   .join('');
+
 /** The greatest of 1, 2 and 5 times a power of ten that is not above x. */
 function below(x) {
   const ten = 10 ** Math.floor(Math.log10(x) + 1e-9);
