@@ -8,6 +8,7 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.start_configuration import joint_forces
@@ -362,7 +363,7 @@ def accelerations(one, dz, dv):
         torques.append(k0 + k1 * q[i] + k2 * v[i])
     none = np.zeros((0, 1))
     seen = machine.ideal_observer.observe(
-        q, v, none, np.zeros((0, 1), np.uint8), np.reshape(torques, (-1, 1))
+        Instants(q, v, none, np.zeros((0, 1), np.uint8), np.reshape(torques, (-1, 1)))
     )
     return seen.acceleration[one.independent, 0]
 

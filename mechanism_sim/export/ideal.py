@@ -162,8 +162,8 @@ class Ideal:
     def left_out(self) -> Iterator[str]:
         """What the mechanism of any format lacks, in sentences."""
         plan = self.machine.plan
-        for link in plan.ideal.beams:
-            yield f'{link}: it is rigid here'
+        for link in plan.ideal.flexible:
+            yield f'{link}: it is rigid here, and stays in its plane'
         for link in plan.ideal.rotors:
             yield f'{link}: its shaft and supports do not give way here'
         for joint in plan.joints:

@@ -136,7 +136,12 @@ class Equations:
             if f == g == self.mechanism.frame(body.name)[0]:
                 # about the centre of gravity, as if of a mass at the radius of gyration
                 unit = _Vector(f, (), (1.0, 0.0))
-                pairs.append((body.beam.spin if body.beam else body.inertia, unit, unit))
+                own = self.mechanism.flexible.get(body.name)
+                pairs.append((own.spin if own else body.inertia, unit, unit))
+            if f == g and body.tilt and f in self.mechanism.tilts:
+                link, _, name = f.partition('.')
+                unit = _Vector(GROUND, (), (1.0, 0.0))
+                pairs += [(body.tilt.rising[name], unit, unit)] if link == body.name else []
         return self._products(f'inertia:{f}:{g}', pairs)
 
     def _velocity_product(self, f: str) -> Term:
@@ -191,7 +196,7 @@ class _Beams:
         p, half = frames.parameters, hy.expression(0.5)
         self._forces: dict[str, Term] = {}
         self._losses: dict[str, Term] = {}
-        for link, beam in mechanism.beams.items():
+        for link, beam in mechanism.flexible.items():
             for name, size in beam.stiffness.items():
                 c = f'{link}.{name}'
                 self._forces[c] = mul(p(f'links:{c}.stiffness', size), q[c])

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mechanism_sim.planar.elastic import Beam
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
     from mechanism_sim.planar.rotor import Rotor
+    from mechanism_sim.planar.tilt import Tilt
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
@@ -45,6 +46,7 @@ class Body:
     inertia: float  #: [kg m^2] about the centre of gravity
     cog: Vector2  #: [m] centre of gravity in the link's frame
     beam: Beam | None = None  #: what is elastic of it
+    tilt: Tilt | None = None  #: how it leans out of its plane
     rotor: Rotor | None = None  #: how its axis gives way
 
     @property
@@ -186,7 +188,7 @@ class Mechanism:
     a link, or the displacement [m] of a link that a prismatic joint of the tree carries. A link
     that no uncut joint ties to the ground, not even by way of others, floats: its angle is
     followed, after those of all links, by two displacements of its centre of gravity. Last come
-    the elastic coordinates, see `Beam`.
+    the elastic coordinates, see `Beam`, and the inclinations of links that lean, see `Tilt`.
     """
 
     bodies: tuple[Body, ...]
@@ -209,10 +211,22 @@ class Mechanism:
         return {body.name: body.beam for body in self.bodies if body.beam}
 
     @cached_property
+    def flexible(self) -> dict[str, Beam | Tilt]:
+        """What has coordinates of its own and moves points of its link, by link."""
+        parts = ((b.name, b.beam or b.tilt) for b in self.bodies)
+        return {link: part for link, part in parts if part}
+
+    @cached_property
     def deformations(self) -> tuple[str, ...]:
-        """The elastic coordinates."""
-        parts = ((b.name, part) for b in self.bodies for part in (b.beam, b.rotor) if part)
-        return tuple(f'{link}.{name}' for link, part in parts for name in part.names)
+        """The elastic coordinates, inclinations and what rotors give way by."""
+        parts = ((b.name, b.beam or b.tilt or b.rotor) for b in self.bodies)
+        return tuple(f'{link}.{name}' for link, part in parts if part for name in part.names)
+
+    @property
+    def tilts(self) -> tuple[str, ...]:
+        """The inclinations of links that lean among them [rad]."""
+        tilted = {body.name for body in self.bodies if body.tilt}
+        return tuple(c for c in self.deformations if c.partition('.')[0] in tilted)
 
     @cached_property
     def rotors(self) -> dict[str, Rotor]:
@@ -223,14 +237,19 @@ class Mechanism:
         """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
         found: dict[str, NDArray[np.float64]] = {}
         for link, beam in self.beams.items():
-            own = [self.coordinates.index(f'{link}.{name}') for name in beam.names]
-            found |= {f'{what}.{link}': x for what, x in beam.columns(q[own]).items()}
+            columns = beam.columns(q[self.amplitudes(link)])
+            found |= {f'{what}.{link}': x for what, x in columns.items()}
         return found
+
+    def amplitudes(self, link: str) -> list[int]:
+        """Numbers of the elastic coordinates of a link."""
+        names = self.beams[link].names if link in self.beams else ()
+        return [self.coordinates.index(f'{link}.{name}') for name in names]
 
     @cached_property
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
-        turning = [b.name for b in self.bodies if b.name not in self.sliding]
+        turning = [b.name for b in self.bodies if b.name not in self.sliding] + [*self.tilts]
         turning += [f'{link}.{c}' for link, rotor in self.rotors.items() for c in rotor.angles]
         return tuple(c for c in self.coordinates if c not in turning)
 
@@ -371,11 +390,11 @@ class Mechanism:
 
     def _deformed(self, link: str, at: Vector2) -> Point:
         """How the deformation of a link moves its points in its frame."""
-        if link not in self.beams:
+        if link not in self.flexible:
             return {}
         return {
             (link, names[0] if len(names) == 1 else names): d
-            for own, d in self.beams[link].arms(at).items()
+            for own, d in self.flexible[link].arms(at).items()
             for names in [tuple(f'{link}.{name}' for name in own)]
         }
 
@@ -387,10 +406,23 @@ class Mechanism:
         body = self.body(link)
         if body.beam:
             return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+        if body.tilt:
+            return [
+                (mass, _plus(self.point(link, (x, y)), self.lean(link, height)))
+                for mass, (x, y, height) in body.tilt.particles
+            ]
         if not body.rotor:
             return [(body.mass, self.point(link, body.cog))]
         disk = body.mass - body.rotor.mass, self.point(link, body.cog)
         return [disk, *body.rotor.particles(link)]
+
+    def lean(self, link: str, height: float = 0.0) -> Point:
+        """How a point above a link's plane [m] moves in the plane when the link leans."""
+        tilt = self.body(link).tilt if height and link != GROUND else None
+        if not tilt:
+            return {}
+        ways = (height, 0.0), (0.0, height)
+        return {(link, f'{link}.{name}'): d for name, d in zip(tilt.names, ways, strict=True)}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
         """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
@@ -398,7 +430,7 @@ class Mechanism:
         Of a rigid link with one particle, numbers instead.
         """
         found = self.particles(link)
-        if len(found) == 1 and link not in self.beams:
+        if len(found) == 1 and link not in self.flexible:
             return found[0]
         arms = dict.fromkeys(arm for _, point in found for arm in point)
         none = (0.0, 0.0)
@@ -421,8 +453,8 @@ class Mechanism:
         """How much a link turns at a point with each coordinate: 1, or [rad/m]."""
         frame = self.frame(link)[0]
         found = {} if frame == GROUND else {frame: 1.0}
-        if link in self.beams:
-            found |= {f'{link}.{name}': x for name, x in self.beams[link].slopes(at).items()}
+        if link in self.flexible:
+            found |= {f'{link}.{name}': x for name, x in self.flexible[link].slopes(at).items()}
         return found
 
     def locate(self, link: str, q: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
@@ -439,8 +471,12 @@ class Mechanism:
         self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
     ) -> NDArray[np.float64]:
         """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
+        return self.evaluate(self.point(link, at), q)
+
+    def evaluate(self, point: Point, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World components (2, N) [m] of a sum over arms, likewise."""
         place, index = np.zeros((2, q.shape[1])), self.coordinates.index
-        for (frame, slide), (x, y) in self.point(link, at).items():
+        for (frame, slide), (x, y) in point.items():
             angle = 0.0 if frame == GROUND else q[index(frame)]
             s = math.prod(q[index(c)] for c in factors(slide))
             c, sn = np.cos(angle), np.sin(angle)
@@ -495,10 +531,29 @@ class Mechanism:
         frame, offset = self.frame(link)
         return offset + (0.0 if frame == GROUND else q[frame])
 
-    def separation(self, joint: str) -> Point:
-        """Point of the first link minus point of the second link at a cut joint."""
+    def separation(
+        self,
+        joint: str,
+        pin: Vector2 = (0.0, 0.0),
+        bushing: Vector2 = (0.0, 0.0),
+        height: float = 0.0,
+    ) -> Point:
+        """Point of the first link minus point of the second link at a cut joint.
+
+        Parameters
+        ----------
+        pin, bushing : how far off the joint's points these are, in the links' frames [m]
+        height : above the plane of the links [m]
+        """
         j = self.joint(joint)
-        return _plus(self.point(j.first, j.on_first), _minus(self.point(j.second, j.on_second)))
+        first = _plus(self.point(j.first, j.on_first), self.offset(j.first, pin, height))
+        second = _plus(self.point(j.second, j.on_second), self.offset(j.second, bushing, height))
+        return _plus(first, _minus(second))
+
+    def offset(self, link: str, off: Vector2, height: float) -> Point:
+        """A vector of a link's frame, and what a height above the plane adds by leaning [m]."""
+        fixed: Point = {(self.frame(link)[0], None): self.turn(link, off)}
+        return _plus(fixed, self.lean(link, height))
 
 
 def closing_joints(

@@ -9,11 +9,11 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
 from mechanism_sim.planar.rotor import Rotor
-from mechanism_sim.scene.contact_keys import Play
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
+from mechanism_sim.scene.tilt_keys import tilted
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:
@@ -45,15 +45,13 @@ def _joint(places: Places, name: str, joint: JointPart) -> Joint:
     return kind.read(places, name, joint)
 
 
-def read_frictions(
-    places: Places, plays: Mapping[str, Play]
-) -> Callable[[Mechanism], list[JointFriction]]:
+def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]:
     """Friction in ideal joints.
 
     Raises
     ------
     InputError
-        If there are loose joints, too.
+        If keys do not fit the kind.
     """
     rubs = {}
     for name, joint in places.scene.joints.items():
@@ -69,12 +67,6 @@ def read_frictions(
             raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
         if given.coefficient:
             rubs[name] = given
-    if rubs and plays:
-        raise InputError(
-            f'{places.name}: joints.{next(iter(rubs))}.friction: friction in ideal joints is not '
-            f'modelled beside joints with clearance ({next(iter(plays))}): give the friction of '
-            "each joint in its 'clearance', or leave out the clearances"
-        )
 
     def made(mechanism: Mechanism) -> list[JointFriction]:
         makers = ((name, KINDS[places.scene.joints[name].kind].friction) for name in rubs)
@@ -168,8 +160,8 @@ def read_bodies(
             if on == link:
                 parts.append((mass.mass, 0.0, at))
         body = _together(link, parts)
-        if link in drives:
-            body = Body(link, body.mass, body.inertia + drives[link].added_inertia, body.cog)
+        added = drives[link].added_inertia if link in drives else 0.0
+        body = Body(link, body.mass, body.inertia + added, body.cog)
         if link in rotors:
             if given.mass is not None and not body.mass:
                 raise InputError(
@@ -177,7 +169,7 @@ def read_bodies(
                     'without moving any mass: give it more'
                 )
             body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
-        found.append(body)
+        found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)
 
 
