@@ -446,7 +446,7 @@ def begin(c: ContactProblem, limits: Limits, grips: Indices, kept: Mask) -> Mask
         else:
             slides = grips[r - m] == FORWARD or grips[r - m] == BACKWARD
             wanted = slides and slip_of(c, r - m, limits.still) == 0
-        if not wanted:
+        if not (wanted and c.compliance[r, r] > 0.0):  # some slips are prescribed
             continue
         left = 1.0
         for k in range(n):
