@@ -117,14 +117,33 @@ class FilmBearing:
     name: str
     mechanism: Mechanism
     film: ShortBearing
+    reach: float = 0.0  #: [m] how far off the centre its walls touch; 0: never
+    soft: bool = False  #: whether these give way
 
     def _motion(self, frames: Frames) -> tuple[Jet, Jet, list[Term]]:
-        """Q in components, and what the film asks for: Q, Q', spins of journal and bushing."""
+        """Q in components, and what the film asks for: Q, Q', spins, share of Q that counts."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
-        joint = self.mechanism.joint(self.name)
-        turning = [self.mechanism.frame(link)[0] for link in (joint.first, joint.second)]
-        spins = [frames.v.get(frame, hy.expression(0.0)) for frame in turning]
-        return x, y, [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
+        joint, p = self.mechanism.joint(self.name), frames.parameters
+        spins = []
+        for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second)):
+            turns = self.mechanism.turns(link, at).items()
+            shares = [
+                v if slope == 1.0 else mul(p(f'{self.name}.turn:{c}', slope), v)
+                for c, slope in turns
+                for v in [frames.v[c]]
+            ]
+            spins.append(dense(add(*shares)))
+        motion = [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
+        if not self.reach:
+            return x, y, motion
+        if not self.film.full:
+            # along a wall the half that carries changes sides, where its force has a corner
+            frames.switch(f'{self.name}.film', self.film.across(*motion))
+        if not self.soft:
+            return x, y, motion
+        c, closed = self.film.clearance, p.reserve(f'{self.name}.closed')
+        square = motion[0] * motion[0] + motion[1] * motion[1] + (1.0 - closed) * (c * c)
+        return x, y, [*motion, 1.0 + closed * (self.reach / hy.sqrt(square) - 1.0)]
 
     def loads(self, frames: Frames) -> list[Load]:
         """On journal and bushing, at their centres."""

@@ -103,10 +103,15 @@ def check(machine: Machine) -> Report:
         friction = f', friction {c.friction:g}' if c.friction else ''
         block = isinstance(pair, Prismatic)
         kind = 'block in its guide, play' if block else 'pin in bushing, radial clearance'
+        if c.film:
+            kind = 'pin in oil, radial clearance'
+        if not c.wall:
+            gaps.append(f'{joint}: {kind} {c.radial:g} m, walls that never touch')
+            continue
         gaps.append(
             f'{joint}: {kind} {c.radial:g} m{" to either side" if block else ""}, '
             f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}, start '
-            f'{scene.start}'
+            f'{"centred" if c.film else scene.start}'
         )
         if c.friction and c.restitution and c.hypothesis == 'newton':
             warnings.append(

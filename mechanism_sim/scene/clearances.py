@@ -26,7 +26,6 @@ def gaps_and_films(
     gaps: list[Gap] = []
     films: list[ForceElement] = []
     for name, c in clearances.items():
-        film = oil_film(c)
         joint = mechanism.joint(name)
         if isinstance(joint, HigherPair):
             films += joint.elements(mechanism)
@@ -38,15 +37,21 @@ def gaps_and_films(
                 mechanism, name, c.length or 0.0, c.height or 0.0, c.radial, c.restitution,
                 c.friction, c.hypothesis, force_law(c),
             )  # fmt: skip
-        elif film:
-            films.append(FilmBearing(name, mechanism, film))
         else:
-            leans = leaning(mechanism, name, c)
-            gap = BearingClearance(
-                name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis, c.pin_radius,
-                force_law(c, 0.5 if leans else 1.0),
-            )  # fmt: skip
-            gaps += bearing_ends(gap, *leans) if leans else [gap]
+            reach, arm = c.radial, c.pin_radius
+            if film := oil_film(c):
+                arm = film.radius
+                reach -= (c.contact and c.contact.roughness) or 0.0
+                films.append(
+                    FilmBearing(name, mechanism, film, reach if c.wall else 0.0, c.wall == 'soft')
+                )
+            if c.wall:
+                leans = leaning(mechanism, name, c)
+                gap = BearingClearance(
+                    name, mechanism, reach, c.restitution, c.friction, c.hypothesis, arm,
+                    force_law(c, 0.5 if leans else 1.0),
+                )  # fmt: skip
+                gaps += bearing_ends(gap, *leans) if leans else [gap]
     return gaps, films
 
 
@@ -57,7 +62,8 @@ def oil_film(clearance: Play) -> ShortBearing | None:
         return None
     given = (contact.viscosity, contact.width, contact.radius)
     viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
-    return ShortBearing(viscosity, width, radius, clearance.radial)
+    full = contact.cavitation == 'none'
+    return ShortBearing(viscosity, width, radius, clearance.radial, full)
 
 
 class Leaning(NamedTuple):
@@ -89,9 +95,9 @@ def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None
 def force_law(clearance: Play, share: float = 1.0) -> ForceLaw | None:
     """The law of a compliant contact with a share of the stiffness; ``None`` for a rigid one."""
     contact, e = clearance.contact, clearance.restitution
-    if contact is None or contact.law == 'film' or contact.stiffness is None:
+    if contact is None or contact.stiffness is None:
         return None
-    if contact.law == 'hertz':
+    if contact.law in ('hertz', 'film'):
         return Hertz(share * contact.stiffness, contact.exponent)
     laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
         'hunt_crossley': HuntCrossley,

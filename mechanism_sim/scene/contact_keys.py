@@ -29,7 +29,7 @@ class Contact(Part):
     law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
     """Hertz without loss, three laws with loss by impact, or an oil film."""
     stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
-    """In N/m^exponent; required but for a film."""
+    """In N/m^exponent; required but for a film, whose walls are rigid without."""
     exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
     """Of the depth."""
     viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None
@@ -38,6 +38,11 @@ class Contact(Part):
     """Of the bearing along its axis; required for a film."""
     radius: Length | None = None
     """Of the journal; required for a film."""
+    cavitation: Literal['guembel', 'none'] = 'guembel'
+    """Of a film where its pressure falls below that of the supply: it ruptures and carries nothing
+    (Guembel); or it pulls, if the supply's pressure keeps it whole."""
+    roughness: Length | None = None
+    """Thickness of a film at which its walls touch; without, they never do."""
 
 
 class Friction(Part):
@@ -65,7 +70,21 @@ class Play(Part):
     pin_radius: Radius = 0.0
     """The arm of friction; only with friction."""
     contact: Contact | None = None
-    """A law of force instead of a rigid contact; for all loose joints or for none."""
+    """A law of force instead of a rigid contact, for all loose joints or for none; or oil."""
+
+    @property
+    def film(self) -> bool:
+        """Whether oil fills it."""
+        return self.contact is not None and self.contact.law == 'film'
+
+    @property
+    def wall(self) -> Literal['rigid', 'soft', '']:
+        """Of what kind its contacts are; empty for a film without walls."""
+        if self.contact is None:
+            return 'rigid'
+        if self.film and not self.contact.roughness:
+            return ''
+        return 'soft' if self.contact.stiffness else 'rigid'
 
 
 class Inclination(Part):

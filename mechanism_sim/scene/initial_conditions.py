@@ -63,12 +63,12 @@ def initial_state(machine: DynamicModel) -> State:
 
 
 def _starts_closed(machine: DynamicModel, gap: Gap, value: Array) -> bool:
-    """Pins are on their bushings, and what can only lift off is in contact."""
-    radial = machine.clearances[gap.joint].radial
-    if not isinstance(gap, BearingClearance):
-        return radial == 0.0
-    touches = float(gap.distance(value)[0]) <= max(1e-9 * radial, 1e-14 * machine.mechanism.size)
-    return touches or not isinstance(gap, BearingEnd)
+    """Pins are on their bushings but in oil, and what can only lift off is in contact."""
+    play = machine.clearances[gap.joint]
+    if not isinstance(gap, BearingClearance) or play.film:
+        return play.radial == 0.0
+    near = max(1e-9 * play.radial, 1e-14 * machine.mechanism.size)
+    return not isinstance(gap, BearingEnd) or float(gap.distance(value)[0]) <= near
 
 
 def _placed(machine: DynamicModel) -> tuple[Values, Values]:
