@@ -16,7 +16,7 @@ register(
         'gyroscope',
         GyroscopeKeys,
         needs=('link',),
-        quantity=lambda sensor: 'angular_velocity',  # noqa: ARG005
+        quantity='angular_velocity',
         source=lambda machine, sensor: Attitude(machine.mechanism, sensor.link, 1),
         carrier=lambda machine, sensor: str(sensor.link),  # noqa: ARG005
         place=lambda machine, sensor: f'on the {sensor.link}',  # noqa: ARG005
