@@ -25,7 +25,7 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
-from mechanism_sim.planar.view import Kind
+from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
 
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
@@ -82,6 +82,12 @@ class Skeleton:
         for place, radius in (disc for pair in pairs for disc in pair.discs()):
             middle = self._poses.at(place)
             covered += [middle - radius, middle + radius]
+        covered += [
+            self._poses.at((j.second, j.on_second)) + side * mechanism.body(j.second).disk_radius
+            for j in joints
+            if j.second in mechanism.rotors
+            for side in (-1.0, 1.0)
+        ]
         self.size = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest) or 1.0
         self.symbol = self.size / 60.0
         self.bendings = bendings(mechanism, q, self.size, magnified)
@@ -167,6 +173,11 @@ class Skeleton:
             self._support(side)
         if joint.name in self._loose:
             self.add('bushing', joint.second, np.array([joint.on_second]))
+        if joint.second in self.mechanism.rotors:
+            radius = self.mechanism.body(joint.second).disk_radius
+            notch = _plus(joint.on_second, (0.85 * radius, 0.0))
+            rim = np.vstack([[notch], circle(radius, joint.on_second)[1:]])
+            self.add('wheel', joint.second, rim, size=radius)
         pin = sides[0] if joint.name in self._loose or sides[0][0] == GROUND else sides[1]
         self.add('pin', pin[0], np.array([pin[1]]), label=joint.name)
 

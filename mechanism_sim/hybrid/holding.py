@@ -64,10 +64,14 @@ def acting(
     none = dict.fromkeys(unknowns, hy.expression(0.0))
     A = list(hy.subs(every, none)) if every else []
     n = len(unknowns)
-    slopes = [[hy.diff(x, unknown) for unknown in unknowns] for x in every]
+    rubs = any(T is not None for T in forces)
+    if rubs:
+        slopes = [[hy.diff(x, unknown) for unknown in unknowns] for x in every]
+    else:  # the same of shorter expressions, whose roundings are those of long ago
+        B = [hy.subs(every, none | {x: hy.expression(1.0)}) for x in unknowns]
+        slopes = [[b[k] - A[k] for b in B] for k in range(len(every))]
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
-    rubs = any(T is not None for T in forces)
     curved = any(p.side is None for b in bounds for p in b)
     for _ in range(_NEWTON if curved else 1):
         rows, at = [], n
@@ -103,10 +107,11 @@ def acting(
         at = own.stop
         b = _bound(bounds[k], A[own], slopes[own], found)
         held: Term = s.holds
-        parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - found[k] / b)))
-        least = [p.coefficient * p.resolution for p in bounds[k]]
+        least = hy.sum([p.coefficient * p.resolution for p in bounds[k]])
+        share = found[k] * b / (b * b + least * least)  # both may vanish at once
+        parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - share)))
         left = found[k] - (1.0 - 2.0 * s.flag) * b
-        residual.append((1.0 - held) * (left / (b + _UNFELT * hy.sum(least))))
+        residual.append((1.0 - held) * (left / (b + _UNFELT * least)))
     pressed, carried, at = [], [], n
     for p in (p for b in bounds for p in b):
         own = slice(at, at + len(p.components))

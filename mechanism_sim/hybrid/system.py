@@ -381,7 +381,7 @@ class System:
     def pin_forces(self) -> hy.cfunc_dbl:
         """Components of the forces in pins that rub, one after the other; as `watch`."""
         carried = self.acting(self.dynamics.stabilised).carried
-        return self._on_now([c for pair in carried for c in pair])
+        return self._on_now(self.unpulled([c for pair in carried for c in pair]))
 
     @property
     def _unpressed(self) -> Term:
@@ -449,7 +449,8 @@ class System:
     def holding_rates(self) -> hy.cfunc_dbl:
         """Rates of the functions of switches that may hold, then their parts; as `watch`."""
         rates = self.rates_of_holding(self.dynamics.stabilised.a)
-        return self._on_now(self._acted([*rates, *(s.flag for s in self.holding.values())]))
+        flags = (s.flag for s in self.holding.values())
+        return self._on_now(self.unpulled(self._acted([*rates, *flags])))
 
     @cached_property
     def edges(self) -> Edges | None:
@@ -494,6 +495,8 @@ class System:
         Flags of switches that hold are parameters.
         """
         frames = self.equations.frames
+        if self.dynamics.depths:
+            expressions = hy.subs(list(expressions), self.dynamics.depths)
         replace: dict[str | hy.expression, hy.expression] = {}
         for name, c in self._laws.items():
             for symbol, d in ((frames.q, 0), (frames.v, 1), (frames.a, 2)):
@@ -551,7 +554,38 @@ class System:
             *self.normal_angles,
             *(d.relief(i) for i in range(len(self.gaps) if d.compliant else 0)),
         ]
+        if d.rubs:
+            values = self.acting(d.exact).values
+            rubbed = {rub.T: values[rub.T] for rub in d.rubs}
+            terms = list(hy.subs([dense(x) for x in terms], rubbed))
         return self._on_now(self.unpulled(terms))
+
+    @cached_property
+    def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[int]]]:
+        """What `contact.rubbing.rubs_of` reads, of `watch`'s vector, and sizes of all bounds.
+
+        The latter are how many components each term of each bound has.
+        """
+        d, frames = self.dynamics, self.equations.frames
+        unit = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
+        impulses = [*unit, *(rub.T for rub in d.rubs)]
+        carried = self.reactions(d.struck(impulses))
+        bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
+        forces = [dense(c) for b in bounds for p in b for c in p.components]
+        terms = [
+            *(rub.slip.rate for rub in d.rubs),
+            *(x for w in d.rub_response for x in w),
+            *(x for row in d.rub_compliance for x in row),
+            *(x for row in d.rub_drive_response for x in row),
+            *(hy.diff(force, x) for force in forces for x in impulses),
+            *(p.coefficient for b in bounds for p in b),
+        ]
+        return self._on_now(terms), [[len(p.components) for p in b] for b in bounds]
+
+    @cached_property
+    def pressing(self) -> hy.cfunc_dbl:
+        """What presses on lines that rub [N], as `sides` has it; of `watch`'s vector."""
+        return self._on_now(self.unpulled(self.acting(self.dynamics.exact).pressed))
 
     @property
     def normal_angles(self) -> list[Term]:
@@ -612,4 +646,5 @@ class System:
         if not self.compliant:
             return found
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps))]
-        return list(hy.subs(found, {x: hy.relu(x) for x in depths}))
+        known = self.dynamics.depths
+        return list(hy.subs(found, {x: hy.relu(known.get(x, x)) for x in depths}))

@@ -97,14 +97,11 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     return Recorded(record, stage, Frames.joined(parts), kept, hardest, left_out)
 
 
-def together(one: Recorded, two: Recorded) -> tuple[Recorded, Recorded]:
-    """Two runs on stages that hold both."""
-    low = np.minimum(one.stage.low, two.stage.low)
-    high = np.maximum(one.stage.high, two.stage.high)
-    first, second = (
-        replace(run, stage=replace(run.stage, low=low, high=high)) for run in (one, two)
-    )
-    return first, second
+def together(*runs: Recorded) -> tuple[Recorded, ...]:
+    """Several runs on stages that hold all of them."""
+    low = np.min([run.stage.low for run in runs], axis=0)
+    high = np.max([run.stage.high for run in runs], axis=0)
+    return tuple(replace(run, stage=replace(run.stage, low=low, high=high)) for run in runs)
 
 
 def instants(record: Record, most: int = MOST) -> Array:

@@ -8,10 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from markupsafe import Markup
-
 from mechanism_sim.errors import InputError, RunError, quoted
-from mechanism_sim.export.palette import css
 from mechanism_sim.messages import Impact, Motion, String
 from mechanism_sim.middleware import (
     HistoryPolicy,
@@ -23,7 +20,7 @@ from mechanism_sim.middleware import (
 )
 from mechanism_sim.nodes.described_node import DescribedNode
 from mechanism_sim.nodes.qos import LATCHED
-from mechanism_sim.pages.assets import asset, embedded, render
+from mechanism_sim.pages.assets import asset, embedded, render, styles
 from mechanism_sim.pages.controls import Control, controls
 from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
@@ -263,6 +260,6 @@ def page() -> str:
     """The page as HTML."""
     return render(
         'live.html.jinja',
-        style=Markup(css() + asset('style.css') + asset('live.css')),  # noqa: S704 - ours
+        style=styles('stage', 'style', 'live'),
         imports=embedded({name: f'/{name}.js' for name in MODULES}),
     )

@@ -34,7 +34,7 @@ class Equations:
     M : (n, n) mass matrix, [kg m^2] for angles
     weight : (n,) minus the generalised forces of gravity and elasticity, [N m] for angles
     bias : (n,) velocity products, weight and damping in links, on the left-hand side, likewise
-    strain_energy, strain_loss : of elastic links [J], [W]
+    strain_energy, strain_loss : of elastic links and shafts [J], [W]
     gap_jets : (m,) gaps with their derivatives [m]
     relation_jets : every component of every relation, likewise
     """
@@ -95,7 +95,7 @@ class Equations:
 
     def _products(self, name: str, pairs: Iterable[tuple[Any, _Vector, _Vector]]) -> Term:
         """``sum m a . b``, with the constants of equal frames and displacements collected."""
-        total = np.sum if self.mechanism.flexible else float
+        total = np.sum if self.mechanism.deformations else float
         sums: dict[tuple[str, str, tuple[str, ...]], tuple[float, float]] = {}
         sizes: dict[tuple[str, str, tuple[str, ...]], float] = {}
         order = self.coordinates
@@ -106,7 +106,7 @@ class Equations:
             inner += total(mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1]))
             outer += total(mass * (a.d[0] * b.d[1] - a.d[1] * b.d[0]))
             sums[key] = inner, outer
-            if self.mechanism.flexible:
+            if self.mechanism.deformations:
                 size = np.sum(np.abs(mass) * np.hypot(*a.d) * np.hypot(*b.d))
                 sizes[key] = sizes.get(key, 0.0) + float(size)
         for key, size in sizes.items():  # what orthogonal shapes leave of integrals is rounding
@@ -185,7 +185,10 @@ class _Vector(NamedTuple):
 
 
 class _Beams:
-    """What elastic links add: strain energy, damping, and which terms are of too high an order."""
+    """What elastic links and rotors add: strain energy, damping, gyroscopic moments.
+
+    And which terms are of too high an order.
+    """
 
     def __init__(self, mechanism: Mechanism, frames: Frames) -> None:
         self._elastic = frozenset(mechanism.deformations)
@@ -201,6 +204,11 @@ class _Beams:
                 self._losses[c] = mul(damping, v[c])
         self.energy: Term = add(*(mul(half, mul(f, q[c])) for c, f in self._forces.items()))
         self.loss: Term = add(*(mul(f, v[c]) for c, f in self._losses.items()))
+        for link, rotor in mechanism.rotors.items():
+            found = rotor.forces(link, frames)
+            self._forces |= found.elastic
+            self._losses |= found.other
+            self.energy, self.loss = add(self.energy, found.energy), add(self.loss, found.loss)
 
     def counts(self, coordinates: Iterable[str], a: _Vector, b: _Vector) -> bool:
         """Whether a term of the equation of the first of `coordinates` is kept.
@@ -216,5 +224,5 @@ class _Beams:
         return self._forces.get(c)
 
     def damping(self, c: str) -> Term:
-        """Minus the damping force on a coordinate [N]."""
+        """Minus the force on a coordinate that comes with rates [N, N m]."""
         return self._losses.get(c)

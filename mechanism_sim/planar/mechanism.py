@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from mechanism_sim.planar.elastic import Beam
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
+    from mechanism_sim.planar.rotor import Rotor
     from mechanism_sim.planar.tilt import Tilt
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
@@ -35,7 +36,10 @@ Spread: TypeAlias = dict[Arm, Any]
 
 @dataclass(frozen=True)
 class Body:
-    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed."""
+    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed.
+
+    The mass of a rotor includes its supports; centre of gravity and inertia are the disk's.
+    """
 
     name: str
     mass: float  #: [kg]
@@ -43,6 +47,12 @@ class Body:
     cog: Vector2  #: [m] centre of gravity in the link's frame
     beam: Beam | None = None  #: what is elastic of it
     tilt: Tilt | None = None  #: how it leans out of its plane
+    rotor: Rotor | None = None  #: how its axis gives way
+
+    @property
+    def disk_radius(self) -> float:
+        """Of an even disk with its mass and inertia [m]."""
+        return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0
 
 
 @dataclass(frozen=True)
@@ -202,19 +212,26 @@ class Mechanism:
 
     @cached_property
     def flexible(self) -> dict[str, Beam | Tilt]:
-        """What has coordinates of its own, by link."""
-        tilts = {body.name: body.tilt for body in self.bodies if body.tilt}
-        return {**self.beams, **tilts}
+        """What has coordinates of its own and moves points of its link, by link."""
+        parts = ((b.name, b.beam or b.tilt) for b in self.bodies)
+        return {link: part for link, part in parts if part}
 
     @cached_property
     def deformations(self) -> tuple[str, ...]:
-        """The elastic coordinates, and the inclinations."""
-        return tuple(f'{link}.{name}' for link, own in self.flexible.items() for name in own.names)
+        """The elastic coordinates, inclinations and what rotors give way by."""
+        parts = ((b.name, b.beam or b.tilt or b.rotor) for b in self.bodies)
+        return tuple(f'{link}.{name}' for link, part in parts if part for name in part.names)
 
     @property
     def tilts(self) -> tuple[str, ...]:
-        """The inclinations among them [rad]."""
-        return tuple(c for c in self.deformations if c.partition('.')[0] not in self.beams)
+        """The inclinations of links that lean among them [rad]."""
+        tilted = {body.name for body in self.bodies if body.tilt}
+        return tuple(c for c in self.deformations if c.partition('.')[0] in tilted)
+
+    @cached_property
+    def rotors(self) -> dict[str, Rotor]:
+        """What gives way of the links that are rotors."""
+        return {body.name: body.rotor for body in self.bodies if body.rotor}
 
     def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
@@ -233,6 +250,7 @@ class Mechanism:
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
         turning = [b.name for b in self.bodies if b.name not in self.sliding] + [*self.tilts]
+        turning += [f'{link}.{c}' for link, rotor in self.rotors.items() for c in rotor.angles]
         return tuple(c for c in self.coordinates if c not in turning)
 
     @cached_property
@@ -258,7 +276,7 @@ class Mechanism:
         """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; a higher pair may reach
-        farther. 0 if all coincide.
+        farther, and so may the disk of a rotor. 0 if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
@@ -271,7 +289,8 @@ class Mechanism:
             for b in points
         )
         extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        return max(longest, *extents, 0.0)
+        disks = (body.disk_radius for body in self.bodies if body.rotor)
+        return max(longest, *extents, *disks, 0.0)
 
     @cached_property
     def reach(self) -> float:
@@ -364,6 +383,8 @@ class Mechanism:
         moved = _minus(self._deformed(link, here))
         if deformed:
             moved = _plus(self._deformed(link, at), moved)
+        if deformed and link in self.rotors:
+            moved = _plus(moved, self.rotors[link].moved(link))
         rigid: Point = {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)}
         return _plus(_plus(result, rigid), moved)
 
@@ -383,28 +404,33 @@ class Mechanism:
         A rigid link has one, at its centre of gravity, beside its moment of inertia.
         """
         body = self.body(link)
-        if link not in self.flexible:
+        if body.beam:
+            return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+        if body.tilt:
+            return [
+                (mass, _plus(self.point(link, (x, y)), self.lean(link, height)))
+                for mass, (x, y, height) in body.tilt.particles
+            ]
+        if not body.rotor:
             return [(body.mass, self.point(link, body.cog))]
-        return [
-            (mass, _plus(self.point(link, (x, y)), self.lean(link, *height)))
-            for mass, (x, y, *height) in self.flexible[link].particles
-        ]
+        disk = body.mass - body.rotor.mass, self.point(link, body.cog)
+        return [disk, *body.rotor.particles(link)]
 
     def lean(self, link: str, height: float = 0.0) -> Point:
         """How a point above a link's plane [m] moves in the plane when the link leans."""
-        if not height or link not in self.flexible or link in self.beams:
+        tilt = self.body(link).tilt if height and link != GROUND else None
+        if not tilt:
             return {}
-        names = (f'{link}.{name}' for name in self.flexible[link].names)
         ways = (height, 0.0), (0.0, height)
-        return {(link, name): d for name, d in zip(names, ways, strict=True)}
+        return {(link, f'{link}.{name}'): d for name, d in zip(tilt.names, ways, strict=True)}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
         """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
 
-        Of a rigid link, numbers instead.
+        Of a rigid link with one particle, numbers instead.
         """
         found = self.particles(link)
-        if link not in self.flexible:
+        if len(found) == 1 and link not in self.flexible:
             return found[0]
         arms = dict.fromkeys(arm for _, point in found for arm in point)
         none = (0.0, 0.0)
@@ -415,7 +441,7 @@ class Mechanism:
     def centre(self, link: str) -> Point:
         """The centre of gravity of a link."""
         body = self.body(link)
-        if not body.beam:
+        if not (body.beam or body.rotor):
             return self.point(link, body.cog)
         found: Point = {}
         for mass, point in self.particles(link):
@@ -522,7 +548,7 @@ class Mechanism:
 
     def offset(self, link: str, off: Vector2, height: float) -> Point:
         """A vector of a link's frame, and what a height above the plane adds by leaning [m]."""
-        fixed = {(self.frame(link)[0], None): self.turn(link, off)}
+        fixed: Point = {(self.frame(link)[0], None): self.turn(link, off)}
         return _plus(fixed, self.lean(link, height))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import seat
 from mechanism_sim.planar.mechanism import Revolute, rotate
@@ -100,13 +101,6 @@ def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:
             )
         return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
     observer = machine.ideal_observer
-    system = observer.system
-    rows = []
-    for c in machine.plan.powered:
-        i = system.coordinates.index(c)
-        law = machine.plan.laws[c][0]
-        constant, per_angle, per_speed = law.coefficients
-        rows.append(constant + per_angle * q[i] + per_speed * v[i])
     none, modes = np.zeros((len(machine.plan.prescribed), 1)), np.zeros((0, 1), np.uint8)
-    seen = observer.observe(q, v, none, modes, np.reshape(rows, (-1, 1)))
+    seen = observer.observe(Instants(q, v, none, modes, machine.torques(q, v)))
     return seen.reaction[:, :, 0]

@@ -1,4 +1,4 @@
-import { add, arrow, line, quantity } from 'svg';
+import { add, arrow, line, onResize, quantity } from 'svg';
 import { words } from 'stage';
 
 /** Radii in units of the drawing: of the bore, of the pin; between them, of the clearance. */
@@ -101,7 +101,7 @@ export class Lens {
       this.note.textContent = `radial clearance ${quantity(this.bearing.radial, 'm')}, ${
         Number(times.toPrecision(2))} × true size`;
     };
-    new ResizeObserver(tell).observe(svg);
+    onResize(svg, tell);
     tell();
   }
 
@@ -184,7 +184,7 @@ export class Slit {
       this.note.textContent = `${this.two ? 'play' : 'at most'} ${
         quantity(this.play.width, 'm')}, ${Number(times.toPrecision(2))} × true size`;
     };
-    new ResizeObserver(tell).observe(svg);
+    onResize(svg, tell);
     tell();
   }
 

@@ -1,4 +1,5 @@
 import { Charts, loadPlotly } from 'charts';
+import { Curves } from 'curves';
 import { Lens, Slit } from 'lens';
 import { Player, Recording } from 'player';
 import { Stage, words } from 'stage';
@@ -7,11 +8,15 @@ const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 1
 const SLOWEST = 0.01; // that is offered where a turn does not need less
 const TURN = 4; // of ours [s], at the start
 const BINS = 600;
+const LAYERS = ['names', 'forces', 'paths'];
 
 const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
-const recording = new Recording(data);
-const stage = new Stage(by('stage'), data.stage);
+const family = [data, ...(data.family ?? [])];
+let chosen = data; // of the family
+let recording = new Recording(data);
+let stage = new Stage(by('stage'), data.stage);
+const curves = data.curves ? new Curves(by('curves'), data.curves) : null;
 const other = data.other ? new Recording(data.other) : null;
 const ghost = other ? new Stage(by('ghost'), data.other.stage) : null;
 let lens = null;
@@ -32,9 +37,11 @@ document.documentElement.dataset.ready = '1';
 
 function start() {
   player.speed = speeds();
+  by('family')?.addEventListener('input', () => become(Number(by('family').value)));
+  if (curves) name(0);
   ticks();
   choose(0);
-  stage.layer('names', false);
+  layers();
   by('play').addEventListener('click', toggle);
   by('back').addEventListener('click', () => step(-1));
   by('on').addEventListener('click', () => step(1));
@@ -44,9 +51,7 @@ function start() {
   });
   by('speed').addEventListener('change', () => { player.speed = Number(by('speed').value); });
   by('bearing')?.addEventListener('change', () => choose(Number(by('bearing').value)));
-  for (const name of ['names', 'forces', 'paths']) {
-    by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
-  }
+  for (const layer of LAYERS) by(layer)?.addEventListener('change', layers);
   by('loop').addEventListener('click', () => loop(null));
   by('stage').addEventListener('pointerover', ({ target }) => {
     const { kind, link, label } = target.closest('g[data-kind]')?.dataset ?? {};
@@ -58,8 +63,34 @@ function start() {
   window.addEventListener('afterprint', () => charts?.screen());
 }
 
+function layers() {
+  for (const layer of LAYERS) if (by(layer)) stage.layer(layer, by(layer).checked);
+}
+
+function name(member) {
+  by('value').textContent = by('family').dataset.values.split('|')[member];
+  by('family').setAttribute('aria-valuetext', by('value').textContent);
+  curves.choose(member);
+}
+
+/** Shows another run of the family, as far on as this one. */
+function become(member) {
+  const share = (player.time - recording.start) / (recording.end - recording.start || 1);
+  chosen = family[member];
+  recording = new Recording(chosen);
+  stage = new Stage(by('stage'), chosen.stage);
+  stage.trace(recording.turn());
+  layers();
+  name(member);
+  ticks();
+  player.frames = recording;
+  player.now = recording.start + share * (recording.end - recording.start);
+  choose(Number(by('bearing')?.value ?? 0));
+}
+
 function show(frame, shown) {
   stage.show(frame);
+  curves?.show(frame.t);
   lens?.show(frame);
   if (other) {
     const second = other.at(Math.min(frame.t, other.end), shown?.glow ?? 0);
@@ -118,8 +149,9 @@ function ticks() {
 }
 
 function choose(bearing) {
+  player.seek(player.time);
   if (!by('lens')) return;
-  lens = magnified('lens', data.stage, recording, bearing);
+  lens = magnified('lens', chosen.stage, recording, bearing);
   stage.callout(data.bearings[bearing]);
   if (other) beside = magnified('lens-other', data.other.stage, other, bearing);
   player.seek(player.time);

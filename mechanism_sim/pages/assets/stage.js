@@ -1,4 +1,4 @@
-import { add, arrow, line, quantity } from 'svg';
+import { add, arrow, line, onResize, quantity } from 'svg';
 
 /** Units of the drawing in a symbol, the size of a joint. */
 const SYMBOL = 10;
@@ -42,7 +42,7 @@ export class Stage {
       add(this.arrows[i], 'title').textContent = `force of ${words(joint.first)} on ${
         words(joint.link)} in ${words(joint.name)}`;
     });
-    new ResizeObserver(() => this.#measure()).observe(svg);
+    onResize(svg, () => this.#measure());
     this.#measure();
   }
 
