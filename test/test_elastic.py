@@ -698,3 +698,33 @@ def test_the_periodic_response_of_an_elastic_machine():
     run = damped.start()
     run.advance(20 * damped.period, final=True)
     assert run.state.q[-2:] == pytest.approx(found.state.q[-2:], abs=1e-12)
+
+
+def test_instruments_turn_with_the_cross_section():
+    """By differences of what cameras would see: two points of the section and the point itself."""
+    machine = ms.load_scene('elastic_slider_crank', {'sensors': {
+        'feel': {'link': 'rod', 'at': 0.075, 'axis': 'along', 'sample_rate': 2000.0},
+        'spin': {'kind': 'gyroscope', 'link': 'rod', 'at': 0.075, 'sample_rate': 2000.0},
+    }})  # fmt: skip
+    solution = ms.simulate(machine, duration=0.02)
+    read = {}
+    for name in ('feel', 'spin'):
+        channel = machine.channel(name)
+        channel.take(solution.motion)
+        read[name] = np.concatenate([block.samples for block in channel.blocks(final=True)])
+    t, h, mechanism = np.arange(4, len(read['feel']) - 4) / 2000.0, 1e-5, machine.mechanism
+
+    def seen(at, t):
+        return mechanism.locate_all('rod', solution.samples(t).observed.position, at)
+
+    def turned(t):
+        across = seen((0.075, 1e-3), t) - seen((0.075, -1e-3), t)
+        return np.arctan2(-across[0], across[1])
+
+    rate = (turned(t + h) - turned(t - h)) / (2.0 * h)
+    assert read['spin'][4:-4] == pytest.approx(rate, abs=2e-4 * np.abs(rate).max())
+    pull = (
+        seen((0.075, 0.0), t + h) - 2.0 * seen((0.075, 0.0), t) + seen((0.075, 0.0), t - h)
+    ) / h**2
+    along = pull[0] * np.cos(turned(t)) + pull[1] * np.sin(turned(t))
+    assert read['feel'][4:-4] == pytest.approx(along, abs=1e-3 * np.abs(along).max())
