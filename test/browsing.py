@@ -72,3 +72,31 @@ def browsing() -> Iterator[Any]:
         browser = playwright.chromium.launch(executable_path=found, args=list(OPTIONS))
         yield browser
         browser.close()
+
+
+def open_page(tab: Tab, file: Path) -> None:
+    """Open a report, and wait until its charts can be drawn."""
+    tab.page.goto(file.as_uri())
+    tab.page.wait_for_selector('html[data-ready="1"]', state='attached')
+
+
+Box = tuple[float, float, float, float]
+
+
+def boxes(page: Any, selector: str) -> list[Box]:
+    """Of the elements that are seen: left, top, right, bottom [px]."""
+    found: list[Box] = page.locator(selector).evaluate_all(
+        """all => all.map(x => x.getBoundingClientRect()).filter(b => b.width && b.height)
+            .map(b => [b.left, b.top, b.right, b.bottom])"""
+    )
+    return found
+
+
+def overlapping(rectangles: list[Box]) -> list[tuple[Box, Box]]:
+    """Pairs of boxes of which one covers a part of the other."""
+    return [
+        (a, b)
+        for i, a in enumerate(rectangles)
+        for b in rectangles[:i]
+        if min(a[2], b[2]) - max(a[0], b[0]) > 0.5 and min(a[3], b[3]) - max(a[1], b[1]) > 0.5
+    ]
