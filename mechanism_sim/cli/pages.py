@@ -59,6 +59,14 @@ def add(command: Command) -> None:
     flag(sub, '--open', 'open a browser')
     option(sub, '--namespace', 'NS', 'namespace of the nodes that are followed')
 
+    sub = command('edit', _edit, 'draw and change a machine by touch, in a browser')
+    sub.add_argument(
+        'scene', metavar='SCENE', nargs='?',
+        help='a scene of the package, of which a copy is edited, or a file; without: a new one',
+    )  # fmt: skip
+    option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
+    flag(sub, '--open', 'open a browser')
+
 
 def _report(options: argparse.Namespace) -> int:
     if options.other or options.others:
@@ -157,6 +165,21 @@ def _view(options: argparse.Namespace) -> int:
         raise InputError('--set, --duration and --paused are for a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
+
+
+def _edit(options: argparse.Namespace) -> int:
+    from mechanism_sim.pages.edit.document import Document  # noqa: PLC0415
+    from mechanism_sim.pages.edit.serving import edit  # noqa: PLC0415
+
+    document = Document.open(options.scene) if options.scene else Document()
+
+    def opened(address: str) -> None:
+        if options.json:
+            print_json({'address': address})
+        else:
+            print(f'Edit: {address}', flush=True)
+
+    return edit(document, options.port, options.open, opened)
 
 
 def _run_arguments(options: argparse.Namespace) -> list[str]:

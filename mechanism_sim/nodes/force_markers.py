@@ -22,6 +22,7 @@ from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, st
 from mechanism_sim.nodes.markers import STEEL, Colour, frame_of, marker
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Joint
+from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.scene import Machine
 
 FORCE: Colour = (0.80, 0.10, 0.10, 1.0)
@@ -238,7 +239,7 @@ class Picture:
         for k, lens in enumerate(self._bearings):
             bushing, middle = self._beside(lens, frames)
             out = frames.pins[:, k].T
-            film = lens.joint.name not in physics.clearances
+            film = not gaps_of(self._machine.mechanism, lens.joint.name, physics.clearances)
             closed = (frames.modes[:, k] > Mode.FREE_FLIGHT) | film
             size = 2.0 * lens.radius
             yield self._moving(self._lying(2 * k, Marker.CYLINDER, GLASS, (size, size)), middle)

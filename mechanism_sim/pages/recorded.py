@@ -123,7 +123,7 @@ def instants(record: Record, most: int = MOST) -> Array:
         # a cubic through places and rates is off by h^4 / 384 of the fourth derivative
         fourth = np.abs(curve.at(k, t - curve.start[k], 4))
         fourth = (fourth * np.where(slides, 1.0, machine.mechanism.size)).max(axis=1)
-        radial = min(machine.clearances[joint].radial for joint in record.loose_joints)
+        radial = min(machine.clearances[joint.name].radial for joint in machine.bearings)
         dense = np.maximum(dense, (fourth / (384.0 * NEAR * radial)) ** 0.25)
     passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
     count = min(int(passed[-1]) + 1, most)

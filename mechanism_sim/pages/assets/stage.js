@@ -8,7 +8,7 @@ const OPEN = ['line', 'thin'];
 /**
  * @typedef {Object} Frame an instant; SI units, along the world's axes
  * @property {number} t
- * @property {number[][]} poses x, y and angle of each moving link
+ * @property {number[][]} poses x, y, angle and elastic coordinates of each moving link
  * @property {number[][]} pins centre of each loose pin less that of its bushing
  * @property {number[]} modes of contact, as in ModeChange
  * @property {number[][]} forces in each joint, of its first link on its second
@@ -87,8 +87,9 @@ export class Stage {
   }
 
   /** A point of a link in the drawing. @returns {number[]} */
-  place(frame, link, [x, y]) {
-    const [x0, y0, angle] = this.#pose(frame, link);
+  place(frame, link, at) {
+    const [x0, y0, angle, ...bends] = this.#pose(frame, link);
+    const [x, y] = this.#bent(link, at, bends);
     const [c, s] = [Math.cos(angle), Math.sin(angle)];
     return this.point([x0 + c * x - s * y, y0 + s * x + c * y]);
   }
@@ -107,6 +108,13 @@ export class Stage {
       const turn = (-180 / Math.PI) * angle;
       group.setAttribute('transform',
         `translate(${px.toFixed(3)} ${py.toFixed(3)}) rotate(${turn.toFixed(4)})`);
+    }
+    for (const { path, link, style, curves } of this.elastic) {
+      const bends = this.#pose(frame, link).slice(3);
+      path.setAttribute('d', outline(style, curves.map((curve) => curve.map(([x, y]) => {
+        const [u, v] = this.#bent(link, [x * this.unit, -y * this.unit], bends);
+        return [u / this.unit, -v / this.unit];
+      }))));
     }
     for (const { path, ends } of this.springs) {
       const [from, to] = ends.map(([link, at]) => this.place(frame, link, at));
@@ -158,6 +166,19 @@ export class Stage {
     return i === undefined ? [0, 0, 0] : frame.poses[i];
   }
 
+  /** A point of an elastic link in its frame, as it is drawn at these elastic coordinates. */
+  #bent(link, [x, y], bends) {
+    const field = this.stage.bendings[link];
+    if (!field) return [x, y];
+    const on = Math.min(Math.max(x, 0), field.length);
+    const last = field.slope[0].length - 1;
+    const i = Math.min(Math.floor((on / field.length) * last), last - 1);
+    const share = (on / field.length) * last - i;
+    const [along, across, slope] = ['along', 'across', 'slope'].map((name) => field[name].reduce(
+      (sum, row, k) => sum + bends[k] * (row[i] + share * (row[i + 1] - row[i])), 0));
+    return [x + along - y * slope, y + across + (x - on) * slope];
+  }
+
   #layer(name, count, element, attributes) {
     const group = add(this.svg, 'g', { class: name });
     return Array.from({ length: count }, () => add(group, element, attributes));
@@ -166,6 +187,7 @@ export class Stage {
   #machine() {
     const machine = add(this.svg, 'g', { class: 'machine' });
     this.moving = [];
+    this.elastic = [];
     this.names = [];
     this.springs = this.stage.springs.map((ends) => ({
       path: add(machine, 'path', { class: 'line spring' }), ends,
@@ -185,12 +207,11 @@ export class Stage {
       style: `--link: var(--link-${colour})` });
     if (this.links.has(link)) this.moving.push({ group, link });
     else group.setAttribute('transform', `translate(${this.point([0, 0]).join(' ')})`);
-    for (const [style, curves] of paths) {
-      add(group, 'path', { class: style, d: curves.map((flat) => {
-        const points = [];
-        for (let i = 0; i < flat.length; i += 2) points.push([flat[i], -flat[i + 1]]);
-        return line(points, !OPEN.includes(style));
-      }).join('') });
+    for (const [style, flats] of paths) {
+      const curves = flats.map((flat) => Array.from({ length: flat.length / 2 },
+        (_, i) => [flat[2 * i], -flat[2 * i + 1]]));
+      const path = add(group, 'path', { class: style, d: outline(style, curves) });
+      if (this.stage.bendings[link]) this.elastic.push({ path, link, style, curves });
     }
     const named = kind === 'link' ? words(label) : [words(label), words(link)].find(Boolean);
     add(group, 'title').textContent = named;
@@ -275,6 +296,9 @@ export class Stage {
     }
   }
 }
+
+const outline = (style, curves) => curves.map((curve) => line(curve, !OPEN.includes(style)))
+  .join('');
 
 /** The greatest of 1, 2 and 5 times a power of ten that is not above x. */
 function below(x) {
