@@ -44,6 +44,7 @@ class Skeleton:
     loose : joints with clearance, whose bushings are drawn
     drives : driven coordinates, each with the sign of the sense in which it sets out
     frames : bodies that carry the ground, each by the points it reaches to and those on springs
+    size : by which symbols are chosen, if not by that of the mechanism [m]
 
     Attributes
     ----------
@@ -63,6 +64,7 @@ class Skeleton:
         loose: Iterable[str] = (),
         drives: Mapping[str, float] | None = None,
         frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
+        size: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
         self.links = [body.name for body in mechanism.bodies]
@@ -77,7 +79,8 @@ class Skeleton:
         for place, radius in (disc for pair in pairs for disc in pair.discs()):
             middle = self._poses.at(place)
             covered += [middle - radius, middle + radius]
-        self.size = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest) or 1.0
+        widest = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest)
+        self.size = size or widest or 1.0
         self.symbol = self.size / 60.0
         self._corners: dict[str, list[Vector2]] = {link: [] for link in self.links}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
@@ -269,12 +272,15 @@ class Skeleton:
         return sorted(lower, key=lambda j: GROUND not in (j.first, j.second))
 
 
-def skeleton_of(machine: Machine, q: Array, mechanism: Mechanism | None = None) -> Skeleton:
+def skeleton_of(
+    machine: Machine, q: Array, mechanism: Mechanism | None = None, size: float = 0.0
+) -> Skeleton:
     """The skeleton of a machine with its springs, named points, loose joints, drive and frames.
 
     Parameters
     ----------
     q : (n, N) coordinates of the machine's mechanism, or of another tree of it
+    size : by which symbols are chosen, if not by that of the machine [m]
     """
     mechanism = mechanism or machine.mechanism
     elements = machine.plan.elements(mechanism)
@@ -296,7 +302,7 @@ def skeleton_of(machine: Machine, q: Array, mechanism: Mechanism | None = None) 
         for name, part in machine.scene.oscillators.items()
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
-    return Skeleton(mechanism, q, points, springs, machine.clearances, drives, frames)
+    return Skeleton(mechanism, q, points, springs, machine.clearances, drives, frames, size)
 
 
 def _sense(law: Law) -> float:

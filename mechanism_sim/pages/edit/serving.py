@@ -31,9 +31,7 @@ _LOOK = 0.1  # [s] between looks at what runs
 _COMMAND = 400_000  # bytes: a whole document, its quotes escaped
 
 
-def edit(
-    document: Document, port: int | None, browse: bool, opened: Callable[[str], None]
-) -> int:
+def edit(document: Document, port: int | None, browse: bool, opened: Callable[[str], None]) -> int:
     """Serve the page of a document until a signal ends it; exit code 0.
 
     Parameters
@@ -57,7 +55,9 @@ def edit(
     )  # fmt: skip
     try:
         if port and server.port != port:
-            raise InputError(f'edit: port {port} of {HOST} is taken: choose another; 0 is any free')
+            raise InputError(
+                f'edit: port {port} of {HOST} is taken: choose another; 0 is any free'
+            )
         runs = Background(lambda *found: waiting.put(('run', found)))
         session = Session(document, server.send)
         greeting[:] = session.greeting
