@@ -34,7 +34,8 @@ def ros_found() -> bool:
 
 
 APART = {
-    'topic', 'param', 'service', 'action', 'bag', 'edit', 'identify', 'node', 'run', 'sweep', 'view',
+    'topic', 'param', 'service', 'action', 'bag', 'edit', 'identify', 'node', 'run', 'sweep',
+    'view',
 }  # fmt: skip
 """Commands that start processes, speak to others or take over signals."""
 
