@@ -7,7 +7,6 @@ from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
 from mechanism_sim.cycles.cycle import cycle
-from mechanism_sim.cycles.points import Poses
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.equations import Equations
@@ -550,17 +549,6 @@ def test_points_of_a_link_have_their_deflection_and_stress():
     assert found['deflection.rod.quarter'] == pytest.approx(w)
     assert found['stress.rod.quarter'] == pytest.approx(2e11 * 0.004 * bend)
     assert (found['stress.rod'] >= np.abs(found['stress.rod.quarter']) * 0.999).all()
-
-
-def test_a_drawing_magnifies_what_bends():
-    mechanism = ms.load_scene('elastic_slider_crank').mechanism
-    q = np.array([[0.0], [0.0], [0.45], [2e-3], [0.0]])  # crank, rod, slider, bends
-    for factor in (1.0, 10.0):
-        poses = Poses(mechanism, q, factor)
-        x, y = poses.at(('rod', (0.15, 0.0)))[:, 0]
-        assert y == pytest.approx(factor * 2e-3)
-        assert x == pytest.approx(0.3, abs=factor**2 * 1e-4)
-        assert poses.at(('crank', (0.15, 0.0)))[:, 0] == pytest.approx([0.15, 0.0])
 
 
 def test_the_mass_centre_moves_by_the_forces_of_the_frame():

@@ -49,8 +49,11 @@ def add(command: Command) -> None:
     option(sub, '--duration', 'S', 'seconds to run; 1 h if none is known', float)
     option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
-        sub, '--realtime-factor', 'F', 'simulated seconds in a second; 0: as fast as possible', 1.0
-    )
+        sub, '--realtime-factor', 'F',
+        'simulated seconds in a second; 0: as fast as possible; if not given, a turn takes some '
+        'seconds',
+        float,
+    )  # fmt: skip
     flag(sub, '--paused', 'begin its run paused')
     option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
     flag(sub, '--open', 'open a browser')
@@ -181,17 +184,21 @@ def _edit(options: argparse.Namespace) -> int:
 
 def _run_arguments(options: argparse.Namespace) -> list[str]:
     """What `mechanism-sim run` is given, checked before a browser opens."""
+    from mechanism_sim.pages.controls import visible_pace  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     machine, overrides = read_machine(options), overrides_of(options)
     known = options.duration or machine.scene.duration or HOUR
     turns = options.revolutions
     duration = run_length(machine, turns, options.duration if turns is not None else known)
-    if not 0.0 <= options.realtime_factor < math.inf:
+    pace = options.realtime_factor
+    if pace is None:
+        pace = visible_pace(machine)
+    if not 0.0 <= pace < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     return [
         options.scene, '--hold', '--duration', repr(duration),
-        '--realtime-factor', repr(options.realtime_factor),
+        '--realtime-factor', repr(pace),
         *(part for text in overrides for part in ('--set', text)),
         *(['--paused'] if options.paused else []),
         *ros_args(options),

@@ -129,7 +129,7 @@ def single_impact(
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
     p, q, slip = impulses_of_one(
-        Ann, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code
+        Ann, Ant, Ant, Att, vn, vt, law.restitution, law.friction, law.hypothesis.code
     )
     if math.isnan(p):
         raise ArithmeticError(_WEDGED)
@@ -138,20 +138,24 @@ def single_impact(
 
 @kernel
 def impulses_of_one(
-    Ann: float, Ant: float, Att: float, vn: float, vt: float, e: float, mu: float, hypothesis: int
-) -> tuple[float, float, int]:
-    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged."""
+    Ann: float, Ant: float, Atn: float, Att: float,
+    vn: float, vt: float, e: float, mu: float, hypothesis: int,
+) -> tuple[float, float, int]:  # fmt: skip
+    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged.
+
+    vt gains ``Atn p``, which differs from ``Ant p`` where friction in ideal joints takes part.
+    """
     if vn >= 0.0:
         return 0.0, 0.0, _sign(vt)
     rebound = -e * vn
     if mu == 0.0:
         p = (1.0 + e) * -vn / Ann
-        return p, 0.0, _sign(vt + Ant * p)
-    slide = _slide(Ann, Ant, Att, vt, mu)
+        return p, 0.0, _sign(vt + Atn * p)
+    slide = _slide(Ann, Ant, Atn, Att, vt, mu)
     if slide.rise > 0.0 and vn + slide.rise * slide.length >= rebound:
         x = (1.0 + e) * -vn / slide.rise
         return slide.normal * x, slide.tangential * x, slide.slip
-    last = _last(Ann, Ant, Att, mu, slide)
+    last = _last(Ann, Ant, Atn, Att, mu, slide)
     if last.rise <= 0.0:
         return math.nan, 0.0, 0
     turn = vn + slide.rise * slide.length  # normal rate where slip stops
@@ -194,10 +198,10 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Conta
     ArithmeticError
         If no finite impulse ends the approach: A is singular and the contact is wedged.
     """
-    slide = _slide(Ann, Ant, Att, vt, friction)
+    slide = _slide(Ann, Ant, Ant, Att, vt, friction)
     if slide.slip == 0 or slide.rise >= 0.0:
         return ContactImpulse(0.0, 0.0, slide.slip)
-    last = _last(Ann, Ant, Att, friction, slide)
+    last = _last(Ann, Ant, Ant, Att, friction, slide)
     if last.rise <= 0.0:
         raise ArithmeticError(_WEDGED)
     more = -slide.rise * slide.length / last.rise
@@ -367,22 +371,22 @@ def stop_slide(
 
 
 @kernel
-def _slide(Ann: float, Ant: float, Att: float, vt: float, mu: float) -> _Leg:
+def _slide(Ann: float, Ant: float, Atn: float, Att: float, vt: float, mu: float) -> _Leg:
     """The first leg: slip as it was, until vt = 0; a rough contact needs no p for that."""
     slip = _sign(vt)
     p = 0.0 if mu == math.inf else 1.0
     q = -float(slip) if mu == math.inf else -mu * slip
-    slowing = -slip * (Ant * p + Att * q)
+    slowing = -slip * (Atn * p + Att * q)
     length = abs(vt) / slowing if slowing > 0.0 else math.inf
     return _Leg(p, q, Ann * p + Ant * q, slip, length if slip else 0.0)
 
 
 @kernel
-def _last(Ann: float, Ant: float, Att: float, mu: float, slide: _Leg) -> _Leg:
-    """The second leg, without end: stick, or slip on with the sign of Ant; no rise: wedged."""
-    sticks = Ant == 0.0 or abs(Ant) <= mu * Att
-    slip = 0 if sticks else _sign(Ant)
-    q = -mu * slip if slip else -Ant / Att if Ant else 0.0
+def _last(Ann: float, Ant: float, Atn: float, Att: float, mu: float, slide: _Leg) -> _Leg:
+    """The second leg, without end: stick, or slip on with the sign of Atn; no rise: wedged."""
+    sticks = Atn == 0.0 or abs(Atn) <= mu * Att
+    slip = 0 if sticks else _sign(Atn)
+    q = -mu * slip if slip else -Atn / Att if Atn else 0.0
     rise = Ann + Ant * q if slide.length < math.inf else 0.0
     return _Leg(1.0, q, rise, slip, math.inf)
 

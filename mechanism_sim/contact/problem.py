@@ -173,7 +173,9 @@ def impulses(
     if m == 1:
         x = np.zeros(2)
         kind, vn, vt = hypothesis[0], rate[0], rate[1]
-        x[0], x[1], _ = impulses_of_one(A[0, 0], A[0, 1], A[1, 1], vn, vt, e[0], mu[0], kind)
+        x[0], x[1], _ = impulses_of_one(
+            A[0, 0], A[0, 1], A[1, 0], A[1, 1], vn, vt, e[0], mu[0], kind
+        )
         found = not math.isnan(x[0])
     else:
         x, found = simultaneous_impulses(A, rate, e, mu, hypothesis)

@@ -45,7 +45,7 @@ def css() -> str:
     return (
         f':root {{ {light} }}\n'
         '@media screen and (prefers-color-scheme: dark) '
-        f'{{ body:is(.report, .edit) {{ {dark} }} }}\n'
+        f'{{ body:is(.report, .edit, .live) {{ {dark} }} }}\n'
     )
 
 

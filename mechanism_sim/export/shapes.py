@@ -62,6 +62,7 @@ class Shape:
     label : of the link or joint; none if empty
     size : of wheels, of which the largest are painted first
     number : of the link among those that move, which stands for its colour; -1 of the ground
+    bends : whether its link is elastic: edges have points enough to bend
     """
 
     kind: Kind
@@ -71,6 +72,7 @@ class Shape:
     label: str = ''
     size: float = 0.0
     number: int = -1
+    bends: bool = False
 
     @property
     def outline(self) -> Array:
@@ -81,7 +83,7 @@ class Shape:
     def paths(self) -> tuple[Path, ...]:
         """What is painted, from back to front."""
         return tuple(
-            Path(style, curves if style in OPEN else _turned(curves))
+            Path(style, self._fine(curves if style in OPEN else _turned(curves), style))
             for style, curves in _BUILDERS.get(self.kind, _body)(self)
         )
 
@@ -89,7 +91,13 @@ class Shape:
     def hull(self) -> Array:
         """Points (k, 2) [m] around all that is painted, or the outline of what is not."""
         curves = [curve for path in self.paths for curve in path.curves]
-        return around(np.concatenate(curves or [self.outline]))
+        points = np.concatenate(curves or [self.outline])
+        return points if self.bends else around(points)
+
+    def _fine(self, curves: tuple[Array, ...], style: Style) -> tuple[Array, ...]:
+        if not self.bends:
+            return curves
+        return tuple(subdivided(c, 0.5 * self.symbol, style not in OPEN) for c in curves)
 
 
 def coil(start: Array, end: Array, symbol: float) -> Array:
@@ -97,6 +105,15 @@ def coil(start: Array, end: Array, symbol: float) -> Array:
     way = end - start
     across = np.array([-way[1], way[0]]) * symbol / max(float(np.hypot(*way)), 1e-300)
     return np.asarray(start + COIL @ np.stack([way, across]))
+
+
+def subdivided(curve: Array, longest: float, closed: bool = False) -> Array:
+    """A curve (k, 2) with points added where edges are longer than that [m]."""
+    ends = np.concatenate([curve, curve[:1]]) if closed else curve
+    counts = np.ceil(np.hypot(*np.diff(ends, axis=0).T) / longest).astype(int).clip(1)
+    at = [i + np.arange(n) / n for i, n in enumerate(counts)]
+    along = np.concatenate(at if closed else [*at, [float(len(counts))]])
+    return np.stack([np.interp(along, np.arange(len(ends)), x) for x in ends.T], axis=1)
 
 
 def rounded(points: Array, radius: float) -> Array:

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import index
+from mechanism_sim.export.scale import round_below
 from mechanism_sim.export.shapes import COIL, Shape
-from mechanism_sim.export.skeleton import Skeleton, bounds, round_below, scale_bar, skeleton_of
+from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute, Side
-from mechanism_sim.planar.play import wall_name
+from mechanism_sim.planar.play import gaps_of, wall_name
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -42,7 +43,8 @@ class Frames:
     Attributes
     ----------
     t : (N,) [s]
-    poses : (N, L, 3) origin [m] and angle [rad, less whole turns] of the links' frames
+    poses : (N, L, 3 + M) origin [m] and angle [rad, less whole turns] of the links' frames, and
+        elastic coordinates [m]
     pins : (N, B, 2) [m] centre of the pin less that of the bushing, along the world's axes
     pin_rates : (N, B, 2) [m/s] of the same; one instant's place and rate join with the next's
     modes : (N, B) of contact, as in ModeChange; 0 with an oil film
@@ -174,7 +176,8 @@ class Stage:
             'shapes': [written(shape) for shape in self.skeleton.shapes],
             'springs': [[[link, list(at)] for link, at in x] for x in self.skeleton.springs],
             'coil': COIL.tolist(),
-            'scale': dict(zip(('length', 'text'), scale_bar(width), strict=True)),
+            'scale': dict(zip(('length', 'text'), self.skeleton.scale_bar(width), strict=True)),
+            'bendings': {link: x.to_json() for link, x in self.skeleton.bendings.items()},
             'joints': [self._joint(joint) for joint in self.joints],
             'force_scale': self.force_scale,
             'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
@@ -207,8 +210,8 @@ class Stage:
         known, count = dict(zip(physics.clearances, modes, strict=True)), len(t)
         touching = np.zeros((count, len(bearings)), np.uint8)
         for k, joint in enumerate(bearings):
-            if joint.name in known:  # an oil film has no gap
-                touching[:, k] = known[joint.name]
+            for gap in gaps_of(self.machine.mechanism, joint.name, known):  # a film has none
+                touching[:, k] = np.maximum(touching[:, k], known[gap])
         return Frames(
             t,
             poses,

@@ -15,10 +15,14 @@ from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import ContactImpulse, Hypothesis, jam_margin, shock, stop_slide
 from mechanism_sim.contact.problem import (
     FLIES,
+    GAP,
+    LOSS,
+    NORMAL,
     RECOVERS,
     SLIDES_BACKWARD,
     SLIDES_FORWARD,
     STICKS,
+    TANGENTIAL,
     ContactProblem,
     Limits,
     Mask,
@@ -31,6 +35,7 @@ from mechanism_sim.contact.problem import (
     rest_now,
     slip_of,
 )
+from mechanism_sim.contact.rubbing import loss, rubs_of, with_friction
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import Base, horner
 from mechanism_sim.hybrid.dense_output import Status, floats
@@ -53,6 +58,8 @@ INSIDE = 1e-13  # [m] depth at which a compliant contact begins: its force has n
 _SET_DOWN = 0.01  # of the speed that its load makes: what touches slower is loaded from rest
 _BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same instant
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
+
+_RUBBED, _MOST_RUBBED = 1e-13, 200  # of impulses that friction in ideal joints changes
 
 _STILL_TURNING, _MOST_TURNS = 1e-6, 1000  # [s] between turns of a switch, so many times in a row
 
@@ -179,7 +186,8 @@ class Contacts:
         self.modes = tuple(self._modes.tolist())
         self._set_status()
         self.flying = int(Mode.FREE_FLIGHT) in self.modes
-        smooth = not (self._system.frictional or self._system.compliant)
+        known = self._system
+        smooth = not (known.frictional or known.compliant or known.dynamics.rubs)
         self._flies_free = smooth and not self._problem.closed.any()
 
     def _set_status(self) -> None:
@@ -272,9 +280,8 @@ class Contacts:
             self.pass_edges()
         if self._system.dynamics.rubs:
             self.sides = (1.0,) * len(self._system.side_index)
-            for k in range(len(self._system.towards_index) // 2):
-                self._follow_pin(k)
-            self._respond_to_missed()
+            if not self.modes:
+                self._begin_to_rub()
         self.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
             terms = self.terms()
@@ -289,6 +296,8 @@ class Contacts:
         if any(closed) or self._system.relations:
             self.project()
         self.settle()
+        if self.modes and self._system.dynamics.rubs:
+            self._begin_to_rub()
         self.mode_changes = [
             ModeChange(self.time, name, Mode(mode), Mode.UNKNOWN)
             for name, mode in zip(self._names, self.modes, strict=True)
@@ -360,7 +369,8 @@ class Contacts:
             if self._system.relations and not self.singular_joints():
                 self.project()  # another closure may hold from now on
             if any(self.closed(i) for i in range(len(before))):
-                if self._system.frictional or self._jumps:  # a gap may close faster from now on
+                steps = self._system.frictional or self._system.dynamics.rubs
+                if steps or self._jumps:  # a gap may close faster from now on
                     self.settle()
                 else:
                     self.project()
@@ -458,6 +468,22 @@ class Contacts:
         self._set((*self._system.side_index, *self._system.towards_index), values)
         self._set_status()
 
+    def _begin_to_rub(self) -> None:
+        """Note what presses on ideal joints that rub, and what holds there."""
+        self._press_sides()
+        for k in range(len(self._system.towards_index) // 2):
+            self._follow_pin(k)
+        self._respond_to_missed()
+
+    def _press_sides(self) -> None:
+        """Let the signs of what presses on lines that rub be those of its present forces."""
+        for _ in self._system.side_index:
+            pressed = self._at_present(self._system.pressing).tolist()
+            signs = tuple(math.copysign(1.0, x) for x in pressed)
+            if signs == self.sides:
+                break
+            self.sides = signs
+
     def _follow_pin(self, pin: int) -> None:
         """Note where the force of a pin that rubs points now."""
         x, y = self._at_present(self._system.pin_forces)[2 * pin : 2 * pin + 2].tolist()
@@ -472,13 +498,49 @@ class Contacts:
                 self._pars[self._system.switch_index[k][0]] = part
 
     def _release(self) -> None:
-        """Let switches hold no more what an impact has moved."""
+        """Let switches hold no more what an impact has moved.
+
+        What they would stop again within a rounding of the place is stopped now: contacts that
+        part by roundings fall back as fast, and would move it for ever.
+        """
         places, rows = self._places(), list(self.switches)
-        for k in self._system.holding:
-            if rows[k] == HOLDS and abs(places[k]) > REST:
+        moved = [k for k in self._system.holding if rows[k] == HOLDS and abs(places[k]) > REST]
+        if not moved:
+            return
+        slow = [k for k in moved if places[k] ** 2 < 2.0 * self._rounding * self._stops(k, places)]
+        for k in moved:
+            if k not in slow:
                 rows[k] = int(places[k] > 0.0)
-        if tuple(rows) != self.switches:
-            self.set_switches(tuple(rows))
+        self.set_switches(tuple(rows))
+        if slow:
+            self._stop(slow)
+
+    def _stops(self, switch: int, places: Sequence[float]) -> float:
+        """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""
+        rates = self._rates_of(switch)[:2]
+        below, above = rates
+        return max(0.0, -above if places[switch] > 0.0 else below)
+
+    def _stop(self, held: Sequence[int]) -> None:
+        """Bring the functions of switches that hold to zero by an impulse of what holds them."""
+        kept, system, f = self._parameters.copy(), self._system, self._f
+        functions = [[*system.holding].index(k) for k in held]
+
+        def seen(acting: int | None) -> tuple[Array, Array]:
+            for k in held:
+                self._set(system.switch_index[k], (float(k == acting), 0.0))
+            rates = self._at_present(system.holding_rates)[functions]
+            return rates, self._at_present(system.accelerations).copy()
+
+        still, a = seen(None)
+        ways = [seen(k) for k in held]
+        self._parameters[:] = kept
+        places = np.array(self._places())[list(held)]
+        steps = np.column_stack([rates - still for rates, _ in ways])
+        shares = np.linalg.lstsq(steps, -places)[0]
+        for x, (_, way) in zip(shares.tolist(), ways, strict=True):
+            self._x[f:] += x * (way - a)
+        self.project()
 
     def _count_turns(self, switch: int) -> None:
         """Refuse a switch that turns over again and again at one place.
@@ -618,6 +680,8 @@ class Contacts:
         log = self.impacts
         log.reserve(len(self.modes))
         self._at_present(self._system.contact_function, out=self._arrays[0])
+        rubbed = self._rub(gap) if self._system.dynamics.rubs else 0.0
+        first = log.count
         done = impact_now(
             *self._arrays,
             self._limits,
@@ -633,9 +697,40 @@ class Contacts:
         if not done.found:
             raise ArithmeticError('no impulses satisfy all contacts of this instant')
         log.count = done.entered
+        if rubbed and log.count > first:
+            log.rows[first, LOSS] += rubbed
         self.horizon = min(self.horizon, done.horizon)
         if done.rests:
             self._rest(self._resting, self._touched)
+
+    def _rub(self, gap: int) -> float:
+        """Let an impact that is about to be feel the friction that it makes in ideal joints.
+
+        Returns what that dissipates [J].
+        """
+        system, plain, m = self._system, self._arrays[0].copy(), len(self.modes)
+        function, sizes = system.rub_function
+        layout = system.contact_layout
+        rubs = rubs_of(self._at_present(function), sizes, *layout[1:4])
+        rows, T, lost = np.empty((m, len(self.impacts.rows[0]))), np.zeros(len(sizes)), 0.0
+        before = np.zeros(layout.rows)
+        for _ in range(_MOST_RUBBED):
+            done = impact_now(
+                *self._arrays, self._limits, gap, self.time, self._drive_rates,
+                self._x[self._f :].copy(), rows, 0, self._touched, self._resting,
+            )  # fmt: skip
+            x = np.zeros(layout.rows)
+            for row in rows[: done.entered]:
+                x[int(row[GAP])] = row[NORMAL]
+                x[m + int(row[GAP]) :: m] = row[TANGENTIAL]
+            if not x.any():
+                break
+            lost = loss(rubs, x, T)
+            if np.abs(x - before).max() <= _RUBBED * np.abs(x).max():
+                break
+            self._arrays[0][:], before = plain, x
+            T = with_friction(self._problem, rubs, x, T)
+        return lost
 
     @property
     def _drive_rates(self) -> Array:
@@ -707,6 +802,8 @@ class Contacts:
         booked = log.count and log.last_time == self.time
         booked = booked and (len(before) > 1 or self._system.frictional)
         self._at_present(self._system.contact_function, out=self._arrays[0])
+        if self._system.dynamics.rubs:
+            self._foresee_rest(resting, touching, slips)
         rest = rest_now(
             *self._arrays,
             self._limits,
@@ -720,6 +817,7 @@ class Contacts:
             self._drawn,
         )
         if not rest.solved:
+            self._set_flags(False)
             if given:  # it gave way by rounding: nothing forces it to slide
                 self._rest(resting, touching, jams)
             else:
@@ -740,6 +838,22 @@ class Contacts:
         if rest.draws:
             drawn = self._drawn.copy()
             self._rest(resting | drawn, touching | drawn, jams)
+
+    def _foresee_rest(self, resting: Mask, touching: Mask, slips: Indices) -> None:
+        """Let friction in ideal joints be that of the modes that come of it."""
+        modes, closed = self._modes.copy(), self._problem.closed.copy()
+        masks = np.zeros((2, len(modes)), dtype=np.bool_)
+        terms, layout, laws, _, hypothesis = self._arrays
+        for _ in range(_MOST_RUBBED):
+            rest = rest_now(
+                terms, layout, laws, closed, hypothesis, self._limits, resting, touching, slips,
+                self._drive_rates, self.impacts.rows[:0], modes, *masks,
+            )  # fmt: skip
+            if not (rest.solved and rest.changed):
+                break
+            write_flags(modes, masks[0, :0], self._flags, self._parameters)
+            self._press_sides()
+            self._at_present(self._system.contact_function, out=terms)
 
     def _unjam(self, resting: Mask, touching: Mask, jams: int) -> None:
         """Let an impact without collision end a slide that no force can keep."""

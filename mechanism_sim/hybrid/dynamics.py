@@ -88,6 +88,9 @@ class Dynamics:
     exact, stabilised : the solution without and with Baumgarte's terms
     loads : forces and moments of the elements, and of friction in ideal joints
     rubs : that friction
+    depths : of compliant contacts, by the symbols that stand for them beside such friction
+    rub_response, rub_closing, rub_drive_response : as of rows, by unit impulses of that friction
+    rub_compliance : of all rows, then of these slips, likewise
     torques : of every powered coordinate the three coefficients of its law
     drive_torques : of every powered coordinate that of its law and of its motor [N m, N]
     """
@@ -145,10 +148,11 @@ class Dynamics:
         if self.compliant:  # no gap is kept closed
             self.active[: len(gaps)] = [hy.expression(0.0)] * len(gaps)
         self._gaps = tuple(gaps)
-        #: of every row, the share by which it yields where others hold the same
-        self.softness = [0.0] * len(gaps) + [getattr(gap, 'softness', 0.0) for gap in gaps]
+        #: of every row, the share by which it yields while others of its joint hold the same
+        self.softness: Vector = [None] * len(gaps) + [self._softness(i) for i in range(len(gaps))]
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
         self.rubs: list[Rub] = rubs(frictions, eq.frames)
+        self.depths: dict[hy.expression, hy.expression] = {}
         self.loads += [load for rub in self.rubs for load in rub.loads]
         self._pushes = generalised(self.loads, eq.frames, mechanism)
         self._reduce(powered)
@@ -156,6 +160,13 @@ class Dynamics:
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
         self.free_acceleration = self._second_derivatives(self.exact_free)
+
+    def _softness(self, i: int) -> Term:
+        """Of the tangent of a gap, while others of its joint stick."""
+        own, gaps = getattr(self._gaps[i], 'softness', 0.0), enumerate(self._gaps)
+        others = [k for k, gap in gaps if k != i and gap.joint == self._gaps[i].joint]
+        stuck = add(*(self.sticks.get(k) for k in others))
+        return mul(hy.expression(own), stuck) if own else None
 
     def _free_row(self, jet: Jet) -> Vector:
         row = jet.row(self.equations.coordinates)
@@ -192,24 +203,30 @@ class Dynamics:
                     line[j] = add(
                         line[j], mul(self._lent, dot([g[i] for g in G], [g[j] for g in G]))
                     )
-        solved = solve_symmetric(M, [rhs, *self.J, *G])
-        self._unconstrained, W = solved[0], solved[1 : 1 + len(self.J)]
-        self._W_G = solved[1 + len(self.J) :]
+        slips = [rub.slip for rub in self.rubs]
+        J = [*self.J, *map(self._free_row, slips)]
+        solved = solve_symmetric(M, [rhs, *J, *G])
+        self._unconstrained, W = solved[0], solved[1 : 1 + len(J)]
+        self._W_G = solved[1 + len(J) :]
         self._S = [[dot(row, w) for w in self._W_G] for row in G]
         self._G = G
-        self._closing = (
-            solve_symmetric(self._S, [[neg(dot(row, w)) for row in G] for w in W]) if G else []
-        )
-        self.response: Matrix = [
-            self._with(w, self._W_G, self._closing[k] if G else []) for k, w in enumerate(W)
-        ]
+        count = len(self.J)
+        kept = (
+            solve_symmetric(self._S, [[neg(dot(row, w)) for row in G] for w in W])
+            if G else [[] for _ in W]
+        )  # fmt: skip
+        self._closing, self.rub_closing = kept[:count], kept[count:]
+        response = [self._with(w, self._W_G, kept[k]) for k, w in enumerate(W)]
+        self.response: Matrix = response[:count]
         self.compliance: Matrix = [[dot(row, w) for w in self.response] for row in self.J]
+        self.rub_response: Matrix = response[count:]
+        self.rub_compliance: Matrix = [[dot(row, w) for w in self.rub_response] for row in J]
         self.exact_free, self._exact_closing = self._free_motion(stabilised=False)
         M_p = [[eq.M[i][j] for j in free] for i in driven]
         drives = []
-        for k, jet in enumerate(self.rows):
+        for k, jet in enumerate([*self.rows, *slips]):
             own = self._driven_row(jet)
-            closing = self._closing[k] if G else []
+            closing = kept[k]
             reaction = [
                 add(*(mul(self._driven_row(r)[n], x)
                       for r, x in zip(self.relation, closing, strict=True)))
@@ -217,11 +234,12 @@ class Dynamics:
             ]  # fmt: skip
             drives.append(
                 [
-                    add(dot(M_p[n], self.response[k]), neg(own[n]), neg(reaction[n]))
+                    add(dot(M_p[n], response[k]), neg(own[n]), neg(reaction[n]))
                     for n in range(len(driven))
                 ]
             )
-        self.drive_response: Matrix = drives
+        self.drive_response: Matrix = drives[:count]
+        self.rub_drive_response: Matrix = drives[count:]
 
     @staticmethod
     def _with(start: Vector, columns: Matrix, factors: Vector) -> Vector:
@@ -341,8 +359,8 @@ class Dynamics:
             line: Vector = []
             for c in columns:
                 entry = self.compliance[r][c]
-                if r == c and self.softness[r]:
-                    entry = mul(entry, 1.0 + self.softness[r])
+                if r == c and self.softness[r] is not None:
+                    entry = mul(entry, 1.0 + dense(self.softness[r]))
                 entry = mul(self.active[r], mul(1.0 if r == c else self.active[c], entry))
                 line.append(add(entry, 1.0 - self.active[r]) if r == c else entry)
             K.append(line)
@@ -430,6 +448,22 @@ class Dynamics:
                 rest[k] = (rest[k] | near) - {k, order[-1]}
         return order
 
+    def struck(self, impulses: Sequence[Term]) -> Solved:
+        """What impulses of all rows, then of friction in ideal joints, add to a free motion.
+
+        The friction is to be entered in `loads`, too.
+        """
+        count, m = len(self.rows), len(self.normal)
+        N, T = impulses[:m], impulses[m:count] if self.frictional else [None] * m
+        a, closing = self.exact_free, self._exact_closing
+        return Solved(
+            self._with(a, [*self.response, *self.rub_response], list(impulses)),
+            list(N),
+            list(T),
+            self._with(closing, [*self._closing, *self.rub_closing], list(impulses))
+            if closing else [],
+        )  # fmt: skip
+
     def compressed(self, i: int) -> tuple[Term, Term, Term]:
         """Depth of a closed compliant contact, its rate, and ``|dy/d distance|``.
 
@@ -439,6 +473,10 @@ class Dynamics:
         value = s * jet.value
         stretch = self._gaps[i].stretch(value)
         depth = self._gaps[i].depth(value) + (1.0 - s)
+        if self.rubs:  # in long expressions only symbols are found again
+            symbol = hy.make_vars(f'depth{i}')
+            self.depths[symbol] = depth
+            depth = symbol
         return depth, neg(mul(s, jet.rate)) / stretch, stretch
 
     def relief(self, i: int) -> hy.expression:

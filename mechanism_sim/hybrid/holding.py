@@ -63,16 +63,15 @@ def acting(
     every = [*rates, *components]
     none = dict.fromkeys(unknowns, hy.expression(0.0))
     A = list(hy.subs(every, none)) if every else []
-    B = [list(hy.subs(every, none | {x: hy.expression(1.0)})) for x in unknowns]
     n = len(unknowns)
-    named = [{*hy.get_variables(x)} for x in every]
-    slopes = [
-        [B[j][k] - A[k] if str(unknowns[j]) in named[k] else hy.expression(0.0) for j in range(n)]
-        for k in range(len(every))
-    ]
+    rubs = any(T is not None for T in forces)
+    if rubs:
+        slopes = [[hy.diff(x, unknown) for unknown in unknowns] for x in every]
+    else:  # the same of shorter expressions, whose roundings are those of long ago
+        B = [hy.subs(every, none | {x: hy.expression(1.0)}) for x in unknowns]
+        slopes = [[b[k] - A[k] for b in B] for k in range(len(every))]
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
-    rubs = any(T is not None for T in forces)
     curved = any(p.side is None for b in bounds for p in b)
     for _ in range(_NEWTON if curved else 1):
         rows, at = [], n
@@ -85,12 +84,11 @@ def acting(
                 continue
             own = slice(at, at + sum(len(p.components) for p in bounds[k]))
             at = own.stop
-            b, slope = _bound(bounds[k], A[own], slopes[own], found)
             way: Term = (1.0 - z) * (1.0 - 2.0 * s.flag)
-            row = [z * x - way * y for x, y in zip(slopes[k], slope, strict=True)]
+            off, slope = _tangent(bounds[k], A[own], slopes[own], found, way)
+            row = [z * x - y for x, y in zip(slopes[k], slope, strict=True)]
             row[k] = row[k] + (1.0 - z)
-            off = hy.sum([b, *(-x * y for x, y in zip(slope, found, strict=True))])
-            rows.append([*row, way * off - z * A[k]])
+            rows.append([*row, off - z * A[k]])
         found, pivots = _eliminated(rows)
         if rubs:
             jam = hy.prod(
@@ -107,12 +105,13 @@ def acting(
             continue
         own = slice(at, at + sum(len(p.components) for p in bounds[k]))
         at = own.stop
-        b, _ = _bound(bounds[k], A[own], slopes[own], found)
+        b = _bound(bounds[k], A[own], slopes[own], found)
         held: Term = s.holds
-        parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - found[k] / b)))
-        least = [p.coefficient * p.resolution for p in bounds[k]]
+        least = hy.sum([p.coefficient * p.resolution for p in bounds[k]])
+        share = found[k] * b / (b * b + least * least)  # both may vanish at once
+        parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - share)))
         left = found[k] - (1.0 - 2.0 * s.flag) * b
-        residual.append((1.0 - held) * (left / (b + _UNFELT * hy.sum(least))))
+        residual.append((1.0 - held) * (left / (b + _UNFELT * least)))
     pressed, carried, at = [], [], n
     for p in (p for b in bounds for p in b):
         own = slice(at, at + len(p.components))
@@ -126,36 +125,59 @@ def acting(
     return Acting(values, parts, residual, pressed, carried, jam)
 
 
+def _tangent(
+    terms: Sequence[Pressed],
+    start: Sequence[hy.expression],
+    slopes: Sequence[Sequence[hy.expression]],
+    at: Sequence[hy.expression],
+    way: hy.expression,
+) -> tuple[hy.expression, list[hy.expression]]:
+    """A bound times `way`, linear about some values of the unknowns: at none of them, by each.
+
+    A size is homogeneous but for the resolution: its tangent at ``c = start + slopes at`` is
+    ``(c start + resolution^2)/size`` and ``c slopes/size``.
+    """
+    off: list[Term] = []
+    slope: list[list[Term]] = [[] for _ in at]
+    i = 0
+    for p in terms:
+        own = range(i, i + len(p.components))
+        i = own.stop
+        if p.side is not None:
+            weights = [way * (p.coefficient * p.side)]
+            least = way * (p.coefficient * (_OFF_ZERO * p.resolution))
+        else:
+            c = [_linear(start[k], slopes[k], at) for k in own]
+            weight = way * p.coefficient / _size(c, p)
+            weights = [weight * x for x in c]
+            least = weight * (p.resolution * p.resolution)
+        off += [least, *(w * start[k] for w, k in zip(weights, own, strict=True))]
+        for w, k in zip(weights, own, strict=True):
+            for j, x in enumerate(slopes[k]):
+                slope[j].append(w * x)
+    return dense(add(*off)), [dense(add(*x)) for x in slope]
+
+
 def _bound(
     terms: Sequence[Pressed],
     start: Sequence[hy.expression],
     slopes: Sequence[Sequence[hy.expression]],
     at: Sequence[hy.expression],
-) -> tuple[hy.expression, list[hy.expression]]:
-    """A bound and its derivatives by the unknowns, at some of their values."""
+) -> hy.expression:
+    """A bound at some values of the unknowns."""
     bound: list[Term] = []
-    slope: list[list[Term]] = [[] for _ in at]
     i = 0
     for p in terms:
-        if p.side is not None:
-            pressed = p.side * _linear(start[i], slopes[i], at)
-            bound.append(p.coefficient * (pressed + _OFF_ZERO * p.resolution))
-            for j, x in enumerate(slopes[i]):
-                slope[j].append(p.coefficient * (p.side * x))
-            i += 1
-            continue
-        size: list[Term] = [p.resolution * p.resolution]
-        places = []
-        for _ in p.components:
-            places.append((i, _linear(start[i], slopes[i], at)))
-            size.append(places[-1][1] * places[-1][1])
-            i += 1
-        root = hy.sqrt(hy.sum(size))
-        bound.append(p.coefficient * root)
-        for i_c, c in places:
-            for j, x in enumerate(slopes[i_c]):
-                slope[j].append(p.coefficient * ((c * x) / root))
-    return dense(add(*bound)), [dense(add(*x)) for x in slope]
+        own = range(i, i + len(p.components))
+        i = own.stop
+        c = [_linear(start[k], slopes[k], at) for k in own]
+        size = p.side * c[0] + _OFF_ZERO * p.resolution if p.side is not None else _size(c, p)
+        bound.append(p.coefficient * size)
+    return dense(add(*bound))
+
+
+def _size(components: Sequence[hy.expression], p: Pressed) -> hy.expression:
+    return hy.sqrt(hy.sum([*(x * x for x in components), p.resolution * p.resolution]))
 
 
 def _linear(

@@ -258,7 +258,8 @@ class System:
         a = [dense(x) for x in self.dynamics.stabilised.a]
         rates = [frames.v[c] for c in self.turning]
         near = [self.dynamics.distance] if self.relations else []
-        driven = self._driven([*self._by_directions([*a, *self._guards, *near]), *rates], True)
+        known = [*self._acted(a), *self._guards, *near]
+        driven = self._driven([*self._by_directions(known), *rates])
         n, m, k = len(a), len(self._guards), len(near)
         a, guards, near = driven[:n], driven[n : n + m], driven[n + m : n + m + k]
         rates = driven[n + m + k :]
@@ -301,7 +302,8 @@ class System:
                 result.append(FORCE_SCALE * (x * ux + y * uy + 0.5 * size + self._unpressed))
                 continue
             if gap < 0:
-                result.append(JAM_SCALE * (self.acting(solved).jam_margin - RUB_JAMMED) + TINY)
+                margin = dense(self.acting(solved).jam_margin)
+                result.append(JAM_SCALE * (margin - RUB_JAMMED) + TINY)
                 continue
             s = d.closed[gap]
             if not friction:
@@ -326,6 +328,10 @@ class System:
                 least = JAMMED_ROUGH if d.friction[gap] == ROUGH else JAMMED
                 idle = idle + sign * sign * (JAM_SCALE * (margin * margin - least * least))
             result.append(inside + idle + TINY)
+        # what friction in ideal joints is by itself has been solved for already
+        own = [k for k, g in enumerate(self.guards) if g.gap >= 0 or g.switch is not None]
+        for k, guard in zip(own, self._acted([result[k] for k in own]), strict=True):
+            result[k] = guard
         return result
 
     @cached_property
@@ -375,7 +381,7 @@ class System:
     def pin_forces(self) -> hy.cfunc_dbl:
         """Components of the forces in pins that rub, one after the other; as `watch`."""
         carried = self.acting(self.dynamics.stabilised).carried
-        return self._on_now([c for pair in carried for c in pair], parts=True)
+        return self._on_now(self.unpulled([c for pair in carried for c in pair]))
 
     @property
     def _unpressed(self) -> Term:
@@ -414,7 +420,8 @@ class System:
         loads = [load for rub in self.dynamics.rubs for load in rub.loads]
         for element in self.elements:
             if isinstance(element, JointForce):
-                cut[element.name] = element.wrench(eq.frames)
+                carried, before = element.wrench(eq.frames), cut.get(element.name)
+                cut[element.name] = together(before, carried) if before else carried
                 loads += element.loads(eq.frames)[2:]
             else:
                 loads += element.loads(eq.frames)
@@ -442,7 +449,8 @@ class System:
     def holding_rates(self) -> hy.cfunc_dbl:
         """Rates of the functions of switches that may hold, then their parts; as `watch`."""
         rates = self.rates_of_holding(self.dynamics.stabilised.a)
-        return self._on_now([*rates, *(s.flag for s in self.holding.values())], parts=True)
+        flags = (s.flag for s in self.holding.values())
+        return self._on_now(self.unpulled(self._acted([*rates, *flags])))
 
     @cached_property
     def edges(self) -> Edges | None:
@@ -476,16 +484,19 @@ class System:
             replace |= {hy.cos(q): cosine, hy.sin(q): sine}
         return list(hy.subs(list(expressions), replace))
 
-    def _driven(
-        self, expressions: Sequence[hy.expression], parts: bool = False
-    ) -> list[hy.expression]:
+    def _acted(self, expressions: Sequence[Term]) -> list[hy.expression]:
+        """The expressions with what acts of loads that hold, and of friction in ideal joints."""
+        terms = [dense(x) for x in expressions]
+        return list(hy.subs(terms, self._parts)) if self._parts else terms
+
+    def _driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
         """The expressions with the laws of the prescribed coordinates, and what loads ask for.
 
-        With `parts` flags of switches that hold are their parts; else parameters, frozen.
+        Flags of switches that hold are parameters.
         """
         frames = self.equations.frames
-        if parts and self._parts:
-            expressions = hy.subs(list(expressions), self._parts)
+        if self.dynamics.depths:
+            expressions = hy.subs(list(expressions), self.dynamics.depths)
         replace: dict[str | hy.expression, hy.expression] = {}
         for name, c in self._laws.items():
             for symbol, d in ((frames.q, 0), (frames.v, 1), (frames.a, 2)):
@@ -499,7 +510,7 @@ class System:
             replace[symbol] = hy.par[index] + hy.time if name == 'time' else hy.par[index]
         return list(hy.subs(list(expressions), replace))
 
-    def _on_now(self, outputs: Sequence[Term], parts: bool = False) -> hy.cfunc_dbl:
+    def _on_now(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
         """Compiled function of one vector: free coordinates, rates, parameters and time.
 
         A call with parameters and time apart takes more than twice as long.
@@ -508,7 +519,7 @@ class System:
         replace = {hy.par[i]: hy.make_vars(f'parameter{i}') for i in range(len(self.parameters))}
         replace[hy.time] = hy.make_vars('now')
         state = [*(frames.q[c] for c in self.free), *(frames.v[c] for c in self.free)]
-        expressions = self._driven([dense(o) for o in outputs], parts)
+        expressions = self._driven([dense(o) for o in outputs])
         return compiled.function(hy.subs(expressions, replace), [*state, *replace.values()])
 
     @cached_property
@@ -521,12 +532,12 @@ class System:
         d, places = self.dynamics, (s.place for s in self.switches)
         values = (jet.value for jet in d.normal if d.compliant)
         rates = (jet.rate for jet in d.normal)
-        return self._on_now([*self._guards, *rates, *values, *places], parts=True)
+        return self._on_now([*self._guards, *rates, *values, *places])
 
     @cached_property
     def accelerations(self) -> hy.cfunc_dbl:
         """Of the free coordinates, as the integrator has them; of the same vector as `watch`."""
-        return self._on_now(self.dynamics.stabilised.a, parts=True)
+        return self._on_now(self._acted(self.dynamics.stabilised.a))
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
@@ -543,7 +554,38 @@ class System:
             *self.normal_angles,
             *(d.relief(i) for i in range(len(self.gaps) if d.compliant else 0)),
         ]
+        if d.rubs:
+            values = self.acting(d.exact).values
+            rubbed = {rub.T: values[rub.T] for rub in d.rubs}
+            terms = list(hy.subs([dense(x) for x in terms], rubbed))
         return self._on_now(self.unpulled(terms))
+
+    @cached_property
+    def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[int]]]:
+        """What `contact.rubbing.rubs_of` reads, of `watch`'s vector, and sizes of all bounds.
+
+        The latter are how many components each term of each bound has.
+        """
+        d, frames = self.dynamics, self.equations.frames
+        unit = [hy.make_vars(f'struck{k}') for k in range(len(d.rows))]
+        impulses = [*unit, *(rub.T for rub in d.rubs)]
+        carried = self.reactions(d.struck(impulses))
+        bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
+        forces = [dense(c) for b in bounds for p in b for c in p.components]
+        terms = [
+            *(rub.slip.rate for rub in d.rubs),
+            *(x for w in d.rub_response for x in w),
+            *(x for row in d.rub_compliance for x in row),
+            *(x for row in d.rub_drive_response for x in row),
+            *(hy.diff(force, x) for force in forces for x in impulses),
+            *(p.coefficient for b in bounds for p in b),
+        ]
+        return self._on_now(terms), [[len(p.components) for p in b] for b in bounds]
+
+    @cached_property
+    def pressing(self) -> hy.cfunc_dbl:
+        """What presses on lines that rub [N], as `sides` has it; of `watch`'s vector."""
+        return self._on_now(self.unpulled(self.acting(self.dynamics.exact).pressed))
 
     @property
     def normal_angles(self) -> list[Term]:
@@ -575,8 +617,8 @@ class System:
             K = [
                 [
                     add(mul(mul(d.active[i], d.active[k]),
-                            mul(d.compliance[i][k], 1.0 + d.softness[i])
-                            if i == k and d.softness[i] else d.compliance[i][k]),
+                            mul(d.compliance[i][k], 1.0 + dense(d.softness[i]))
+                            if i == k and d.softness[i] is not None else d.compliance[i][k]),
                         1.0 - d.active[i] if i == k else None)
                     for k in range(count)
                 ]
@@ -604,4 +646,5 @@ class System:
         if not self.compliant:
             return found
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.gaps))]
-        return list(hy.subs(found, {x: hy.relu(x) for x in depths}))
+        known = self.dynamics.depths
+        return list(hy.subs(found, {x: hy.relu(known.get(x, x)) for x in depths}))

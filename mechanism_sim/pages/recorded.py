@@ -97,14 +97,11 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     return Recorded(record, stage, Frames.joined(parts), kept, hardest, left_out)
 
 
-def together(one: Recorded, two: Recorded) -> tuple[Recorded, Recorded]:
-    """Two runs on stages that hold both."""
-    low = np.minimum(one.stage.low, two.stage.low)
-    high = np.maximum(one.stage.high, two.stage.high)
-    first, second = (
-        replace(run, stage=replace(run.stage, low=low, high=high)) for run in (one, two)
-    )
-    return first, second
+def together(*runs: Recorded) -> tuple[Recorded, ...]:
+    """Several runs on stages that hold all of them."""
+    low = np.min([run.stage.low for run in runs], axis=0)
+    high = np.max([run.stage.high for run in runs], axis=0)
+    return tuple(replace(run, stage=replace(run.stage, low=low, high=high)) for run in runs)
 
 
 def instants(record: Record, most: int = MOST) -> Array:
@@ -126,7 +123,7 @@ def instants(record: Record, most: int = MOST) -> Array:
         # a cubic through places and rates is off by h^4 / 384 of the fourth derivative
         fourth = np.abs(curve.at(k, t - curve.start[k], 4))
         fourth = (fourth * np.where(slides, 1.0, machine.mechanism.size)).max(axis=1)
-        radial = min(machine.clearances[joint].radial for joint in record.loose_joints)
+        radial = min(machine.clearances[joint.name].radial for joint in machine.bearings)
         dense = np.maximum(dense, (fourth / (384.0 * NEAR * radial)) ** 0.25)
     passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(t)))
     count = min(int(passed[-1]) + 1, most)

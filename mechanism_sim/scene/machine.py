@@ -17,7 +17,7 @@ from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.scene.dynamic_model import DynamicModel
 from mechanism_sim.scene.initial_conditions import initial_state
 from mechanism_sim.scene.instruments import channel, inertial_unit
-from mechanism_sim.scene.oscillators import forces_on, joint_impulses, read_frame
+from mechanism_sim.scene.oscillators import check_impulses, forces_on, joint_impulses, read_frame
 from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.imu import InertialUnit
 from mechanism_sim.vibration.frame import Frame
@@ -88,6 +88,10 @@ class Machine(DynamicModel):
     def shaken_frame(self, name: str) -> tuple[Frame, Forces]:
         """A frame on springs, and the forces of the machine on it; raises as `oscillator`."""
         return read_frame(self, name), forces_on(self, name)
+
+    def check_impulses(self) -> None:
+        """Refuse what `joint_impulses` cannot tell."""
+        check_impulses(self)
 
     def joint_impulses(self) -> JointImpulses:
         """The impulses in all joints, from steps of the velocities."""

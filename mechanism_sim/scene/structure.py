@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
-from mechanism_sim.scene.contact_keys import Play
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
+from mechanism_sim.scene.tilt_keys import tilted
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:
@@ -43,15 +45,13 @@ def _joint(places: Places, name: str, joint: JointPart) -> Joint:
     return kind.read(places, name, joint)
 
 
-def read_frictions(
-    places: Places, plays: Mapping[str, Play]
-) -> Callable[[Mechanism], list[JointFriction]]:
+def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]:
     """Friction in ideal joints.
 
     Raises
     ------
     InputError
-        If there are loose joints, too.
+        If keys do not fit the kind.
     """
     rubs = {}
     for name, joint in places.scene.joints.items():
@@ -67,18 +67,35 @@ def read_frictions(
             raise InputError(f"{where} needs a '{arm}', as {arm}: 10 mm")
         if given.coefficient:
             rubs[name] = given
-    if rubs and plays:
-        raise InputError(
-            f'{places.name}: joints.{next(iter(rubs))}.friction: friction in ideal joints is not '
-            f'modelled beside joints with clearance ({next(iter(plays))}): give the friction of '
-            "each joint in its 'clearance', or leave out the clearances"
-        )
 
     def made(mechanism: Mechanism) -> list[JointFriction]:
         makers = ((name, KINDS[places.scene.joints[name].kind].friction) for name in rubs)
         return [make(name, rubs[name], mechanism) for name, make in makers if make]
 
     return made
+
+
+def read_rotors(places: Places) -> dict[str, Rotor]:
+    """What gives way of the links that are rotors, by link.
+
+    Raises
+    ------
+    InputError
+        If one is in two joints of that kind, or is elastic itself.
+    """
+    found: dict[str, Rotor] = {}
+    for name, joint in places.scene.joints.items():
+        make = KINDS[joint.kind].rotor
+        if make is None:
+            continue
+        link, rotor = make(places, name, joint)
+        if link in found or places.scene.links[link].elastic:
+            raise InputError(
+                f'{places.name}: joints.{name}: {link} gives way already, as a rotor in another '
+                "joint or by its key 'elastic': leave one of them out"
+            )
+        found[link] = rotor
+    return found
 
 
 def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
@@ -100,6 +117,7 @@ def read_bodies(
     tree: Mechanism,
     drives: Mapping[str, DrivePart],
     elastic: Mapping[str, Body],
+    rotors: Mapping[str, Rotor],
 ) -> tuple[Body, ...]:
     """The moving links with what they weigh, point masses and flywheels included.
 
@@ -142,9 +160,16 @@ def read_bodies(
             if on == link:
                 parts.append((mass.mass, 0.0, at))
         body = _together(link, parts)
-        if link in drives:
-            body = Body(link, body.mass, body.inertia + drives[link].added_inertia, body.cog)
-        found.append(body)
+        added = drives[link].added_inertia if link in drives else 0.0
+        body = Body(link, body.mass, body.inertia + added, body.cog)
+        if link in rotors:
+            if given.mass is not None and not body.mass:
+                raise InputError(
+                    f"{places.name}: 'links.{link}.mass' is 0: the axis of the rotor could move "
+                    'without moving any mass: give it more'
+                )
+            body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
+        found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,14 @@ from mechanism_sim.planar.linearisation import Excitation
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.places import Places
-from mechanism_sim.study.modes import LinearMachine, linearised
+from mechanism_sim.study.modes import (
+    LinearMachine,
+    derivatives,
+    kept,
+    linearised,
+    steady_rates,
+    turning,
+)
 from mechanism_sim.vibration.excitation import FourierSeries
 
 ComplexArray = NDArray[np.complex128]
@@ -252,8 +259,9 @@ def harmonics(
 
     The excitation is what the equations leave open if the drives turn at the speed they start
     with, loads act at their times, and the independent coordinates stay at their equilibrium.
-    Mass, damping and stiffness are those of the equilibrium: exact where they do not change over
-    the turn, as with unbalanced rotors and slider-cranks on frames.
+    Mass, damping and stiffness are those of the equilibrium, with gyroscopic terms and those of
+    shafts at these speeds: exact where they do not change over the turn, as with rotors out of
+    balance and slider-cranks on frames.
 
     Parameters
     ----------
@@ -271,15 +279,79 @@ def harmonics(
     if count < 1:
         raise InputError(f'--harmonics {count}: expected 1 or more')
     one = linearised(machine)
+    units = _own_units(one, quantities)
+    rates = np.array([machine.held[c][1] for c in machine.plan.prescribed])
+    length = _period(machine, rates, period)
+    constant, z = _harmonics(one, machine.plan.prescribed, rates, length, count)
+    w = 2.0 * np.pi / length * np.arange(1.0, count + 1.0)
+    found = {}
+    for name in units:
+        kind, _, rest = name.partition('.')
+        k, order = one.derivatives.coordinates.index(rest), _DERIVATIVES[kind]
+        mean = float(constant[k]) if order == 0 else 0.0
+        found[name] = FourierSeries(2.0 * np.pi / length, mean, (1j * w) ** order * z[:, k])
+    return Harmonics(length, found, units)
+
+
+def unbalance_response(
+    machine: Machine, quantities: Sequence[str], speeds: Array
+) -> FrequencyResponse:
+    """The vibration at the frequency of rotation over steady speeds (N,) [rad/s] of the drive.
+
+    Parameters
+    ----------
+    quantities : as those of `harmonics`
+
+    Raises
+    ------
+    InputError
+        As `harmonics`; or if there is no drive that turns.
+    """
+    main = turning(machine, '--speeds')
+    one = linearised(machine, known=derivatives(machine, held=kept(machine)))
+    units = _own_units(one, quantities)
+    driven = [*machine.plan.prescribed, *kept(machine)]
+    w = np.abs(np.asarray(speeds, float))
+    if not w.all():
+        raise InputError('--speeds: without rotation there is no vibration: begin above 0')
+    z = np.array([
+        _harmonics(
+            one, driven, np.array([x if c == main else 0.0 for c in driven]), 2.0 * np.pi / abs(x),
+            1,
+        )[1][0]
+        for x in speeds
+    ])  # fmt: skip
+    found = {}
+    for name in units:
+        kind, _, rest = name.partition('.')
+        amplitude = z[:, one.derivatives.coordinates.index(rest)]
+        found[name] = (1j * w) ** _DERIVATIVES[kind] * amplitude
+    source = Source(f'rotation of {main}', '')
+    return FrequencyResponse(source, w / (2.0 * np.pi), found, units)
+
+
+def _own_units(one: LinearMachine, quantities: Sequence[str]) -> dict[str, str]:
+    """Units of quantities of coordinates; of the positions of the independent ones if empty."""
     coordinates = one.derivatives.coordinates
     names = quantities or [f'position.{coordinates[i]}' for i in one.independent]
     units = {name: _unit(one, name) for name in names}
     for name in names:
         if name.partition('.')[0] not in _DERIVATIVES:
-            raise InputError(f"{machine.name}: '{name}': harmonics are of coordinates only")
-    driven = [coordinates.index(c) for c in machine.plan.prescribed]
-    rates = np.array([machine.held[c][1] for c in machine.plan.prescribed])
-    length = _period(machine, rates, period)
+            raise InputError(f"{one.machine.name}: '{name}': harmonics are of coordinates only")
+    return units
+
+
+def _harmonics(
+    one: LinearMachine, drives: Sequence[str], rates: Array, length: float, count: int
+) -> tuple[Array, ComplexArray]:
+    """Means (n,) and amplitudes (count, n) of all coordinates over a period [s].
+
+    Parameters
+    ----------
+    rates : of the driven coordinates, in the order of `drives`
+    """
+    machine = one.machine
+    driven = [one.derivatives.coordinates.index(c) for c in drives]
     samples = max(64, 8 * count)
     t = length * np.arange(samples + 1) / samples
     *forces, last = _excitation(one, driven, rates, t)
@@ -295,7 +367,7 @@ def harmonics(
     rounding = 1e-13 * scale
     spectrum = [FourierSeries.of_samples(f, length) for f in np.transpose(forces)]
     F = np.array([s.amplitudes[:count] for s in spectrum]).T
-    M, C, K = one.matrices
+    M, C, K = _at_speed(one, driven, rates).matrices
     each = w[:, None, None]
     Z = np.asarray(K + 1j * each * C - each**2 * M, complex)
     F[np.abs(F) <= rounding] = 0.0
@@ -305,14 +377,20 @@ def harmonics(
     z[excited] = np.linalg.solve(Z[excited], F[excited][:, :, None])[:, :, 0]
     still = np.array([s.mean for s in spectrum])
     mean = np.linalg.lstsq(K, np.where(np.abs(still) > rounding, still, 0.0))[0]
-    found = {}
-    for name in names:
-        kind, _, rest = name.partition('.')
-        row, order = one.B[coordinates.index(rest)], _DERIVATIVES[kind]
-        constant = float(row @ mean) if order == 0 else 0.0
-        series = FourierSeries(2.0 * np.pi / length, constant, (1j * w) ** order * (z @ row))
-        found[name] = series
-    return Harmonics(length, found, units)
+    return one.B @ mean, np.asarray(z @ one.B.T)
+
+
+def _at_speed(one: LinearMachine, driven: list[int], rates: Array) -> LinearMachine:
+    """The same with its drives turning, if all that they carry can turn along with them."""
+    main = one.derivatives.coordinates.index(one.machine.main)
+    if main not in driven:
+        return one
+    v = steady_rates(one.machine, float(rates[driven.index(main)]))
+    v[driven] = rates
+    linear = one.derivatives(one.at._replace(v=v))
+    apart = np.abs(linear.J @ v).max(initial=0.0)
+    carried = apart <= 1e-9 * np.abs(v).max(initial=0.0) * one.derivatives.scale.max()
+    return replace(one, linear=linear) if carried else one
 
 
 def _period(machine: Machine, rates: Array, period: float | None) -> float:
@@ -343,7 +421,7 @@ def _excitation(one: LinearMachine, driven: list[int], rates: Array, t: Array) -
     for k, time in enumerate(t):
         # steps small enough for loops to stay on their branch
         before = t[k - 1] if k else 0.0
-        for part in np.linspace(before, time, 9)[1:]:
+        for part in np.linspace(before, time, 9 if len(one.linear.J) else 2)[1:]:
             q[driven] = one.at.q[driven] + rates * part
             moved, left = kinematics.positions(q[:, None])
             if left.any():

@@ -207,7 +207,7 @@ def _rubbing(random: Random, k: int) -> Draft:
 
 def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> None:
     """Give some joints friction, of journals up to a radius and blocks from a length [m]."""
-    able = [n for n, j in scene['joints'].items() if RUB & j.keys()]
+    able = [n for n, j in scene['joints'].items() if RUB & j.keys() and 'clearance' not in j]
     for name in random.permutation(able)[: int(random.integers(1, 1 + len(able)))].tolist():
         joint = scene['joints'][name]
         keys: Scene = {'coefficient': decades(random, -2.0, -0.5)}
@@ -218,6 +218,13 @@ def rub(random: Random, scene: Scene, radius: float, length: float = 0.0) -> Non
         elif 'prismatic' in joint and length and random.random() < 0.5:
             keys['length'] = length * decades(random, 0.0, 0.5)
         scene['joints'][name] = {**joint, 'friction': keys}
+
+
+def _rubbing_loose(random: Random, k: int) -> Draft:
+    """A package machine with loose pins, some of its other joints with friction."""
+    draft = _loose(random, k)
+    rub(random, draft.scene, 2e-4 if 'film' in draft.scene['title'].lower() else 0.02)
+    return draft
 
 
 GUIDED = ('slider_crank', 'slider_crank_offset', 'slider_crank_engine', 'punch')
@@ -276,5 +283,6 @@ FAMILIES = (
     Family('rubbing', 100, _rubbing, (), len(RUBBING)),
     Family('guide', 40, _guide, (), len(GUIDED)),
     Family('loose', 60, _loose, NOT_SEATED),
+    Family('rubbing_loose', 60, _rubbing_loose, NOT_SEATED),
     Family('package', 2 * len(SHOWN), _package),
 )

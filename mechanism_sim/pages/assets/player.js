@@ -40,6 +40,7 @@ export class Recording {
     this.plays = stage.plays.length;
     this.moving = stage.joints.filter(({ foot }) => foot !== undefined).length;
     this.slides = stage.slides;
+    this.wide = this.poses.length / (this.t.length * this.links) || 3;
   }
 
   get start() { return this.t[0]; }
@@ -61,10 +62,11 @@ export class Recording {
         const [a, b] = [values[i * k * width + at], values[j * k * width + at]];
         return a + share * (b - a);
       }));
-    const poses = between(this.poses, this.links, 3);
+    const poses = between(this.poses, this.links, this.wide);
     for (let link = 0; link < this.links; link += 1) {
-      const at = link * 3 + 2;
-      const [a, b] = [this.poses[i * this.links * 3 + at], this.poses[j * this.links * 3 + at]];
+      const at = link * this.wide + 2;
+      const each = this.links * this.wide;
+      const [a, b] = [this.poses[i * each + at], this.poses[j * each + at]];
       poses[link][2] = a + share * (b - a - TURN * Math.round((b - a) / TURN));
     }
     return {

@@ -102,7 +102,9 @@ def of_machine(
     traced : LINK.POINT whose paths are wanted
     symbol : size of a joint [m] while something is dragged; then nobody asks for bounds
     """
-    skeleton = skeleton_of(turn.machine, turn.q, turn.mechanism, 60.0 * symbol)
+    skeleton = skeleton_of(
+        turn.machine, turn.q, mechanism=turn.mechanism, size=60.0 * symbol
+    )
     poses = skeleton.poses(turn.q)
     curves: dict[str, Any] = {}
     if poses.shape[0] > 1:
@@ -205,5 +207,6 @@ def _stage(scene: Scene, links: list[str], symbol: float, shapes: list[Shape]) -
         'plays': [],
         'force': 0.0,
         'force_scale': 0.0,
+        'bendings': {},
         'colours': {link: index(k) for k, link in enumerate(links)},
     }

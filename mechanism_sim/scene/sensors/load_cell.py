@@ -92,6 +92,7 @@ def _check(machine: Any, sensor: Any, where: str) -> None:
     check_joint(where, sensor.joint, known, 'joint')
     if not (machine.dynamic or machine.scene.outputs.forces):
         raise InputError(f"{where}: a load cell needs 'outputs.forces: true'")
+    machine.check_impulses()
 
 
 register(

@@ -43,9 +43,8 @@ class Gauge:
     inputs = 1
 
     def __init__(self, mechanism: Mechanism, link: str, x: float, y: float) -> None:
-        beam = mechanism.beams[link]
-        self._shares = beam.strain(x, y)
-        self._used = [mechanism.coordinates.index(f'{link}.{name}') for name in beam.names]
+        self._shares = mechanism.beams[link].strain(x, y)
+        self._used = mechanism.amplitudes(link)
 
     def through(self, chain: Rational) -> Modes:
         """The system from what is read here to what comes out of a chain."""
