@@ -311,6 +311,11 @@ def test_it_fits_windows_of_every_size_by_day_and_night(browser, tmp_path, monke
                     ).replace('{y}', str(sheet['y']))
                 )
                 assert len(places) == 7
+                fills = hand.page.evaluate(
+                    "[...document.querySelectorAll('#stage .machine .plate, #stage .machine .body')]"
+                    '.map((x) => getComputedStyle(x).fill)'
+                )
+                assert len(set(fills)) == 3  # of three links, each in its colour
                 assert all(
                     0 <= x <= sheet['width'] and 0 <= y <= sheet['height'] for x, y in places
                 )

@@ -11,7 +11,8 @@ import numpy as np
 
 from mechanism_sim.export.palette import index
 from mechanism_sim.export.shapes import COIL, Shape, around
-from mechanism_sim.export.skeleton import bounds, scale_bar, skeleton_of
+from mechanism_sim.export.scale import scale_bar
+from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written
 from mechanism_sim.pages.edit.layout import Pose, Poses, point, points_of
 from mechanism_sim.pages.edit.motion import Turn
@@ -102,9 +103,7 @@ def of_machine(
     traced : LINK.POINT whose paths are wanted
     symbol : size of a joint [m] while something is dragged; then nobody asks for bounds
     """
-    skeleton = skeleton_of(
-        turn.machine, turn.q, mechanism=turn.mechanism, size=60.0 * symbol
-    )
+    skeleton = skeleton_of(turn.machine, turn.q, mechanism=turn.mechanism, size=60.0 * symbol)
     poses = skeleton.poses(turn.q)
     curves: dict[str, Any] = {}
     if poses.shape[0] > 1:
