@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.export.palette import index
-from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.scale import scale_bar
+from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written
 from mechanism_sim.pages.edit.layout import Pose, Poses, point, points_of
