@@ -379,8 +379,8 @@ class Contacts:
                 self._touch(gap)
             elif self.modes[gap] == Mode.STICKING:
                 # corners that stick to one wall together may creep meanwhile
-                slip = self._slip(self.terms(), gap) or -guard.friction
-                self._change(gap, _SLIDING[slip])
+                way = self._slip(self.terms(), gap) or -guard.friction
+                self._change(gap, _SLIDING[way])
             else:
                 self._change(gap, Mode.STICKING)
                 self.project()
