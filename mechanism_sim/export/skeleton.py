@@ -55,6 +55,7 @@ class Skeleton:
     shapes : in the order in which they are painted
     springs : the ends of each, painted before all shapes as `shapes.coil`
     links : that move, in the order of poses
+    mounts : of each frame on springs the numbers of its springs
     bendings : of the elastic links
     """
 
@@ -107,7 +108,10 @@ class Skeleton:
         for place in (end for ends in self.springs for end in ends):
             self._support(place)
             self.reach(place)
+        self.mounts: dict[str, range] = {}
         for name, (corners, mounts) in frames.items():
+            first = len(self.springs)
+            self.mounts[name] = range(first, first + len(mounts))
             self.add('frame', GROUND, np.array(corners + mounts), label=name)
             for x, y in mounts:
                 foot = GROUND, (x, y - _MOUNT * self.symbol)
@@ -345,9 +349,7 @@ def skeleton_of(
         for name, part in machine.scene.oscillators.items()
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
-    return Skeleton(
-        mechanism, q, points, springs, machine.clearances, drives, frames, magnified
-    )
+    return Skeleton(mechanism, q, points, springs, machine.clearances, drives, frames, magnified)
 
 
 def _sense(law: Law) -> float:
