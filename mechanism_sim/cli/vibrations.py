@@ -112,12 +112,8 @@ def _modes(options: argparse.Namespace) -> int:
 
 def _response(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
-    from mechanism_sim.study.response import (  # noqa: PLC0415
-        harmonics,
-        read_source,
-        response,
-        unbalance_response,
-    )
+    from mechanism_sim.study.harmonics import harmonics, unbalance_response  # noqa: PLC0415
+    from mechanism_sim.study.response import read_source, response  # noqa: PLC0415
 
     file = _picture(options)
     forced = [options.force, options.direction, options.torque, options.base, options.frequencies]
