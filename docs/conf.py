@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / 'site'))
@@ -31,6 +32,7 @@ extensions = [
     'mathml',
     'measurements',
     'messages',
+    'motion',
 ]
 root_doc = 'docs/index'
 include_patterns = ['README.md', 'CHANGELOG.md', 'docs/**']
@@ -54,8 +56,10 @@ napoleon_use_ivar = True
 html_theme = 'furo'
 html_title = 'mechanism_sim'
 html_math_renderer = 'mathml'
-html_static_path = ['site/static']
+MATHS = find_spec('ziamath').submodule_search_locations[0]  # STIX Two Math, under the OFL
+html_static_path = ['site/static', f'{MATHS}/fonts']
 html_css_files = ['site.css']
+html_js_files = ['site.js']
 html_extra_path = ['site/front']
 html_copy_source = False
 html_theme_options = {

@@ -19,6 +19,7 @@ __all__ = [
     'cycle',
     'draw',
     'equations',
+    'explore',
     'load_scene',
     'measure',
     'play',
@@ -63,10 +64,10 @@ def __getattr__(name: str) -> _Any:
         from mechanism_sim.cycles.measures import measure  # noqa: PLC0415
 
         return measure
-    if name == 'play':
-        from mechanism_sim.pages.notebook import play  # noqa: PLC0415
+    if name in ('explore', 'play'):
+        from mechanism_sim.pages import notebook  # noqa: PLC0415
 
-        return play
+        return getattr(notebook, name)
     if name in ('animate', 'draw'):
         from mechanism_sim.report import shown  # noqa: PLC0415
 

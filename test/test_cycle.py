@@ -242,10 +242,12 @@ def test_the_command_writes_the_table_and_the_summary(tmp_path):
     for file in files.values():
         found = run_json(*options, '--output', str(file))
     with files['csv'].open(encoding='utf-8') as text:
-        names = next(csv.reader(text))
+        heads = next(csv.reader(text))
     rows = np.loadtxt(files['csv'], delimiter=',', skiprows=1)
     parquet, npz = pq.read_table(files['parquet']), np.load(files['npz'])
-    assert parquet.column_names == names == list(npz) == list(found['units'])
+    names, units = list(npz), found['units']
+    assert parquet.column_names == names == list(units)
+    assert heads == [f'{name} [{u}]' if (u := units[name]) else name for name in names]
     for i, name in enumerate(names):
         np.testing.assert_array_equal(rows[:, i], npz[name])
         np.testing.assert_array_equal(rows[:, i], parquet[name].to_numpy())

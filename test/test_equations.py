@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from mechanism_sim.contact.problem import problem_of
-from mechanism_sim.hybrid.observer import Observer
+from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.bearing import BearingClearance
 from mechanism_sim.linkages.four_bar import FourBar
@@ -301,7 +301,7 @@ def test_accelerations_forces_and_torque_of_the_loose_four_bar(skew, closed):
     for q, v in states(2.54e-4 if closed else 1e-4, sliding=closed):
         a2 = 90.0
         seen = Observer(system).observe(
-            q[:, None], v[:, None], np.array([[a2]]), np.array([[1 + closed]])
+            Instants(q[:, None], v[:, None], np.array([[a2]]), np.array([[1 + closed]]))
         )
         pressed = {'coupler_rocker': 2.54e-4} if closed else {}
         newton = Newton(m, q, v, given={'crank': a2}, pressed=pressed)
@@ -390,7 +390,7 @@ def test_textbook_equations_of_the_thesis_in_flight_and_in_following():
         for q, v in states(c if closed else 0.4 * c):
             th2, th3, th4 = q
             seen = machine.observer.observe(
-                q[:, None], v[:, None], np.zeros((1, 1)), np.array([[1 + closed]])
+                Instants(q[:, None], v[:, None], np.zeros((1, 1)), np.array([[1 + closed]]))
             )
             F = -seen.reaction[2, :, 0]  # of the bushing on the pin
             v3, v4 = turned(th3, (0, 1)), turned(th4, (0, 1))
@@ -407,7 +407,7 @@ def test_states_of_the_reference_give_its_accelerations_forces_and_torques():
     closed = np.array([mode == 'following' for mode in ref['mode']])
     q = np.array([SPEED * ref['t'], ref['th3'], ref['th4']])
     v = np.array([np.full(len(closed), SPEED), ref['w3'], ref['w4']])
-    seen = loose().observer.observe(q, v, np.zeros((1, len(closed))), 1 + closed[None])
+    seen = loose().observer.observe(Instants(q, v, np.zeros((1, len(closed))), 1 + closed[None]))
     assert np.abs(seen.acceleration[1] - ref['a3']).max() < 3e-9
     assert np.abs(seen.acceleration[2] - ref['a4']).max() < 3e-9
     assert np.abs(seen.normal_force[0] - ref['normal_force']).max() < 3e-11
@@ -492,12 +492,14 @@ def test_power_of_the_drive_is_the_rate_of_energy_in_both_modes(skew):
     for closed in (0.0, 1.0):
         for q, v in states(2.54e-4 if closed else 1e-4, sliding=bool(closed)):
             flag = np.array([[1 + int(closed)]])
-            now = Observer(system).observe(q[:, None], v[:, None], a2, flag)
+            now = Observer(system).observe(Instants(q[:, None], v[:, None], a2, flag))
             a = now.acceleration[:, 0]
             total = []
             for t in (-h, h):
                 moved = q + v * t + 0.5 * a * t * t, v + a * t
-                seen = Observer(system).observe(moved[0][:, None], moved[1][:, None], a2, flag)
+                seen = Observer(system).observe(
+                    Instants(moved[0][:, None], moved[1][:, None], a2, flag)
+                )
                 total.append(seen.kinetic_energy[0] + seen.potential_energy[0])
             rate = (total[1] - total[0]) / (2 * h)
             assert rate == pytest.approx(now.drive_power[0], rel=1e-6, abs=1e-6)

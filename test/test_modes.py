@@ -8,10 +8,15 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.start_configuration import joint_forces
+from mechanism_sim.study.floquet import repeated, station
+from mechanism_sim.study.frames import without_play
+from mechanism_sim.study.harmonics import harmonics
 from mechanism_sim.study.modes import (
+    about,
     along,
     campbell,
     critical_speeds,
@@ -19,7 +24,7 @@ from mechanism_sim.study.modes import (
     modes,
     natural_modes,
 )
-from mechanism_sim.study.response import harmonics, read_source, response
+from mechanism_sim.study.response import read_source, response
 from mechanism_sim.vibration.damping import damping_ratio, logarithmic_decrement
 from mechanism_sim.vibration.excitation import relative_transmissibility
 from mechanism_sim.vibration.rotors import Rotor
@@ -358,7 +363,7 @@ def accelerations(one, dz, dv):
         torques.append(k0 + k1 * q[i] + k2 * v[i])
     none = np.zeros((0, 1))
     seen = machine.ideal_observer.observe(
-        q, v, none, np.zeros((0, 1), np.uint8), np.reshape(torques, (-1, 1))
+        Instants(q, v, none, np.zeros((0, 1), np.uint8), np.reshape(torques, (-1, 1)))
     )
     return seen.acceleration[one.independent, 0]
 
@@ -411,25 +416,24 @@ def rotating():
 def test_an_isotropic_rotor_whirls_forwards_and_backwards():
     """Seen from the frame that turns at w, both whirls at wn come at |wn - w| and wn + w."""
     machine = rotating()
-    for station in campbell(machine, np.array([1.0, 5.0, 15.0])):
-        found = [TURN * m.frequency for m in station.modes]
-        assert found == pytest.approx([20.0 - station.speed, 20.0 + station.speed], rel=1e-8)
+    for at in campbell(machine, np.array([1.0, 5.0, 15.0])):
+        found = [TURN * m.frequency for m in at.modes]
+        assert found == pytest.approx([20.0 - at.speed, 20.0 + at.speed], rel=1e-8)
 
 
 def test_critical_speeds_of_unequal_supports():
     machine = ms.load_scene('rotor_on_supports')
     stations = campbell(machine, np.linspace(10.0, 100.0, 4))
-    expected = [np.sqrt(25e3 / 10.0), np.sqrt(46e3 / 9.0)]
-    assert critical_speeds(machine, stations) == pytest.approx(expected, **EXACT)
+    found = critical_speeds(machine, stations)
+    assert [x.speed for x in found] == pytest.approx([50.0, 70.0], **EXACT)
 
 
 def test_a_rotor_whirls_on_its_orbit():
-    rotor = Rotor(9.0, 8e-3 / 9.0, (25e3, 46e3), (50.0, 60.0))
+    rotor = Rotor(10.0, 1e-3, (25e3, 49e3), (50.0, 60.0))
     for speed in (30.0, 60.0, 90.0):  # below, between and above its critical speeds
-        turning = ms.load_scene('rotor_on_supports', {
-            'links.bearing.mass': '1e-12 kg', 'drive.speed': f'{speed} rad/s'})  # fmt: skip
+        turning = ms.load_scene('rotor_on_supports', {'drive.speed': f'{speed} rad/s'})
         series = harmonics(turning, [], 1).series
-        x, y = (series[f'position.{name}'].amplitudes[0] for name in ('bearing', 'hub'))
+        x, y = (series[f'position.disk.{axis}'].amplitudes[0] for axis in 'xy')
         orbit = rotor.whirl(speed)
         assert [x, y] == pytest.approx([orbit.x, orbit.y], **EXACT)
     undamped = [TURN * m.frequency for m in modes(turning)]
@@ -444,6 +448,53 @@ def test_a_mass_let_go_decays_by_its_decrement():
     seen = ms.simulate(machine, duration=2.0).sample(t)['position.mass']
     heights = -(seen - (0.3 - 2.0 * 9.81 / 500.0))
     assert damping_ratio(logarithmic_decrement(heights)) == pytest.approx(mode.damping_ratio)
+
+
+TORSION = {'drive.torque': {'constant': 5.0, 'per_speed': -0.1}, 'drive.speed': 40.0}
+
+
+def test_a_motor_keeps_a_torsional_shaft_turning():
+    """The modes of the free shaft, one of which settles with the slope of the motor."""
+    machine = ms.load_scene('torsional_shaft', TORSION)
+    found = about(machine)
+    assert found.speed == pytest.approx(50.0, **EXACT)
+    M = np.diag([0.02, 0.05, 0.03])
+    C = np.array([[0.3, -0.2, 0.0], [-0.2, 0.3, -0.1], [0.0, -0.1, 0.1]])
+    K = np.array([[800.0, -800.0, 0.0], [-800.0, 1300.0, -500.0], [0.0, -500.0, 500.0]])
+    slow, fast = -np.linalg.solve(M, K), -np.linalg.solve(M, C)
+    roots = np.linalg.eigvals(np.block([[np.zeros((3, 3)), np.eye(3)], [slow, fast]]))
+    expected = sorted(abs(r) for r in roots if r.imag >= 0.0 and abs(r) > 1e-6)
+    seen = [TURN * m.frequency for m in found.modes if m.frequency]
+    assert seen == pytest.approx(expected, rel=1e-9)
+    # the same by the motion of a turn, but for whole turns of the shaft
+    roots = [TURN * m.frequency * (-m.damping_ratio + 1j * np.sqrt(1.0 - m.damping_ratio**2))
+             for m in found.modes if m.frequency]  # fmt: skip
+    seen = [TURN * m.frequency * (-m.damping_ratio + 1j * np.sqrt(1.0 - m.damping_ratio**2))
+            for m in repeated(machine).modes]  # fmt: skip
+    least = [r.real + 1j * abs(np.remainder(r.imag + 25.0, 50.0) - 25.0) for r in roots]
+    assert sorted(seen, key=abs) == pytest.approx(sorted(least, key=abs), rel=1e-6)
+
+
+def test_a_four_bar_that_a_torque_turns_settles_as_liouville_says():
+    """The volume of a turn in angle and momentum shrinks by exp(-integral c/J dt)."""
+    c = 0.01
+    torque = {'constant': 0.2, 'per_speed': -c}
+    machine = ms.load_scene('four_bar_nominal', {
+        'drive': {'coordinate': 'crank', 'torque': torque, 'speed': 20.0}})  # fmt: skip
+    found = station(machine, turning=True)
+    (mode,) = found.modes
+    assert (mode.damping_ratio, found.faded) == (1.0, 0)
+    period = TURN / found.speed
+    t = np.linspace(12.0 - period, 12.0, 500)
+    seen = ms.simulate(machine, duration=12.0).sample(t)
+    inertia = 2.0 * seen['energy.kinetic'] / seen['velocity.crank'] ** 2
+    rate = np.trapezoid(c / inertia, t) / period
+    assert TURN * mode.frequency == pytest.approx(rate, rel=1e-6)
+    drive = {'coordinate': 'crank', 'torque': torque, 'speed': 20.0}
+    loads = {'push': {'at': 'rocker', 'torque': '0.01*sin(3*t)'}}
+    pushed = ms.load_scene('four_bar_nominal', {'drive': drive, 'loads': loads})
+    with pytest.raises(InputError, match='time acts'):
+        station(pushed, turning=True)
 
 
 def test_modes_along_the_turn():
@@ -470,11 +521,54 @@ def test_frames_on_springs_have_their_modes():
     assert [m.frequency for m in modes(machine)] == pytest.approx(expected, rel=2e-3)
 
 
+def test_a_frame_answers_to_a_force_as_an_oscillator():
+    content = ms.load_scene('four_bar_on_frame').scene.model_dump(exclude_unset=True)
+    mount = {'at': [0.1, 0.2], 'stiffness': [4e4, 9e4], 'damping': [30.0, 0.0]}
+    content['oscillators'] = {'frame': {'mass': 10.0, 'cog': [0.1, 0.2], 'mounts': {'one': mount}}}
+    machine = scene(**{k: v for k, v in content.items() if k not in ('title', 'mechanism')})
+    f = np.array([0.0, 3.0, 10.0, 40.0])
+    for name, k, c, angle in (('x', 4e4, 30.0, 0.0), ('y', 9e4, 0.0, 0.5 * np.pi)):
+        source = read_source(machine, force='frame.one', direction=angle)
+        asked = [f'position.frame.{name}', f'acceleration.frame.{name}']
+        found = response(machine, source, asked, f).amplitudes
+        expected = Oscillator.of_coefficients(10.0, c, k).receptance(TURN * f)
+        assert found[asked[0]] == pytest.approx(expected, **EXACT)
+        assert found[asked[1]] == pytest.approx(-((TURN * f) ** 2) * expected, **EXACT)
+    with pytest.raises(InputError, match='resonance of the frame'):
+        response(machine, source, [], np.array([np.sqrt(9e4 / 10.0) / TURN]))
+    with pytest.raises(InputError, match="without 'inertia' it cannot turn"):
+        read_source(machine, torque='frame')
+    with pytest.raises(InputError, match='did you mean'):
+        read_source(machine, force='frame.on', direction=0.0)
+
+
+@pytest.mark.parametrize('joints', [None, ['ground_crank', 'rocker_ground']])
+def test_a_machine_shakes_its_frame_as_simulated(joints):
+    """The vibration of a turn, once the transient of the start has died out."""
+    damped = [3e3, 3e3]
+    overrides = {f'oscillators.frame.mounts.{x}.damping': damped for x in ('left', 'right')}
+    loose = ms.load_scene('four_bar_on_frame', overrides | {'oscillators.frame.joints': joints})
+    found = harmonics(loose, [], 25).series
+    ideal = without_play(loose)
+    t = 6.0 * loose.period + loose.period * np.arange(20) / 20
+    motion = ms.simulate(ideal, duration=7.0 * loose.period).motion
+    seen = ideal.oscillator('frame').take(motion)(t).position
+    for k, name in enumerate(('x', 'y', 'angle')):
+        series = found[f'position.frame.{name}']
+        size = np.abs(series.amplitudes[0])
+        assert seen[k] == pytest.approx(series(t), abs=1e-9 * size)
+
+
 def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match='nothing can vibrate'):
         modes(ms.load_scene('four_bar_nominal'))
+    with pytest.raises(InputError, match='with its drive held nothing else moves'):
+        along(ms.load_scene('four_bar_governed'), 2)
+    hastening = ms.load_scene('torsional_shaft', {'drive.torque': {'constant': 5.0}})
     with pytest.raises(InputError, match='no equilibrium'):
-        modes(ms.load_scene('belt_drive'))
+        modes(hastening)
+    with pytest.raises(InputError, match='repeats itself'):
+        station(hastening)
     with pytest.raises(InputError, match='links without mass'):
         modes(ms.load_scene('four_bar_crossed'))
     machine = ms.load_scene('mass_on_spring')

@@ -502,6 +502,45 @@ def test_a_node_of_parts_integrates(tmp_path, scene, name, duration):
 
 
 @pytest.mark.deep
+def test_bearings_of_shafts_have_a_topic(tmp_path):
+    """Both bearings together carry the reaction of the plane, and one of them the axial force."""
+    bag = tmp_path / 'run.mcap'
+    run_json('run', 'helical_shafts', '--duration', '0.05', '--record', str(bag))
+    loads = states_of(bag, '/bearing_loads')
+    reactions = {round(m.time, 9): m for m in states_of(bag, '/joint_reactions')}
+    gears = {round(m.time, 9): m for m in states_of(bag, '/gear_state')}
+    assert len(loads) == 2 * len(reactions) > 0
+    for m in loads:
+        k = reactions[round(m.time, 9)].joints.index(m.joint)
+        for axis in 'xy':
+            (expected,) = getattr(reactions[round(m.time, 9)], f'force_{axis}')[k : k + 1]
+            assert sum(getattr(m, f'force_{axis}')) == pytest.approx(expected, abs=1e-9)
+        locating = 'left' if m.joint == 'pinion_shaft' else 'right'
+        along = dict(zip(m.bearings, m.axial_force, strict=True))
+        assert abs(along.pop(locating)) == pytest.approx(
+            abs(gears[round(m.time, 9)].axial_force), rel=1e-12
+        )
+        assert [*along.values()] == [0.0]
+
+
+def test_a_cam_state_says_where_the_follower_touches():
+    """A flat face touches at its own height, beside the axis by its geometry: the slope ds/da."""
+    machine = ms.load_scene('valve_train', {'drive.speed': '600 rpm'})
+    solution = ms.simulate(machine, duration=0.1)
+    samples = solution.samples(np.linspace(0.0, 0.099, 60))
+    joint = machine.mechanism.joint('contact')
+    view = JointView(machine.mechanism, joint, machine.physics, samples.observed, samples.modes)
+    seen = joint.reading(view)
+    assert seen.contact_y == pytest.approx(18e-3 + seen.lift, abs=1e-12)
+    # the point under the face has the face's velocity across it: w x = s', so x = s'/w
+    slope = machine.mechanism.joint('contact').cam.law(seen.cam_angle, 1)
+    assert np.abs(seen.contact_x) == pytest.approx(np.abs(slope), abs=1e-12)
+    # the face slides over the cam as fast as the cam's point moves along it
+    height = 18e-3 + seen.lift
+    assert np.abs(seen.sliding_speed) == pytest.approx(height * seen.cam_speed, rel=1e-12)
+
+
+@pytest.mark.deep
 def test_a_whole_machine_runs_as_six_nodes(tmp_path):
     """Motor, gears, cam and loose four-bar: everyone's forces are in one bag."""
     bag = tmp_path / 'run.mcap'

@@ -22,7 +22,7 @@ from running import environment, one_of, run, run_json
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.observer import Observer
+from mechanism_sim.hybrid.observer import Instants, Observer
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.loads import generalised
@@ -441,7 +441,7 @@ def test_motion_that_is_solved_fulfils_the_printed_equations(variant):
         torque = np.array([[constant + per_speed * v[0]]])
     approach = np.full((len(system.gaps), 1), 0.3) if system.compliant else None
     a_p = np.zeros((len(system.prescribed), 1))
-    seen = Observer(system).observe(q[:, None], v[:, None], a_p, modes, torque, approach)
+    seen = Observer(system).observe(Instants(q[:, None], v[:, None], a_p, modes, torque, approach))
     reader = reader_of(variant, (q, v, seen.acceleration[:, 0]))
     reader.values |= {'v0_coupler_rocker': 0.3, 't': 0.0}
     reader.begin()

@@ -15,8 +15,9 @@ import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cycles.cycle import instant
 from mechanism_sim.export.palette import DARK, LINKS, PAPER, rgb
+from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import OPEN, area, circle, simplified
-from mechanism_sim.export.skeleton import scale_bar, skeleton_of
+from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.export.stage import stage_of
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.gears.involute import TOOTH_SYSTEMS, Fillet, Gear

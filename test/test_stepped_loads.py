@@ -293,6 +293,19 @@ def test_a_toggle_press_works_on_its_workpiece():
     assert energy.dissipated > area - above > ideal.energy.dissipated - 10.0
 
 
+def test_impacts_of_roundings_do_not_move_what_is_held():
+    """Ram and workpiece rest, two pins part by roundings and fall back: this went on for ever."""
+    worn = ms.load_scene('toggle_press', {
+        'joints.knee_pin.clearance.radial': 9.737248314506945e-05,
+        'joints.ram_pin.clearance.radial': 3.529398806561235e-05,
+        'joints.ram_pin.clearance.restitution': 0.3522399503528758,
+        'drive.flywheel': 6.545576514018945, 'links.ram.mass': 30.56822349146756,
+        'solver.rtol': 1e-9,
+    })  # fmt: skip
+    solution = ms.simulate(worn, duration=0.29)
+    assert abs(solution.energy.residual) < 1e-8 * solution.energy.drive_work
+
+
 def test_another_number_of_a_load_compiles_nothing():
     """Forces that were zero, points of tables, ends of ranges, data of motors."""
 

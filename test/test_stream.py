@@ -206,7 +206,9 @@ def test_samples_written_in_pieces_are_those_of_the_whole(
     if suffix == 'npz':
         columns = dict(np.load(file))
     elif suffix == 'csv':
-        names = file.read_text().splitlines()[0].split(',')
+        heads = file.read_text().splitlines()[0].split(',')
+        assert heads[0] == 't [s]'
+        names = [head.partition(' [')[0] for head in heads]
         columns = dict(zip(names, np.loadtxt(file, delimiter=',', skiprows=1).T, strict=True))
     else:
         columns = {name: np.array(x) for name, x in pq.read_table(file).to_pydict().items()}

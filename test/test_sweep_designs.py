@@ -77,6 +77,26 @@ def test_every_run_has_the_closed_form_as_its_measure(tmp_path):
     assert plan.units == {'drive.speed': 'rad/s', 'links.bar.cog': 'm'}
 
 
+def test_every_sensor_has_its_columns(tmp_path):
+    """It reads centrifugal acceleration and the part of the weight along the bar."""
+    end = '{link: bar, at: 500 mm, sample_rate: 10 kHz, axis: along, gravity: true}'
+    read = f'sensors: {{end: {end}}}\n'
+    (tmp_path / 'felt.yaml').write_text(SCENE + read, encoding='utf-8')
+    text = 'scene: felt.yaml\nrevolutions: 2\nmeasures: {known: rms(sensors.end)}\n'
+    (tmp_path / 's.yaml').write_text(
+        text + 'grid: {drive.speed: [10 rad/s, 20 rad/s]}\n', encoding='utf-8'
+    )
+    plan, said = read_plan(str(tmp_path / 's.yaml'), [], (counted := []).append), counted
+    assert said == ['0 of 2 runs', '1 of 2 runs']
+    units = {c.name: c.unit for c in plan.own}
+    assert units['largest(sensors.end)'] == 'm/s^2'
+    assert 'rms(sensors.end)' not in units  # asked for by another name
+    for speed, row in zip((10.0, 20.0), sweep(plan, tmp_path / 't.parquet')[1], strict=True):
+        felt = speed**2 * 0.5
+        assert row['known'] == pytest.approx(math.hypot(felt, G / math.sqrt(2.0)), rel=2e-3)
+        assert row['largest(sensors.end)'] == pytest.approx(felt + G, rel=2e-3)
+
+
 def test_a_latin_hypercube_has_one_sample_in_every_class():
     factors = [factor('a', [0.0, 1.0]), factor('b', {'normal': [5.0, 2.0]})]
     found = points(factors, 'latin_hypercube', 50, 7)

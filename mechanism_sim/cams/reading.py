@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.cams.touch import Passage
+from mechanism_sim.cams.touch import Passage, Touch
 from mechanism_sim.planar.view import Array, Course, View
 
 if TYPE_CHECKING:
@@ -43,6 +43,10 @@ class CamReading(NamedTuple):
     contact_force: Array  #: (N,) [N] of the cam on the follower along the normal out of the cam
     pressure_angle: Array  #: (N,) [rad] where the follower touches at this cam angle
     cam_torque: Array  #: (N,) [N m] or [N] of the follower on the cam, as the cam angle counts
+    contact_x: Array  #: (N,) [m] in the world, where they touch at this cam angle, or would
+    contact_y: Array  #: (N,) [m]
+    contact_speed: Array  #: (N,) [m/s] of that point along the profile
+    sliding_speed: Array  #: (N,) [m/s] of the follower over the cam
     mode: NDArray[np.uint8]  #: (N,) of `CamMode`
 
 
@@ -61,7 +65,7 @@ def read_cam(joint: CamPair, view: View) -> CamReading:
     gap, mode = _contact(joint, view)
     return CamReading(
         angle, cam.velocity, lift, *follower, gap, force, touch.pressure_angle,
-        torque, mode,
+        torque, *_touching(joint, view, touch, cam.velocity), mode,
     )  # fmt: skip
 
 
@@ -74,16 +78,30 @@ def read_contact(joint: CamPair, view: View) -> dict[str, Array]:
     clockwise, as in `Touch`.
     """
     cam = _course(joint, view)
-    touch, turn = joint.cam.at(cam.position), view.turning(joint.first).position
-    (x, y), (c, s) = joint.profile(touch.profile), (np.cos(turn), np.sin(turn))
-    x0, y0 = view.place(joint.first, (0.0, 0.0))
+    touch = joint.cam.at(cam.position)
+    x, y, along, sliding = _touching(joint, view, touch, cam.velocity)
     return {
         f'pressure_angle.{joint.name}': touch.pressure_angle,
-        f'contact.{joint.name}.x': x0 + c * x - s * y,
-        f'contact.{joint.name}.y': y0 + s * x + c * y,
-        f'contact_speed.{joint.name}': touch.rate * cam.velocity,
-        f'sliding_speed.{joint.name}': touch.sliding * cam.velocity,
+        f'contact.{joint.name}.x': x,
+        f'contact.{joint.name}.y': y,
+        f'contact_speed.{joint.name}': along,
+        f'sliding_speed.{joint.name}': sliding,
     }
+
+
+def _touching(
+    joint: CamPair, view: View, touch: Touch, rate: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Point of contact in the world [m]; its speed along the profile, and that of sliding [m/s].
+
+    Parameters
+    ----------
+    rate : of the cam (N,) [rad/s] or [m/s]
+    """
+    turn = view.turning(joint.first).position
+    (x, y), (c, s) = joint.profile(touch.profile), (np.cos(turn), np.sin(turn))
+    x0, y0 = view.place(joint.first, (0.0, 0.0))
+    return x0 + c * x - s * y, y0 + s * x + c * y, touch.rate * rate, touch.sliding * rate
 
 
 def _course(joint: CamPair, view: View) -> Course:

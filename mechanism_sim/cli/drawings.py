@@ -68,7 +68,7 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--labels', choices=('all', 'links', 'none'), default='all', help='which names are written'
     )
-    option(sub, '--magnify', 'N', 'draw how elastic links bend, so many times as much', 0.0)
+    option(sub, '--magnify', 'N', 'how much more elastic links bend; visibly if not given', 0.0)
     sub = command('layout', _layout, 'a layout for Foxglove, or a configuration for RViz')
     scene_options(sub)
     sub.add_argument(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -66,10 +67,29 @@ def scene_options(
     option(sub, '--atol', 'A', 'absolute tolerance [m], for solver.atol')
 
 
-def length_options(sub: argparse.ArgumentParser) -> None:
-    """Add the options for the length of a run."""
+def length_options(sub: argparse.ArgumentParser, usual: str = '') -> None:
+    """Add the options for the length of a run; `usual` says what it is without them."""
     option(sub, '--duration', 'S', 'length of the run in seconds', float)
-    option(sub, '--revolutions', 'N', 'length of the run in turns of the drive', float)
+    turns = 'length of the run in turns of the drive'
+    option(sub, '--revolutions', 'N', f'{turns}; {usual}' if usual else turns, float)
+
+
+def turns_of(options: argparse.Namespace, machine: Machine, usual: float) -> float:
+    """The length of a run on a command line in revolutions of a steady drive.
+
+    Raises
+    ------
+    InputError
+        If it is given twice, or not positive.
+    """
+    if options.revolutions is not None and options.duration is not None:
+        raise InputError('give either --revolutions or --duration, not both')
+    turns = options.revolutions
+    if options.duration is not None:
+        turns = options.duration / machine.period if math.isfinite(machine.period) else usual
+    if turns is not None and not 0.0 < turns < math.inf:
+        raise InputError(f'the length of a run must be positive and finite, not {turns:g} turns')
+    return usual if turns is None else turns
 
 
 def measure_option(sub: argparse.ArgumentParser) -> None:

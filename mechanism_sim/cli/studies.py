@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from mechanism_sim import ending, output
 from mechanism_sim.cli.options import (
     Command,
     flag,
+    length_options,
     measure_option,
     option,
     print_json,
@@ -19,30 +21,31 @@ from mechanism_sim.cli.options import (
     read_machine,
     read_measures,
     scene_options,
+    turns_of,
 )
 from mechanism_sim.errors import InputError
 
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('periodic', _periodic, 'find the periodic response of a loose machine')
+    sub = command('periodic', _periodic, 'find the periodic response of a machine')
     scene_options(sub)
     option(sub, '--longest', 'P', 'longest period to look for, in revolutions', 8)
     option(sub, '--transient', 'N', 'revolutions to wait until it has settled', 60)
     sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
     scene_options(sub)
-    option(sub, '--revolutions', 'N', 'how many to run', 200)
+    length_options(sub, '200 if not given')
     option(sub, '--skip', 'K', 'revolutions to leave out at the beginning', 20)
     measure_option(sub)
     sub = command('contact-loss', _contact_loss, 'criteria of contact loss, beside what happens')
     scene_options(sub)
-    option(sub, '--revolutions', 'N', 'how many to run', 3.0)
+    length_options(sub, '3 if not given')
     sub = command('lift-off', _lift_off, 'from which speed on followers leave their cams')
     scene_options(sub)
     sub = command('starts', _starts, 'how long a seated pin follows, by start angle')
     scene_options(sub)
     option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
-    option(sub, '--revolutions', 'N', 'how many to run from each', 3.0)
+    length_options(sub, '3 from each if not given')
     sub = command('find', _find, 'find the value of a key for which a figure is as wanted')
     scene_options(sub)
     option(sub, '--vary', 'PATH=LOW:HIGH', 'the key, and between which values to look')
@@ -115,11 +118,9 @@ def _statistics(options: argparse.Namespace) -> int:
     from mechanism_sim.study.statistics import statistics  # noqa: PLC0415
 
     machine = read_machine(options)
-    end = options.revolutions * machine.period
-    with progress.bar('statistics', end, quiet=options.json) as show:
-        found = statistics(
-            machine, options.revolutions, options.skip, show, read_measures(options, machine)
-        )
+    turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
+    with progress.bar('statistics', turns * machine.period, quiet=options.json) as show:
+        found = statistics(machine, turns, options.skip, show, read_measures(options, machine))
     return print_result(options, found, study.statistics_json, study.statistics)
 
 
@@ -129,7 +130,7 @@ def _contact_loss(options: argparse.Namespace) -> int:
 
     machine = read_machine(options)
     with progress.busy('contact-loss', options.json):
-        found = losses(machine, options.revolutions)
+        found = losses(machine, turns_of(options, machine, 3.0))
     return print_result(options, found, study.losses_json, study.losses)
 
 
@@ -149,7 +150,7 @@ def _starts(options: argparse.Namespace) -> int:
 
     machine = read_machine(options)
     with progress.count('starts', max(options.angles, 1), quiet=options.json) as show:
-        found = starts(machine, options.angles, options.revolutions, show)
+        found = starts(machine, options.angles, turns_of(options, machine, 3.0), show)
     return print_result(options, found, study.starts_json, study.starts)
 
 
@@ -185,7 +186,8 @@ def _sweep(options: argparse.Namespace) -> int:
 
     if options.effects:
         figures.check_picture('--effects', options.effects)
-    plan = read_plan(options.file, options.measures)
+    with progress.busy('checking', options.json) as say:
+        plan = read_plan(options.file, options.measures, say)
     table = Path(options.output or f'{plan.name}{default_ending()}')
     chart = report.chart_of(plan, options.plot, options.over)
     try:

@@ -29,6 +29,10 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--along', 'N', 'with the drive held at N angles around its turn', int)
     option(sub, '--speeds', 'A:B:N', "over N speeds of the drive, as '0 rpm:3000 rpm:31'")
+    sub.add_argument(
+        '--turning', action='store_true',
+        help='about the motion in which its torque keeps it, even if it could rest',
+    )  # fmt: skip
     option(sub, '-o --output', 'FILE', 'draw the shapes, or the frequencies over angle or speed')
     sub = command('response', _response, 'steady response to a harmonic force or base motion')
     scene_options(sub)
@@ -41,8 +45,12 @@ def add(command: Command) -> None:
     option(sub, '--torque', 'LINK', 'a moment of amplitude 1 N m on this link')
     option(sub, '--base', 'COORDINATE', 'this driven coordinate moves by 1 m, or 1 rad')
     option(sub, '--frequencies', 'A:B:N', "as '1 Hz:20 Hz:39'")
+    option(
+        sub, '--speed', 'S', "of the drive meanwhile, as '900 rpm'; it stands still if not given"
+    )
     option(sub, '--harmonics', 'N', 'instead: of the vibration under drives and loads', int)
     option(sub, '--period', 'T', "with --harmonics: as '0.1 s'; a turn of the drive if not given")
+    option(sub, '--speeds', 'A:B:N', 'instead: of the first harmonic over N speeds of the drive')
     option(sub, '-o --output', 'FILE', 'draw it')
 
 
@@ -83,10 +91,11 @@ def _span(name: str, text: str, unit: str) -> Array:
 
 def _modes(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
+    from mechanism_sim.study import floquet  # noqa: PLC0415
     from mechanism_sim.study import modes as study  # noqa: PLC0415
 
-    if options.along is not None and options.speeds:
-        raise InputError('give either --along or --speeds, not both')
+    if (options.along is not None) + bool(options.speeds) + options.turning > 1:
+        raise InputError('give one of --along, --speeds and --turning')
     file = _picture(options)
     speeds = _span('--speeds', options.speeds, 'rad/s') if options.speeds else None
     machine = read_machine(options)
@@ -98,18 +107,30 @@ def _modes(options: argparse.Namespace) -> int:
         stations = study.along(machine, options.along)
         table = report.ModeTable(machine.name, stations, 'angle', machine.main)
     else:
-        found = study.modes(machine)
-        table = report.ModeTable(machine.name, [study.Station({}, 0.0, found)])
+        found = floquet.station(machine, options.turning)
+        table = report.ModeTable(machine.name, [found], main=machine.main)
     _draw(file, report.modes_picture, table, machine.scene.title)
     return print_result(options, table, report.modes_json, report.modes_text)
 
 
 def _response(options: argparse.Namespace) -> int:
     from mechanism_sim.report import vibrations as report  # noqa: PLC0415
-    from mechanism_sim.study.response import harmonics, read_source, response  # noqa: PLC0415
+    from mechanism_sim.study.harmonics import harmonics, unbalance_response  # noqa: PLC0415
+    from mechanism_sim.study.response import read_source, response  # noqa: PLC0415
 
     file = _picture(options)
-    forced = [options.force, options.direction, options.torque, options.base, options.frequencies]
+    forced = [
+        options.force, options.direction, options.torque, options.base, options.frequencies,
+        options.speed,
+    ]  # fmt: skip
+    if options.speeds is not None:
+        if any(x is not None for x in (*forced, options.harmonics, options.period)):
+            raise InputError('--speeds goes without a source, --frequencies and --harmonics')
+        speeds = _span('--speeds', options.speeds, 'rad/s')
+        machine = read_machine(options)
+        turned = unbalance_response(machine, options.quantities, speeds)
+        _draw(file, report.response_picture, turned, machine.scene.title)
+        return print_result(options, turned, report.response_json, report.response_text)
     if options.harmonics is not None:
         if any(x is not None for x in forced):
             raise InputError('--harmonics goes without a source and without --frequencies')
@@ -121,13 +142,14 @@ def _response(options: argparse.Namespace) -> int:
     if options.period is not None:
         raise InputError('--period belongs to --harmonics')
     if not options.frequencies:
-        raise InputError("give --frequencies, as '1 Hz:20 Hz:39', or --harmonics")
+        raise InputError("give --frequencies, as '1 Hz:20 Hz:39', --harmonics or --speeds")
     frequency = _span('--frequencies', options.frequencies, 'Hz')
     direction = None
     if options.direction is not None:
         direction = quantity('--direction', options.direction, 'rad')[0]
+    speed = quantity('--speed', options.speed, 'rad/s')[0] if options.speed else 0.0
     machine = read_machine(options)
     source = read_source(machine, options.force, direction, options.torque, options.base)
-    found = response(machine, source, options.quantities, frequency)
+    found = response(machine, source, options.quantities, frequency, speed)
     _draw(file, report.response_picture, found, machine.scene.title)
     return print_result(options, found, report.response_json, report.response_text)

@@ -32,14 +32,15 @@ class ShortBearing:
 
     Flaws: width beyond the radius is not short, and carries less than this says. Guembel's
     condition loses oil where the film ruptures, and refills it at once. Oil neither warms nor
-    thickens under pressure, walls are smooth and rigid: the film carries any load and the journal
-    never touches. The law holds for ``|Q| < c`` and is not a number beyond.
+    thickens under pressure, walls are smooth and rigid: by itself the film carries any load and
+    the journal never touches. The law holds for ``|Q| < c`` and is not a number beyond.
     """
 
     viscosity: float  #: eta [Pa s]
     width: float  #: L [m]
     radius: float  #: R [m] of the journal
     clearance: float  #: c [m] radial
+    full: bool = False  #: whether the supply keeps it from rupturing: pressures below it pull
 
     def force(
         self,
@@ -49,8 +50,12 @@ class ShortBearing:
         vy: hy.expression,
         spin_journal: hy.expression,
         spin_bushing: hy.expression,
+        share: hy.expression | float = 1.0,
     ) -> tuple[hy.expression, hy.expression]:
         """Force of the oil on the journal [N], through its centre; the bushing takes the opposite.
+
+        The film is as thick as at ``share Q``: of walls that give way, no thinner than where they
+        touch. The force still takes power from V, whatever the share.
 
         ``F = -eta R L^3 integral of (V.n) n/h^3`` over the half circle ``V.n > 0``. With
         ``Q = c (alpha along V, beta across)``, lengths in c and
@@ -63,9 +68,17 @@ class ShortBearing:
 
         The journal drawn off the wall makes Phi small, and both brackets vanish as ``Phi^5``: they
         are summed as power series, exact all the way from 0 to pi.
+
+        The full circle (Sommerfeld's condition) gives ``pi/s^3`` and along Q
+        ``3 pi (Q.V) Q/(c^2 s^5)`` more.
         """
-        mean = 0.5 * (spin_journal + spin_bushing)
-        ux, uy = vx + mean * y, vy - mean * x
+        ux, uy = _squeeze(x, y, vx, vy, spin_journal, spin_bushing)
+        x, y = share * x, share * y
+        if self.full:
+            s = self._thinning(x, y)
+            along = 3.0 * (x * ux + y * uy) / (self.clearance * s) ** 2
+            size = pi * self.viscosity * self.radius * (self.width / (self.clearance * s)) ** 3
+            return -size * (ux + along * x), -size * (uy + along * y)
         speed = hy.sqrt(ux * ux + uy * uy + REST * REST)
         c = self.clearance
         alpha = (x * ux + y * uy) / (c * speed)
@@ -87,6 +100,7 @@ class ShortBearing:
         vy: hy.expression,
         spin_journal: hy.expression,
         spin_bushing: hy.expression,
+        share: hy.expression | float = 1.0,
     ) -> tuple[hy.expression, hy.expression]:
         """Moments of the oil's shear on journal and bushing [N m], about the centre of each.
 
@@ -96,15 +110,41 @@ class ShortBearing:
         is then ``F.V`` less the drag times ``wj - wb``: never positive.
         The ruptured half is made to drag like the full one: rather too much.
         """
-        fx, fy = self.force(x, y, vx, vy, spin_journal, spin_bushing)
+        fx, fy = self.force(x, y, vx, vy, spin_journal, spin_bushing, share)
         couple = 0.5 * (x * fy - y * fx)
         petroff = 2.0 * pi * self.viscosity * self.width * self.radius**3 / self.clearance
-        drag = petroff * (spin_journal - spin_bushing) / self._thinning(x, y)
+        drag = petroff * (spin_journal - spin_bushing) / self._thinning(share * x, share * y)
         return -couple - drag, -couple + drag
+
+    def across(
+        self,
+        x: hy.expression,
+        y: hy.expression,
+        vx: hy.expression,
+        vy: hy.expression,
+        spin_journal: hy.expression,
+        spin_bushing: hy.expression,
+    ) -> hy.expression:
+        """``(Q/c) x V`` [m/s]: to which side of Q the journal moves."""
+        ux, uy = _squeeze(x, y, vx, vy, spin_journal, spin_bushing)
+        return (x * uy - y * ux) / self.clearance
 
     def _thinning(self, x: hy.expression, y: hy.expression) -> hy.expression:
         """``s = sqrt(1 - Q.Q/c^2)``."""
         return hy.sqrt(1.0 - (x * x + y * y) / (self.clearance * self.clearance))
+
+
+def _squeeze(
+    x: hy.expression,
+    y: hy.expression,
+    vx: hy.expression,
+    vy: hy.expression,
+    spin_journal: hy.expression,
+    spin_bushing: hy.expression,
+) -> tuple[hy.expression, hy.expression]:
+    """V [m/s]."""
+    mean = 0.5 * (spin_journal + spin_bushing)
+    return vx + mean * y, vy - mean * x
 
 
 # Coefficients of phi^(2k-4), k = 2, 3, ..., in the brackets of the force over phi^5; at phi = pi

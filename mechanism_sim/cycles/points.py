@@ -92,11 +92,9 @@ class Poses:
     Parameters
     ----------
     q : (n, N) coordinates
-    magnified : how many times as large elastic links deform here
     """
 
-    def __init__(self, mechanism: Mechanism, q: Array, magnified: float = 1.0) -> None:
-        self._magnified = magnified
+    def __init__(self, mechanism: Mechanism, q: Array) -> None:
         links = [GROUND, *(body.name for body in mechanism.bodies)]
         places = [
             mechanism.point(link, at, deformed=False)
@@ -118,7 +116,6 @@ class Poses:
         arms = self._beams[link].arms(at) if link in self._beams else {}
         for names, (dx, dy) in arms.items():
             size, *_ = product(names, lambda name: (self._q[f'{link}.{name}'], 0.0, 0.0))
-            size = self._magnified * size
             x, y = x + size * dx, y + size * dy
         return np.asarray(self._origin[link] + np.array([ux * x - uy * y, uy * x + ux * y]))
 

@@ -62,6 +62,7 @@ class Shape:
     label : of the link or joint; none if empty
     size : of wheels, of which the largest are painted first
     number : of the link among those that move, which stands for its colour; -1 of the ground
+    bends : whether its link is elastic: edges have points enough to bend
     """
 
     kind: Kind
@@ -71,6 +72,7 @@ class Shape:
     label: str = ''
     size: float = 0.0
     number: int = -1
+    bends: bool = False
 
     @property
     def outline(self) -> Array:
@@ -81,7 +83,7 @@ class Shape:
     def paths(self) -> tuple[Path, ...]:
         """What is painted, from back to front."""
         return tuple(
-            Path(style, curves if style in OPEN else _turned(curves))
+            Path(style, self._fine(curves if style in OPEN else _turned(curves), style))
             for style, curves in _BUILDERS.get(self.kind, _body)(self)
         )
 
@@ -89,7 +91,13 @@ class Shape:
     def hull(self) -> Array:
         """Points (k, 2) [m] around all that is painted, or the outline of what is not."""
         curves = [curve for path in self.paths for curve in path.curves]
-        return _around(np.concatenate(curves or [self.outline]))
+        points = np.concatenate(curves or [self.outline])
+        return points if self.bends else around(points)
+
+    def _fine(self, curves: tuple[Array, ...], style: Style) -> tuple[Array, ...]:
+        if not self.bends:
+            return curves
+        return tuple(subdivided(c, 0.5 * self.symbol, style not in OPEN) for c in curves)
 
 
 def coil(start: Array, end: Array, symbol: float) -> Array:
@@ -99,12 +107,22 @@ def coil(start: Array, end: Array, symbol: float) -> Array:
     return np.asarray(start + COIL @ np.stack([way, across]))
 
 
+def subdivided(curve: Array, longest: float, closed: bool = False) -> Array:
+    """A curve (k, 2) with points added where edges are longer than that [m]."""
+    ends = np.concatenate([curve, curve[:1]]) if closed else curve
+    counts = np.ceil(np.hypot(*np.diff(ends, axis=0).T) / longest).astype(int).clip(1)
+    at = [i + np.arange(n) / n for i, n in enumerate(counts)]
+    along = np.concatenate(at if closed else [*at, [float(len(counts))]])
+    return np.stack([np.interp(along, np.arange(len(ends)), x) for x in ends.T], axis=1)
+
+
 def rounded(points: Array, radius: float) -> Array:
     """The edge of the convex plate (k, 2) that reaches so far around all points (n, 2) [m]."""
-    return _around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
+    return around((points[:, None] + circle(radius, points=24)).reshape(-1, 2))
 
 
-def _around(points: Array) -> Array:
+def around(points: Array) -> Array:
+    """The corners of the convex polygon around points (n, 2), counterclockwise; all of a line."""
     if len(points) < 3 or min(np.ptp(points, axis=0)) == 0.0:
         return points
     return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])

@@ -11,6 +11,8 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.points import Place, Poses
+from mechanism_sim.export.bending import bendings
+from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.linkages.forces import Spring
 from mechanism_sim.planar.drive import DriveLaw, Law
@@ -23,7 +25,7 @@ from mechanism_sim.planar.mechanism import (
     Vector2,
     rotate,
 )
-from mechanism_sim.planar.view import Kind
+from mechanism_sim.planar.view import Kind, circle
 from mechanism_sim.scene import Machine
 
 _MOUNT = 9.0  # length of the springs of a frame, in symbols
@@ -44,6 +46,8 @@ class Skeleton:
     loose : joints with clearance, whose bushings are drawn
     drives : driven coordinates, each with the sign of the sense in which it sets out
     frames : bodies that carry the ground, each by the points it reaches to and those on springs
+    magnified : how much larger elastic links deform here; 0: visibly
+    size : by which symbols are chosen, if not by that of the mechanism [m]
 
     Attributes
     ----------
@@ -52,6 +56,8 @@ class Skeleton:
     shapes : in the order in which they are painted
     springs : the ends of each, painted before all shapes as `shapes.coil`
     links : that move, in the order of poses
+    mounts : of each frame on springs the numbers of its springs
+    bendings : of the elastic links
     """
 
     def __init__(
@@ -63,6 +69,8 @@ class Skeleton:
         loose: Iterable[str] = (),
         drives: Mapping[str, float] | None = None,
         frames: Mapping[str, tuple[list[Vector2], list[Vector2]]] | None = None,
+        magnified: float = 0.0,
+        size: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
         self.links = [body.name for body in mechanism.bodies]
@@ -77,8 +85,16 @@ class Skeleton:
         for place, radius in (disc for pair in pairs for disc in pair.discs()):
             middle = self._poses.at(place)
             covered += [middle - radius, middle + radius]
-        self.size = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest) or 1.0
+        covered += [
+            self._poses.at((j.second, j.on_second)) + side * mechanism.body(j.second).disk_radius
+            for j in joints
+            if j.second in mechanism.rotors
+            for side in (-1.0, 1.0)
+        ]
+        widest = max(float(np.ptp(covered, axis=(0, 2)).max()), mechanism.longest)
+        self.size = size or widest or 1.0
         self.symbol = self.size / 60.0
+        self.bendings = bendings(mechanism, q, self.size, magnified)
         self._corners: dict[str, list[Vector2]] = {link: [] for link in self.links}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
@@ -95,7 +111,10 @@ class Skeleton:
         for place in (end for ends in self.springs for end in ends):
             self._support(place)
             self.reach(place)
+        self.mounts: dict[str, range] = {}
         for name, (corners, mounts) in frames.items():
+            first = len(self.springs)
+            self.mounts[name] = range(first, first + len(mounts))
             self.add('frame', GROUND, np.array(corners + mounts), label=name)
             for x, y in mounts:
                 foot = GROUND, (x, y - _MOUNT * self.symbol)
@@ -111,17 +130,46 @@ class Skeleton:
         self.shapes.sort(key=lambda shape: (order.index(shape.kind), -shape.size))
 
     def poses(self, q: Array) -> Array:
-        """Origins [m] and angles [rad] of the frames of the moving links, (N, L, 3)."""
+        """Origins [m] and angles [rad] of the frames of the moving links, (N, L, 3 + M).
+
+        Then the elastic coordinates [m] of each link, padded by zeros to the most of all.
+        """
         at = self.mechanism
-        rows = [np.vstack([at.locate_all(x, q), at.angle_all(x, q)]) for x in self.links]
-        return np.array(rows).transpose(2, 0, 1)
+        most = max((len(x.beam.names) for x in self.bendings.values()), default=0)
+        found = np.zeros((q.shape[1], len(self.links), 3 + most))
+        for i, link in enumerate(self.links):
+            own = at.amplitudes(link)
+            found[:, i, :2] = at.locate_all(link, q).T
+            found[:, i, 2] = at.angle_all(link, q)
+            found[:, i, 3 : 3 + len(own)] = q[own].T
+        return found
+
+    def deformed(self, link: str, points: Array, pose: Array) -> Array:
+        """Points (k, 2) [m] of a link in its frame at a pose (L, 3 + M), as they are drawn."""
+        return self._bent(link, points, pose[None])[0] if link in self.bendings else points
+
+    def _bent(self, link: str, points: Array, poses: Array) -> Array:
+        """Points (N, k, 2) [m] in the frame of an elastic link."""
+        bending = self.bendings[link]
+        last = 3 + len(bending.beam.names)
+        return bending.moved(points, poses[:, self.links.index(link), 3:last])
+
+    def scale_bar(self, width: float) -> tuple[float, str]:
+        """A round length for a drawing of that width [m]; how it is written, and magnification."""
+        length, text = scale_bar(width)
+        for factor in {x.magnified for x in self.bendings.values()}:
+            text += '; bending '
+            text += 'to scale' if factor == 1.0 else f'{factor:.4g} times larger'
+        return length, text
 
     def placed(self, link: str, points: Array, poses: Array) -> Array:
         """Points (k, 2) [m] of a link in the world (N, k, 2)."""
         if link not in self.links:
             return np.broadcast_to(points, (len(poses), *np.shape(points)))
-        x, y, angle = poses[:, self.links.index(link)].T
+        x, y, angle = poses[:, self.links.index(link), :3].T
         c, s = np.cos(angle), np.sin(angle)
+        if link in self.bendings:
+            points = self._bent(link, points, poses)
         turned = points @ np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
         return np.asarray(turned + np.stack([x, y], axis=1)[:, None])
 
@@ -132,6 +180,11 @@ class Skeleton:
             self._support(side)
         if joint.name in self._loose:
             self.add('bushing', joint.second, np.array([joint.on_second]))
+        if joint.second in self.mechanism.rotors:
+            radius = self.mechanism.body(joint.second).disk_radius
+            notch = _plus(joint.on_second, (0.85 * radius, 0.0))
+            rim = np.vstack([[notch], circle(radius, joint.on_second)[1:]])
+            self.add('wheel', joint.second, rim, size=radius)
         pin = sides[0] if joint.name in self._loose or sides[0][0] == GROUND else sides[1]
         self.add('pin', pin[0], np.array([pin[1]]), label=joint.name)
 
@@ -175,7 +228,8 @@ class Skeleton:
     ) -> None:
         """A shape; wheels and cams give their links bodies."""
         number = self.links.index(link) if link in self.links else -1
-        self.shapes.append(Shape(kind, link, curves, self.symbol, label, size, number))
+        bends = link in self.bendings
+        self.shapes.append(Shape(kind, link, curves, self.symbol, label, size, number, bends))
         if kind in ('wheel', 'cam'):
             self._bodied.add(link)
 
@@ -269,9 +323,22 @@ class Skeleton:
         return sorted(lower, key=lambda j: GROUND not in (j.first, j.second))
 
 
-def skeleton_of(machine: Machine, q: Array) -> Skeleton:
-    """The skeleton of a machine with its springs, named points, loose joints, drive and frames."""
-    elements = machine.plan.elements(machine.mechanism)
+def skeleton_of(
+    machine: Machine,
+    q: Array,
+    magnified: float = 0.0,
+    mechanism: Mechanism | None = None,
+    size: float = 0.0,
+) -> Skeleton:
+    """The skeleton of a machine with its springs, named points, loose joints, drive and frames.
+
+    Parameters
+    ----------
+    q : (n, N) coordinates of the machine's mechanism, or of another tree of it
+    size : by which symbols are chosen, if not by that of the machine [m]
+    """
+    mechanism = mechanism or machine.mechanism
+    elements = machine.plan.elements(mechanism)
     springs = [(e.first, e.second) for e in elements if isinstance(e, Spring)]
     points = {
         f'{link}.{name}': (link, at)
@@ -281,7 +348,7 @@ def skeleton_of(machine: Machine, q: Array) -> Skeleton:
     }
     ground = [
         at
-        for j in machine.mechanism.joints
+        for j in mechanism.joints
         for link, at in ((j.first, j.on_first), (j.second, j.on_second))
         if link == GROUND
     ]
@@ -290,7 +357,9 @@ def skeleton_of(machine: Machine, q: Array) -> Skeleton:
         for name, part in machine.scene.oscillators.items()
     }
     drives = {coordinate: _sense(laws[0]) for coordinate, laws in machine.plan.laws.items()}
-    return Skeleton(machine.mechanism, q, points, springs, machine.clearances, drives, frames)
+    return Skeleton(
+        mechanism, q, points, springs, machine.clearances, drives, frames, magnified, size
+    )
 
 
 def _sense(law: Law) -> float:
@@ -304,7 +373,7 @@ def bounds(skeleton: Skeleton, poses: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    poses : (N, L, 3) that are to be in the picture
+    poses : (N, L, 3 + M) that are to be in the picture
     """
     placed = [skeleton.placed(s.link, s.hull, poses).reshape(-1, 2) for s in skeleton.shapes]
     everything = np.concatenate(placed)
@@ -313,19 +382,6 @@ def bounds(skeleton: Skeleton, poses: Array) -> tuple[Array, Array]:
     centre = 0.5 * (low + high)
     half = np.maximum(0.5 * (high - low) + room, [0.0, 18.0 * skeleton.symbol])
     return centre - half, centre + half
-
-
-def round_below(value: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, ... that is not above a positive value."""
-    decade = 10.0 ** math.floor(math.log10(value))
-    return max(x * decade for x in (1.0, 2.0, 5.0) if x * decade <= value)
-
-
-def scale_bar(width: float) -> tuple[float, str]:
-    """A round length [m] of at most a fifth of a drawing's width [m], and how it is written."""
-    length = round_below(0.2 * width)
-    unit, name = next(x for x in ((1.0, 'm'), (1e-3, 'mm'), (0.0, 'µm')) if length >= x[0])
-    return length, f'{length / (unit or 1e-6):.3g} {name}'
 
 
 def _plus(a: Vector2, b: Vector2) -> Vector2:

@@ -500,13 +500,49 @@ class Contacts:
                 self._pars[self._system.switch_index[k][0]] = part
 
     def _release(self) -> None:
-        """Let switches hold no more what an impact has moved."""
+        """Let switches hold no more what an impact has moved.
+
+        What they would stop again within a rounding of the place is stopped now: contacts that
+        part by roundings fall back as fast, and would move it for ever.
+        """
         places, rows = self._places(), list(self.switches)
-        for k in self._system.holding:
-            if rows[k] == HOLDS and abs(places[k]) > REST:
+        moved = [k for k in self._system.holding if rows[k] == HOLDS and abs(places[k]) > REST]
+        if not moved:
+            return
+        slow = [k for k in moved if places[k] ** 2 < 2.0 * self._rounding * self._stops(k, places)]
+        for k in moved:
+            if k not in slow:
                 rows[k] = int(places[k] > 0.0)
-        if tuple(rows) != self.switches:
-            self.set_switches(tuple(rows))
+        self.set_switches(tuple(rows))
+        if slow:
+            self._stop(slow)
+
+    def _stops(self, switch: int, places: Sequence[float]) -> float:
+        """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""
+        rates = self._rates_of(switch)[:2]
+        below, above = rates
+        return max(0.0, -above if places[switch] > 0.0 else below)
+
+    def _stop(self, held: Sequence[int]) -> None:
+        """Bring the functions of switches that hold to zero by an impulse of what holds them."""
+        kept, system, f = self._parameters.copy(), self._system, self._f
+        functions = [[*system.holding].index(k) for k in held]
+
+        def seen(acting: int | None) -> tuple[Array, Array]:
+            for k in held:
+                self._set(system.switch_index[k], (float(k == acting), 0.0))
+            rates = self._at_present(system.holding_rates)[functions]
+            return rates, self._at_present(system.accelerations).copy()
+
+        still, a = seen(None)
+        ways = [seen(k) for k in held]
+        self._parameters[:] = kept
+        places = np.array(self._places())[list(held)]
+        steps = np.column_stack([rates - still for rates, _ in ways])
+        shares = np.linalg.lstsq(steps, -places)[0]
+        for x, (_, way) in zip(shares.tolist(), ways, strict=True):
+            self._x[f:] += x * (way - a)
+        self.project()
 
     def _count_turns(self, switch: int) -> None:
         """Refuse a switch that turns over again and again at one place.
@@ -542,7 +578,9 @@ class Contacts:
         margin = 0.0 if seen_now is None else self._touching
         if self._system.compliant:  # both factors of its guard may have fallen in one step
             for i, value in enumerate(seen[count + len(modes) : count + 2 * len(modes)]):
-                if modes[i] > 1 and value > margin and i != seen_now:
+                # what parts from a depth of roundings is through before the next step can tell
+                ended = value > margin - (self._touching if seen[count + i] > self._still else 0.0)
+                if modes[i] > 1 and ended and i != seen_now:
                     return i
         if min(seen[:count]) > 0.0:
             return None

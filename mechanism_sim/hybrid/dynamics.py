@@ -148,8 +148,8 @@ class Dynamics:
         if self.compliant:  # no gap is kept closed
             self.active[: len(gaps)] = [hy.expression(0.0)] * len(gaps)
         self._gaps = tuple(gaps)
-        #: of every row, the share by which it yields where others hold the same
-        self.softness = [0.0] * len(gaps) + [getattr(gap, 'softness', 0.0) for gap in gaps]
+        #: of every row, the share by which it yields while others of its joint hold the same
+        self.softness: Vector = [None] * len(gaps) + [self._softness(i) for i in range(len(gaps))]
         self.loads = [load for element in elements for load in element.loads(eq.frames)]
         self.rubs: list[Rub] = rubs(frictions, eq.frames)
         self.depths: dict[hy.expression, hy.expression] = {}
@@ -160,6 +160,13 @@ class Dynamics:
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
         self.free_acceleration = self._second_derivatives(self.exact_free)
+
+    def _softness(self, i: int) -> Term:
+        """Of the tangent of a gap, while others of its joint stick."""
+        own, gaps = getattr(self._gaps[i], 'softness', 0.0), enumerate(self._gaps)
+        others = [k for k, gap in gaps if k != i and gap.joint == self._gaps[i].joint]
+        stuck = add(*(self.sticks.get(k) for k in others))
+        return mul(hy.expression(own), stuck) if own else None
 
     def _free_row(self, jet: Jet) -> Vector:
         row = jet.row(self.equations.coordinates)
@@ -352,8 +359,8 @@ class Dynamics:
             line: Vector = []
             for c in columns:
                 entry = self.compliance[r][c]
-                if r == c and self.softness[r]:
-                    entry = mul(entry, 1.0 + self.softness[r])
+                if r == c and self.softness[r] is not None:
+                    entry = mul(entry, 1.0 + dense(self.softness[r]))
                 entry = mul(self.active[r], mul(1.0 if r == c else self.active[c], entry))
                 line.append(add(entry, 1.0 - self.active[r]) if r == c else entry)
             K.append(line)

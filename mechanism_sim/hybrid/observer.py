@@ -23,6 +23,20 @@ from mechanism_sim.planar.reactions import energies, generalized_forces
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 
 
+class Instants(NamedTuple):
+    """Where a machine is at N instants."""
+
+    q: Array  #: (n, N) of all coordinates
+    v: Array  #: (n, N)
+    a_p: Array  #: (p, N) prescribed accelerations
+    modes: NDArray[np.uint8]  #: (m, N) of the gaps
+    torque: Array | None = None  #: (k, N) [N m] on the powered coordinates
+    approach: Array | None = None  #: (m, N) [m/s] of the first touch of compliant contacts
+    outside: Array | None = None  #: (k, N) what `Frames.outside` names
+    rows: Array | None = None  #: (r, N) values of the switches, if not those at these places
+    sides: Array | None = None  #: (k, N) signs of what presses on the lines that rub
+
+
 class TouchTerms(NamedTuple):
     """The m compliant contacts at N instants."""
 
@@ -199,132 +213,67 @@ class Observer:
     def _account(self) -> SwitchedFunction:
         return self._compiled(['gap', 'closure', 'normal_force', 'friction_power', 'drive_torque'])
 
-    def observe(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None = None,
-        approach: Array | None = None,
-        outside: Array | None = None,
-        rows: Array | None = None,
-        sides: Array | None = None,
-    ) -> Observation:
-        """Accelerations, forces and energies at N instants.
-
-        Parameters
-        ----------
-        q, v : (n, N) of all coordinates
-        a_p : (p, N) prescribed accelerations
-        modes : (m, N) of the gaps
-        torque : (k, N) [N m] on the powered coordinates
-        approach : (m, N) [m/s] of the first touch of compliant contacts
-        outside : (k, N) what is named by the attribute `outside`
-        rows : values of the switches, if not those at these places
-        sides : (k, N) signs of what presses on the lines that rub
-        """
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
+    def observe(self, at: Instants) -> Observation:
+        """Accelerations, forces and energies."""
+        inputs = self._inputs(at)
         (
             a, gap, _, N, T, friction, drive_torque, reaction, moment, energy, *residual,
-        ) = self._observe(inputs, self._with_parts(inputs, rows))  # fmt: skip
+        ) = self._observe(inputs, self._with_parts(inputs, at.rows))  # fmt: skip
         if residual and np.abs(residual[0]).max(initial=0.0) > _RUBBED:
             raise RunError(
                 'friction in ideal joints does not follow from their forces: it nearly jams; '
                 'a smaller coefficient or radius runs'
             )
         return Observation(
-            q,
-            v,
+            at.q,
+            at.v,
             a,
             self.distances(gap),
             N,
             T,
             friction[0],
-            reaction.reshape(-1, 2, q.shape[1]),
+            reaction.reshape(-1, 2, at.q.shape[1]),
             moment,
             drive_torque,
-            (drive_torque * v[self.system.driven_index]).sum(axis=0),
+            (drive_torque * at.v[self.system.driven_index]).sum(axis=0),
             energy[0],
             energy[1],
         )
 
-    def account(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None = None,
-        approach: Array | None = None,
-        outside: Array | None = None,
-        rows: Array | None = None,
-        sides: Array | None = None,
-    ) -> Account:
+    def account(self, at: Instants) -> Account:
         """Terms of the energy balance at the instants of `observe`; far cheaper."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
+        inputs = self._inputs(at)
         gap, closure, N, friction, drive_torque = self._account(
-            inputs, self._with_parts(inputs, rows)
+            inputs, self._with_parts(inputs, at.rows)
         )
-        closed = np.where(modes > Mode.FREE_FLIGHT, gap, 0.0)
+        closed = np.where(at.modes > Mode.FREE_FLIGHT, gap, 0.0)
         ends = [closed.min(axis=1, initial=0.0), closed.max(axis=1, initial=0.0)]
         farthest = self.distances(np.array(ends).T)  # in any measure the ends are the ends
         left = max(np.abs(x).max(initial=0.0) for x in (farthest, closure))
-        power = (drive_torque * v[self.system.driven_index]).sum(axis=0)
+        power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)
         return Account(N, friction[0], power, float(left))
 
-    def parts(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None = None,
-        approach: Array | None = None,
-        outside: Array | None = None,
-        rows: Array | None = None,
-        sides: Array | None = None,
-    ) -> Array:
+    def parts(self, at: Instants) -> Array:
         """What acts (h, N) of the h switches that may hold, at the instants of `observe`."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
+        inputs = self._inputs(at)
         if self._rubs:
-            return self._compiled(['part'])(inputs, rows)[0]
-        known = self._with_parts(inputs, rows)
+            return self._compiled(['part'])(inputs, at.rows)[0]
+        known = self._with_parts(inputs, at.rows)
         flags, _ = self.system.holding_rows
-        return np.zeros((len(flags), q.shape[1])) if known is None else known[flags]
+        return np.zeros((len(flags), at.q.shape[1])) if known is None else known[flags]
 
     @cached_property
     def _touch(self) -> SwitchedFunction:
         return self._compiled(['normal_force', 'friction_force', *_OF_TOUCHES])
 
-    def touch(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None = None,
-        approach: Array | None = None,
-        outside: Array | None = None,
-        rows: Array | None = None,
-        sides: Array | None = None,
-    ) -> TouchTerms:
+    def touch(self, at: Instants) -> TouchTerms:
         """Compliant contacts at the instants that `observe` would be given."""
-        inputs = self._inputs(q, v, a_p, modes, torque, approach, outside, sides)
-        return TouchTerms(*self._touch(inputs, self._with_parts(inputs, rows)))
+        inputs = self._inputs(at)
+        return TouchTerms(*self._touch(inputs, self._with_parts(inputs, at.rows)))
 
-    def _inputs(
-        self,
-        q: Array,
-        v: Array,
-        a_p: Array,
-        modes: NDArray[np.uint8],
-        torque: Array | None,
-        approach: Array | None,
-        outside: Array | None,
-        sides: Array | None,
-    ) -> Array:
+    def _inputs(self, at: Instants) -> Array:
         """One array of all inputs."""
+        q, v, a_p, modes, torque, approach, outside, _, sides = at
         d, count = self.system.dynamics, q.shape[1]
         torque = np.zeros((len(self.system.powered), count)) if torque is None else torque
         flags: list[NDArray[Any]] = [modes > Mode.FREE_FLIGHT]

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.crossings import Crossings
 from mechanism_sim.hybrid.dense_output import Motion, instants
-from mechanism_sim.hybrid.observer import Observer, TouchTerms
+from mechanism_sim.hybrid.observer import Instants, Observer, TouchTerms
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
+from mechanism_sim.planar.protocols import EndGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
 
@@ -50,8 +51,11 @@ class Physics(Protocol):
     def has_forces(self) -> bool:
         """Whether forces and energies are known, or only motion."""
 
-    def strained(self, q: Array) -> dict[str, Array]:
-        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
+    def columns(self, seen: Observation) -> dict[str, Array]:
+        """Columns (N,) of elastic links, see `Mechanism.strained`, and of bearings that tilt.
+
+        ``bearing_moment.JOINT.x``, ``.y``, ``.size`` [N m]: on the second link, about the middle.
+        """
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -98,9 +102,18 @@ class DynamicPhysics:
         self.displacements = system.mechanism.displacements
         self.clearances = tuple(gap.name for gap in system.gaps)
 
-    def strained(self, q: Array) -> dict[str, Array]:
-        """Deflections and stresses (N,) of elastic links at coordinates (n, N), by name."""
-        return self.system.mechanism.strained(q)
+    def columns(self, seen: Observation) -> dict[str, Array]:
+        """As `Physics.columns`."""
+        found, q = self.system.mechanism.strained(seen.position), seen.position
+        moments: dict[str, Array] = {}
+        for k, gap in enumerate(self.system.gaps):
+            if isinstance(gap, EndGap):
+                own = gap.moment(q, seen.normal_force[k], seen.friction_force[k])
+                moments[gap.joint] = moments.get(gap.joint, 0.0) + own
+        for joint, (x, y) in moments.items():
+            name = f'bearing_moment.{joint}'
+            found |= {f'{name}.x': x, f'{name}.y': y, f'{name}.size': np.hypot(x, y)}
+        return found
 
     def observe(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
@@ -117,7 +130,7 @@ class DynamicPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """The same without whole turns; near singular positions with the limits of forces."""
-        seen = self.observer.observe(*self._state(motion, segments, dt))
+        seen = self.observer.observe(self._state(motion, segments, dt))
         crossings = self._crossings(motion, segments)
         if not crossings or not crossings.segments.size:
             return seen
@@ -125,7 +138,7 @@ class DynamicPhysics:
         near = np.flatnonzero(crossings.near(each, since))
         if near.size:
             found = crossings.limits(each[near], since[near], lambda k, t: _stacked(
-                self.observer.observe(*self._state(motion, k, t))
+                self.observer.observe(self._state(motion, k, t))
             ))  # fmt: skip
             sizes = [np.size(x[..., 0]) for x in _limited(seen)]
             for field, rows in zip(
@@ -147,16 +160,14 @@ class DynamicPhysics:
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance."""
-        return self.observer.account(*self._state(motion, segments, dt))
+        return self.observer.account(self._state(motion, segments, dt))
 
     def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
         """Compliant contacts then."""
-        return self.observer.touch(*self._state(motion, segments, dt))
+        return self.observer.touch(self._state(motion, segments, dt))
 
-    def _state(
-        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
-    ) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array, Array, Array | None, Array]:
-        """What `System.observe` asks for, angles without their whole turns."""
+    def _state(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
+        """What `Observer.observe` asks for, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         if isinstance(dt, Nodes):
             q, v = curve.at_nodes(segments, dt)
@@ -169,12 +180,11 @@ class DynamicPhysics:
             constant, per_angle, per_speed = motion.torques_at(segments, dt).transpose(1, 0, 2)
             angle = curve.at(segments, dt).T[powered]
             torque = constant + per_angle * angle + per_speed * v[powered]
-        return (
+        none = np.zeros((len(driven), q.shape[1]))
+        return Instants(
             q,
             v,
-            np.zeros((len(driven), q.shape[1]))
-            if steady
-            else curve.local(segments, dt, 2).T[driven],
+            none if steady else curve.local(segments, dt, 2).T[driven],
             motion.modes_at(segments, dt),
             torque,
             motion.approach_at(segments, dt),
@@ -221,7 +231,7 @@ class DynamicPhysics:
         names = [*self.system.equations.frames.switches]
         if not self.system.holding:
             return {}
-        parts = self.observer.parts(*self._state(motion, segments, dt))
+        parts = self.observer.parts(self._state(motion, segments, dt))
         return dict(zip([names[k] for k in self.system.holding], parts, strict=True))
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:

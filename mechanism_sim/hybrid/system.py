@@ -420,7 +420,8 @@ class System:
         loads = [load for rub in self.dynamics.rubs for load in rub.loads]
         for element in self.elements:
             if isinstance(element, JointForce):
-                cut[element.name] = element.wrench(eq.frames)
+                carried, before = element.wrench(eq.frames), cut.get(element.name)
+                cut[element.name] = together(before, carried) if before else carried
                 loads += element.loads(eq.frames)[2:]
             else:
                 loads += element.loads(eq.frames)
@@ -616,8 +617,8 @@ class System:
             K = [
                 [
                     add(mul(mul(d.active[i], d.active[k]),
-                            mul(d.compliance[i][k], 1.0 + d.softness[i])
-                            if i == k and d.softness[i] else d.compliance[i][k]),
+                            mul(d.compliance[i][k], 1.0 + dense(d.softness[i]))
+                            if i == k and d.softness[i] is not None else d.compliance[i][k]),
                         1.0 - d.active[i] if i == k else None)
                     for k in range(count)
                 ]

@@ -13,7 +13,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
-from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.mechanism import Mechanism, Point
 from mechanism_sim.planar.protocols import ForceLaw
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class BearingClearance:
 
     def value(self, frames: Frames) -> Jet:
         """``(c^2 - Q.Q)/(2 c)`` [m]."""
-        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
+        x, y = self._pin_in_bushing(frames)
         half = dense(frames.parameters(f'{self.name}.half_clearance', 0.5 * self.clearance))
         gap: Jet = (x.half_square() + y.half_square()) * self._minus_curvature(frames) + half
         return gap
@@ -68,9 +68,9 @@ class BearingClearance:
         Both surfaces pass the point of contact: at the distance rp from the pin's centre and at
         rp + c from the bushing's. Its rate is ``Q''.t + rp w1' - (rp + c) w2'``.
         """
-        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
+        x, y = self._pin_in_bushing(frames)
         tangential: Jet = -(x.across(y) * self._minus_curvature(frames))
-        joint = self.mechanism.joint(self.name)
+        joint = self.mechanism.joint(self.joint)
         radius = self.pin_radius
         ends = (joint.first, joint.on_first, radius), (joint.second, joint.on_second, -self.arm)
         for link, at, arm in ends:
@@ -83,7 +83,7 @@ class BearingClearance:
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """``Q/c``: the direction from bushing centre to pin centre."""
-        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
+        x, y = self._pin_in_bushing(frames)
         minus = self._minus_curvature(frames)
         return -(x * minus), -(y * minus)
 
@@ -91,6 +91,14 @@ class BearingClearance:
         """On the bushing's link, about the bushing's centre."""
         arm = frames.parameters(f'{self.name}.arm', self.arm)
         return contact_wrench(self.normal(frames), N, T, arm)
+
+    def _pin_in_bushing(self, frames: Frames) -> tuple[Jet, Jet]:
+        return frames.position(self.apart, self.name)
+
+    @property
+    def apart(self) -> Point:
+        """From the bushing's centre to the pin's, in the plane of the contact."""
+        return self.mechanism.separation(self.name)
 
     def _minus_curvature(self, frames: Frames) -> hy.expression:
         """-1/c: a product costs less than a quotient and a change of sign."""
@@ -109,14 +117,33 @@ class FilmBearing:
     name: str
     mechanism: Mechanism
     film: ShortBearing
+    reach: float = 0.0  #: [m] how far off the centre its walls touch; 0: never
+    soft: bool = False  #: whether these give way
 
     def _motion(self, frames: Frames) -> tuple[Jet, Jet, list[Term]]:
-        """Q in components, and what the film asks for: Q, Q', spins of journal and bushing."""
-        x, y = _pin_in_bushing(self.mechanism, self.name, frames)
-        joint = self.mechanism.joint(self.name)
-        turning = [self.mechanism.frame(link)[0] for link in (joint.first, joint.second)]
-        spins = [frames.v.get(frame, hy.expression(0.0)) for frame in turning]
-        return x, y, [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
+        """Q in components, and what the film asks for: Q, Q', spins, share of Q that counts."""
+        x, y = frames.position(self.mechanism.separation(self.name), self.name)
+        joint, p = self.mechanism.joint(self.name), frames.parameters
+        spins = []
+        for link, at in ((joint.first, joint.on_first), (joint.second, joint.on_second)):
+            turns = self.mechanism.turns(link, at).items()
+            shares = [
+                v if slope == 1.0 else mul(p(f'{self.name}.turn:{c}', slope), v)
+                for c, slope in turns
+                for v in [frames.v[c]]
+            ]
+            spins.append(dense(add(*shares)))
+        motion = [*map(dense, (x.value, y.value, x.rate, y.rate)), *spins]
+        if not self.reach:
+            return x, y, motion
+        if not self.film.full:
+            # along a wall the half that carries changes sides, where its force has a corner
+            frames.switch(f'{self.name}.film', self.film.across(*motion))
+        if not self.soft:
+            return x, y, motion
+        c, closed = self.film.clearance, p.reserve(f'{self.name}.closed')
+        square = motion[0] * motion[0] + motion[1] * motion[1] + (1.0 - closed) * (c * c)
+        return x, y, [*motion, 1.0 + closed * (self.reach / hy.sqrt(square) - 1.0)]
 
     def loads(self, frames: Frames) -> list[Load]:
         """On journal and bushing, at their centres."""
@@ -147,7 +174,3 @@ class FilmBearing:
             add(mul(fx, x.rate), mul(fy, y.rate), mul(moments[0], motion[4]),
                 mul(moments[1], motion[5]))
         )  # fmt: skip
-
-
-def _pin_in_bushing(mechanism: Mechanism, joint: str, frames: Frames) -> tuple[Jet, Jet]:
-    return frames.position(mechanism.separation(joint), joint)

@@ -38,7 +38,7 @@ def refusals(message: Any, path: str = '') -> Iterator[str]:
 
 UNKNOWN_AS_NAN = frozenset(
     f'mechanism_sim/msg/{name}'
-    for name in ('CamState', 'GearState', 'GenevaState', 'JointReactions')
+    for name in ('BearingLoads', 'CamState', 'GearState', 'GenevaState', 'JointReactions')
 )
 """Messages that hold NaN for what is unknown."""
 

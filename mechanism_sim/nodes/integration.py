@@ -17,6 +17,7 @@ from mechanism_sim.hybrid.events import Impact as ImpactEvent
 from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.hybrid.sampling import EnergyTerms, sample
 from mechanism_sim.messages import (
+    BearingLoads,
     DriveLaw,
     Impact,
     JointReactions,
@@ -37,7 +38,7 @@ from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.restitutions import Restitutions
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.nodes.topics import WRENCH, wrench_joints
+from mechanism_sim.nodes.topics import WRENCH, loaded_shafts, wrench_joints
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene.machine import Run
 
@@ -74,6 +75,11 @@ class Integration:
         self._linkage = node.create_publisher(LinkageState, 'linkage_state', RESULTS)
         self._reactions = node.create_publisher(JointReactions, 'joint_reactions', RESULTS)
         self._transforms = node.create_publisher(TFMessage, '/tf', RESULTS)
+        self._loads = (
+            node.create_publisher(BearingLoads, 'bearing_loads', RESULTS)
+            if loaded_shafts(self._machine)
+            else None
+        )
         self._wrenches = {
             joint: node.create_publisher(WrenchStamped, f'{WRENCH}/{joint}', RESULTS)
             for joint in wrench_joints(self._machine)
@@ -140,12 +146,15 @@ class Integration:
             'joint_reactions': Schedule(outputs.joint_reactions),
             'transforms': Schedule(outputs.transforms),
         }
+        if self._loads:
+            self._schedules['bearing_loads'] = Schedule(outputs.joint_reactions)
         if self._wrenches and outputs.wrenches:
             self._schedules['wrenches'] = Schedule(outputs.wrenches)
         physics, mechanism, frame = self._physics, self._machine.mechanism, self._node.frame
         self._write_states = publications.joint_states(physics)
         self._write_linkage = publications.linkage_states(physics, frame(WORLD))
         self._write_reactions = publications.reactions(physics, frame(WORLD))
+        self._write_loads = publications.bearing_loads(self._machine, frame(WORLD))
         self._write_transforms = publications.transforms(mechanism, frame, [*self._wrenches])
         self._write_wrench = publications.wrenches(physics, mechanism, frame, [*self._wrenches])
         self._run: Run | None = None
@@ -266,6 +275,10 @@ class Integration:
             t, seen = due['wrenches'], physics.observe(motion, *curve.find(due['wrenches']))
             for joint, publisher in self._wrenches.items():
                 node.send_all(publisher, self._write_wrench[joint](t, seen))
+        if self._loads and (t := due['bearing_loads']).size:
+            k, dt = curve.find(t)
+            seen = physics.observe(motion, k, dt)
+            node.send_all(self._loads, self._write_loads(t, seen, motion.modes[k].T))
         t = due['transforms']
         if t.size:
             node.send_all(self._transforms, self._write_transforms(t, curve(t)))

@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanism_sim.cycles.shafts import bearing_loads as loads_of_bearings
+from mechanism_sim.cycles.shafts import shafts_of
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.sampling import Samples
 from mechanism_sim.messages import (
+    BearingLoads,
     JointReactions,
     JointState,
     LinkageState,
@@ -28,6 +31,7 @@ from mechanism_sim.messages import (
 from mechanism_sim.messages.layout import Layout
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import GROUND, Mechanism
+from mechanism_sim.scene import Machine
 
 Array = NDArray[np.float64]
 ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
@@ -103,6 +107,36 @@ def reactions(physics: Physics, world: str) -> Callable[[Array, Observation], li
         if message.loads:
             columns['load_sizes'] = o.load.T
         return layout.write(t, columns)
+
+    return write
+
+
+def bearing_loads(
+    machine: Machine, world: str
+) -> Callable[[Array, Observation, NDArray[np.uint8]], list[bytes]]:
+    """BearingLoads messages of every shaft, in the frame of the world; of instants and modes."""
+    layouts = {}
+    for joint, names in shafts_of(machine).items():
+        none = float64_array(np.zeros(len(names)))
+        message = BearingLoads(joint=joint, bearings=list(names))
+        message.force_x = message.force_y = message.axial_force = none
+        message.header.frame_id = world
+        layouts[joint] = Layout(message)
+
+    def write(t: Array, o: Observation, modes: NDArray[np.uint8]) -> list[bytes]:
+        found = loads_of_bearings(machine, o, modes)
+        return [
+            data
+            for joint, x in found.items()
+            for data in layouts[joint].write(
+                t,
+                {
+                    'force_x': x.force[:, 0].T,
+                    'force_y': x.force[:, 1].T,
+                    'axial_force': x.axial.T,
+                },
+            )
+        ]
 
     return write
 

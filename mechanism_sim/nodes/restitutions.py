@@ -48,7 +48,7 @@ class Restitutions:
         return {
             f'joints.{name}.clearance.restitution': play.restitution
             for name, play in self._node.machine.plan.rigid.items()
-            if play.contact is None
+            if play.wall == 'rigid'
         }
 
     def _take(self, parameters: list[Parameter]) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from mechanism_sim.cycles.shafts import shafts_of
 from mechanism_sim.messages import (
+    BearingLoads,
     Clock,
     DriveLaw,
     Impact,
@@ -49,6 +51,12 @@ def wrench_joints(machine: Machine) -> tuple[str, ...]:
     return tuple(machine.physics.joints)
 
 
+def loaded_shafts(machine: Machine) -> bool:
+    """Whether a machine has shafts whose bearings carry known forces."""
+    forces = machine.scene.outputs.forces and machine.physics.has_forces
+    return forces and bool(shafts_of(machine))
+
+
 def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
     """The topics of a run of a machine, but for ``progress``; `display`: with that node."""
     scene = machine.scene
@@ -66,6 +74,8 @@ def topics_of(machine: Machine, display: bool = False) -> list[Topic]:
         Topic('/tf', TFMessage, RESULTS),
         Topic('/clock', Clock, CLOCK),
     ]
+    if loaded_shafts(machine):
+        topics.append(Topic('bearing_loads', BearingLoads, RESULTS))
     sensors = scene.sensors.items()
     topics += [Topic(f'{sensor.kind}/{name}', SensorBlock, RESULTS) for name, sensor in sensors]
     topics += [Topic(f'imu/{name}', Imu, RESULTS) for name, sensor in sensors if sensor.imu]

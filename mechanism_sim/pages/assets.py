@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -12,6 +12,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from mechanism_sim import strict_json
+from mechanism_sim.export.palette import css
 
 
 def asset(name: str) -> str:
@@ -19,13 +20,21 @@ def asset(name: str) -> str:
     return files(__package__).joinpath('assets', name).read_text(encoding='utf-8')
 
 
-def import_map(names: Iterable[str]) -> str:
+def styles(*names: str) -> Markup:
+    """The palette, and what these files of styles say, for an element of a page."""
+    return Markup(css() + ''.join(asset(f'{name}.css') for name in names))  # noqa: S704 - ours
+
+
+def import_map(names: Iterable[str], more: Mapping[str, str] | None = None) -> str:
     """An import map that holds the modules themselves, for a page that is a single file.
+
+    `more` are texts of modules that are not of the package, by name.
 
     Modules import each other by bare names, for a page without an address of its own has nothing
     that a relative one could start from.
     """
-    return json.dumps({'imports': {name: _inlined(f'{name}.js') for name in names}})
+    texts = {name: asset(f'{name}.js') for name in names} | dict(more or {})
+    return json.dumps({'imports': {name: _inlined(text) for name, text in texts.items()}})
 
 
 def render(template: str, **values: Any) -> str:
@@ -42,6 +51,6 @@ def embedded(data: Any) -> Markup:
     return Markup(text.replace('<', '\\u003c'))  # noqa: S704 - escaped as JSON may be
 
 
-def _inlined(name: str) -> str:
-    text = base64.b64encode(asset(name).encode()).decode('ascii')
+def _inlined(module: str) -> str:
+    text = base64.b64encode(module.encode()).decode('ascii')
     return f'data:text/javascript;base64,{text}'

@@ -1,15 +1,24 @@
-"""A machine that plays in a notebook."""
+"""A machine that plays in a notebook, and a family of machines that a slider goes through."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from html import escape
+from typing import Any
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.export.stage import packed
+from mechanism_sim.hybrid.column_units import unit_of
 from mechanism_sim.hybrid.solution import Piece
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.recorded import recorded
-from mechanism_sim.scene import Machine, simulate
+from mechanism_sim.pages.charts.course import Course
+from mechanism_sim.pages.charts.style import brief, places
+from mechanism_sim.pages.recorded import recorded, together
+from mechanism_sim.report.cycle import for_people
+from mechanism_sim.scene import Machine, load_scene, simulate
+from mechanism_sim.units import typeset
 
 
 class Player:
@@ -65,3 +74,65 @@ def play(
     record = record.between(first, record.end if end is None else end)
     parts = sections(record) if charts else ()
     return Player(report.page(recorded(record), parts), height, machine.scene.title)
+
+
+def explore(
+    scene: str,
+    path: str,
+    values: Sequence[float | str],
+    quantity: str,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    revolutions: float | None = None,
+    duration: float | None = None,
+    height: int = 780,
+) -> Player:
+    """Play a machine with a slider through values of its scene, and chart a quantity of each.
+
+    All runs are made at once and kept in the frame, which needs no program any more.
+
+    Parameters
+    ----------
+    path : of the value that changes, such as ``links.rocker.length``
+    values : that it takes, with their units
+    quantity : as of `Solution.sample`, or ``reaction.JOINT.size``
+    overrides : of other values of the scene
+    revolutions, duration : of each run; the scene's own if neither is given
+    height : of the frame [pixels]
+
+    Raises
+    ------
+    InputError
+        If there are no values, or a scene does not exist or is wrong, or has no such quantity.
+    RunError
+        If a run fails.
+    """
+    if not len(values):
+        raise InputError(f'explore: {path}: there are no values to go through')
+    runs, lines = [], []
+    for value in values:
+        machine = load_scene(scene, {**(overrides or {}), path: value})
+        solution = simulate(machine, revolutions=revolutions, duration=duration)
+        record = Record(machine, solution, {})
+        found = Course(record).run.lines
+        if quantity not in found:
+            raise InputError(
+                f'explore: {machine.name} has no {quoted(quantity)}{nearest(quantity, found)}'
+            )
+        runs.append(recorded(record))
+        lines.append(found[quantity])
+    size = max(abs(line.values).max() for line in lines)
+    unit, scale = for_people(unit_of(runs[0].record.machine, quantity), size)
+    curves = {
+        'label': quantity.replace('_', ' ').replace('.', ' '),
+        'unit': typeset(unit),
+        'runs': [
+            {'at': packed(places(line.at)), 'values': packed(brief(scale * line.values))}
+            for line in lines
+        ],
+    }
+    runs = list(together(*runs))
+    label = path.replace('_', ' ').replace('.', ' ')
+    family = report.Family(label, [str(value) for value in values], runs, curves)
+    page = report.page(runs[0], family=family)
+    return Player(page, height, runs[0].record.machine.scene.title)

@@ -6,23 +6,21 @@ import base64
 import gzip
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from mechanism_sim import strict_json
 from mechanism_sim.analysis.comparison import Difference, texts
 from mechanism_sim.catalogue import installed_version
-from mechanism_sim.export.palette import css
-from mechanism_sim.pages.assets import asset, embedded, import_map, render
+from mechanism_sim.pages.assets import embedded, import_map, render, styles
 from mechanism_sim.pages.charts import Section
 from mechanism_sim.pages.charts.style import NIGHT
 from mechanism_sim.pages.recorded import Recorded
 from mechanism_sim.units import typeset
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'report'
+MODULES = 'svg', 'stage', 'lens', 'player', 'charts', 'curves', 'keys', 'zoom', 'report'
 
 
 @dataclass(frozen=True)
@@ -32,6 +30,23 @@ class Fact:
     name: str
     value: str
     long: str = ''
+
+
+class Family(NamedTuple):
+    """Runs of one machine that differ in one value, chosen by a slider.
+
+    Attributes
+    ----------
+    label : of the value
+    values : with their units, one for each run
+    runs : the first is that of the page
+    curves : what is drawn of all runs over time: `Curves.to_json`
+    """
+
+    label: str
+    values: Sequence[str]
+    runs: Sequence[Recorded]
+    curves: dict[str, Any]
 
 
 class Beside(NamedTuple):
@@ -49,7 +64,7 @@ class Beside(NamedTuple):
 
 def page(
     run: Recorded, parts: Sequence[Section] = (), source: str = '', digest: str = '',
-    beside: Beside | None = None,
+    beside: Beside | None = None, family: Family | None = None, library: str = '', back: str = '',
 ) -> str:  # fmt: skip
     """The page of a run as HTML.
 
@@ -59,16 +74,21 @@ def page(
     source : the file it was recorded in
     digest : of the whole run, where this is a part of one
     beside : a second run; its machine is a ghost, and `parts` have the lines of both
+    family : runs of which a slider chooses
+    library : address of plotly.js, which pages of a site share; else the page holds it
+    back : address of the page from which this one is opened
     """
     record = run.record
     scene = record.machine.scene
     runs = [run, beside.run] if beside else [run]
     loose = [j.name for x in runs for joints in (x.stage.bearings, x.stage.plays) for j in joints]
     bearings = list(dict.fromkeys(loose))
-    other = {'other': beside.run.to_json()} if beside else {}
-    data = strict_json.dumps(
-        {**run.to_json(), 'turn': _turn(run), 'bearings': bearings, 'dark': NIGHT, **other}
-    )
+    data = {**run.to_json(), 'turn': turn(run), 'bearings': bearings, 'dark': NIGHT}
+    if beside:
+        data['other'] = beside.run.to_json()
+    if family:
+        data['curves'] = family.curves
+        data['family'] = [x.to_json() for x in family.runs[1:]]
     charts = {chart.key: chart.figure for part in parts for chart in part.charts}
     return render(
         'page.html.jinja',
@@ -83,11 +103,15 @@ def page(
         differences=_rows(beside.differences) if beside else (),
         forces=bool(run.stage.joints),
         points=any(s.kind == 'point' and s.number >= 0 for s in run.stage.skeleton.shapes),
-        style=Markup(css() + asset('style.css')),  # noqa: S704 - ours
+        style=styles('stage', 'style'),
         modules=Markup(import_map(MODULES)),  # noqa: S704 - ours
         data=embedded(data),
+        family=family,
+        sways=run.stage.sways,
+        library=library,
+        back=back,
         charts=embedded(charts),
-        plotly=_packed(get_plotlyjs()) if charts else '',
+        plotly=_packed(get_plotlyjs()) if charts and not library else '',
     )
 
 
@@ -100,7 +124,7 @@ def _rows(differences: Sequence[Difference]) -> list[tuple[str, ...]]:
     return rows
 
 
-def _turn(run: Recorded) -> float | None:
+def turn(run: Recorded) -> float | None:
     """How long a turn of the main drive takes [s] in the mean, or its way there and back."""
     record = run.record
     moved = run.frames.drive

@@ -8,10 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from markupsafe import Markup
-
 from mechanism_sim.errors import InputError, RunError, quoted
-from mechanism_sim.export.palette import css
 from mechanism_sim.messages import Impact, Motion, String
 from mechanism_sim.middleware import (
     HistoryPolicy,
@@ -23,13 +20,13 @@ from mechanism_sim.middleware import (
 )
 from mechanism_sim.nodes.described_node import DescribedNode
 from mechanism_sim.nodes.qos import LATCHED
-from mechanism_sim.pages.assets import asset, embedded, render
+from mechanism_sim.pages.assets import asset, embedded, render, styles
 from mechanism_sim.pages.controls import Control, controls
 from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
 from mechanism_sim.pages.server import Command, Content, Mailbox, Server
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'live'
+MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'live'
 PORT = 8080
 
 #: Nobody waits for a page: what it is too slow for is dropped.
@@ -193,8 +190,9 @@ class View(DescribedNode):
             if path in self._controls:
                 self._controls[path] = self._controls[path].at(float(value))
 
-    def _send_message(self, text: str, level: str = 'warning') -> None:
-        self.server.send({'type': 'message', 'text': text, 'level': level})
+    def _send_message(self, text: str, level: str = 'warning', path: str = '') -> None:
+        """Tell all pages; `path`: of the value that is not set."""
+        self.server.send({'type': 'message', 'text': text, 'level': level, 'path': path})
 
     # --- what is asked ------------------------------------------------------------------------
 
@@ -214,7 +212,7 @@ class View(DescribedNode):
         finally:
             self._busy_since = None
         if reason:
-            self._send_message(reason)
+            self._send_message(reason, path=command.path)
 
     async def _do(self, command: Command) -> str:
         kind, operator = command.type, self._operator
@@ -263,6 +261,6 @@ def page() -> str:
     """The page as HTML."""
     return render(
         'live.html.jinja',
-        style=Markup(css() + asset('style.css') + asset('live.css')),  # noqa: S704 - ours
+        style=styles('stage', 'style', 'live'),
         imports=embedded({name: f'/{name}.js' for name in MODULES}),
     )

@@ -34,7 +34,7 @@ class Equations:
     M : (n, n) mass matrix, [kg m^2] for angles
     weight : (n,) minus the generalised forces of gravity and elasticity, [N m] for angles
     bias : (n,) velocity products, weight and damping in links, on the left-hand side, likewise
-    strain_energy, strain_loss : of elastic links [J], [W]
+    strain_energy, strain_loss : of elastic links and shafts [J], [W]
     gap_jets : (m,) gaps with their derivatives [m]
     relation_jets : every component of every relation, likewise
     """
@@ -95,7 +95,7 @@ class Equations:
 
     def _products(self, name: str, pairs: Iterable[tuple[Any, _Vector, _Vector]]) -> Term:
         """``sum m a . b``, with the constants of equal frames and displacements collected."""
-        total = np.sum if self.mechanism.beams else float
+        total = np.sum if self.mechanism.deformations else float
         sums: dict[tuple[str, str, tuple[str, ...]], tuple[float, float]] = {}
         sizes: dict[tuple[str, str, tuple[str, ...]], float] = {}
         order = self.coordinates
@@ -106,7 +106,7 @@ class Equations:
             inner += total(mass * (a.d[0] * b.d[0] + a.d[1] * b.d[1]))
             outer += total(mass * (a.d[0] * b.d[1] - a.d[1] * b.d[0]))
             sums[key] = inner, outer
-            if self.mechanism.beams:
+            if self.mechanism.deformations:
                 size = np.sum(np.abs(mass) * np.hypot(*a.d) * np.hypot(*b.d))
                 sizes[key] = sizes.get(key, 0.0) + float(size)
         for key, size in sizes.items():  # what orthogonal shapes leave of integrals is rounding
@@ -136,7 +136,12 @@ class Equations:
             if f == g == self.mechanism.frame(body.name)[0]:
                 # about the centre of gravity, as if of a mass at the radius of gyration
                 unit = _Vector(f, (), (1.0, 0.0))
-                pairs.append((body.beam.spin if body.beam else body.inertia, unit, unit))
+                own = self.mechanism.flexible.get(body.name)
+                pairs.append((own.spin if own else body.inertia, unit, unit))
+            if f == g and body.tilt and f in self.mechanism.tilts:
+                link, _, name = f.partition('.')
+                unit = _Vector(GROUND, (), (1.0, 0.0))
+                pairs += [(body.tilt.rising[name], unit, unit)] if link == body.name else []
         return self._products(f'inertia:{f}:{g}', pairs)
 
     def _velocity_product(self, f: str) -> Term:
@@ -180,7 +185,10 @@ class _Vector(NamedTuple):
 
 
 class _Beams:
-    """What elastic links add: strain energy, damping, and which terms are of too high an order."""
+    """What elastic links and rotors add: strain energy, damping, gyroscopic moments.
+
+    And which terms are of too high an order.
+    """
 
     def __init__(self, mechanism: Mechanism, frames: Frames) -> None:
         self._elastic = frozenset(mechanism.deformations)
@@ -188,7 +196,7 @@ class _Beams:
         p, half = frames.parameters, hy.expression(0.5)
         self._forces: dict[str, Term] = {}
         self._losses: dict[str, Term] = {}
-        for link, beam in mechanism.beams.items():
+        for link, beam in mechanism.flexible.items():
             for name, size in beam.stiffness.items():
                 c = f'{link}.{name}'
                 self._forces[c] = mul(p(f'links:{c}.stiffness', size), q[c])
@@ -196,6 +204,11 @@ class _Beams:
                 self._losses[c] = mul(damping, v[c])
         self.energy: Term = add(*(mul(half, mul(f, q[c])) for c, f in self._forces.items()))
         self.loss: Term = add(*(mul(f, v[c]) for c, f in self._losses.items()))
+        for link, rotor in mechanism.rotors.items():
+            found = rotor.forces(link, frames)
+            self._forces |= found.elastic
+            self._losses |= found.other
+            self.energy, self.loss = add(self.energy, found.energy), add(self.loss, found.loss)
 
     def counts(self, coordinates: Iterable[str], a: _Vector, b: _Vector) -> bool:
         """Whether a term of the equation of the first of `coordinates` is kept.
@@ -211,5 +224,5 @@ class _Beams:
         return self._forces.get(c)
 
     def damping(self, c: str) -> Term:
-        """Minus the damping force on a coordinate [N]."""
+        """Minus the force on a coordinate that comes with rates [N, N m]."""
         return self._losses.get(c)

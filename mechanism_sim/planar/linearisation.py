@@ -246,6 +246,64 @@ class Linearisation:
         left, parts = self.basis(linear.J)[0].T @ linear.F, self._largest_force(at, linear)
         return at if np.abs(left / parts).max(initial=0.0) <= _SMALL else None
 
+    def turning(self, at: Point, main: int) -> Array:
+        """Rates (n,) of a rotation that changes no force, with that of one coordinate 1.
+
+        The nearest to one, if there is none: of all that is tied together by springs and closures.
+        """
+        linear = self(self._closed(at))
+        B, _ = self.basis(linear.J)
+        size = np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
+        unit = B / size
+        K = unit.T @ linear.K @ unit
+        K /= np.abs(K).max(initial=0.0) or 1.0
+        rows, right = np.vstack([K, unit[main]]), np.zeros(len(K) + 1)
+        right[-1] = 1.0
+        rates = unit @ np.linalg.lstsq(rows, right, rcond=1e-12)[0]
+        return np.asarray(rates / rates[main] if rates[main] else rates)
+
+    def steady(self, at: Point, turned: Array) -> Point | None:
+        """The point and the speed near others at which nothing but a steady rotation goes on.
+
+        By Newton's method. None if there is no such rotation.
+
+        Parameters
+        ----------
+        at : its rates are the speed to begin with, times `turned`
+        turned : (n,) rates at unit speed
+
+        Raises
+        ------
+        FloatingPointError
+            If forces or their slopes are not finite on the way.
+        """
+        for _ in range(_STEPS):
+            at = self._closed(at)
+            linear = self(at)
+            if not all(np.isfinite(x).all() for x in linear):
+                raise FloatingPointError
+            B, _ = self.basis(linear.J)
+            size = np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
+            pace = max(1.0, float(np.abs(at.v).max()))
+            unit = B / size
+            slopes = np.column_stack([linear.K @ unit, pace * linear.C @ turned])
+            step = -np.linalg.lstsq(unit.T @ slopes, unit.T @ linear.F, rcond=1e-12)[0]
+            step *= min(1.0, 0.5 / max(np.abs(step).max(), 1e-300))
+            at = at._replace(q=at.q + unit @ step[:-1], v=at.v + pace * step[-1] * turned)
+            if np.abs(step).max() <= 1e-14:
+                break
+        at = self._closed(at)
+        linear = self(at)
+        B, _ = self.basis(linear.J)
+        force = max(self._largest_force(at, linear), float(np.abs(linear.C @ at.v).max()))
+        left = np.abs(B.T @ linear.F).max(initial=0.0)
+        # turned on, it must stay what it is
+        along = np.abs(B.T @ linear.K @ turned).max(initial=0.0)
+        stiff = float(np.abs(linear.K).max(initial=0.0)) + force
+        apart = np.abs(linear.J @ turned).max(initial=0.0)
+        found = left <= _SMALL * force and along <= _SMALL * stiff and apart <= _SMALL
+        return at if found else None
+
     def _largest_force(self, at: Point, linear: Linear) -> float:
         """Scale of generalised forces: what the stiffness and the closures take."""
         inertia = float(np.abs(linear.M).max(initial=0.0))

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from mechanism_sim.planar.elastic import Beam
     from mechanism_sim.planar.protocols import ForceElement, PairClosure
+    from mechanism_sim.planar.rotor import Rotor
+    from mechanism_sim.planar.tilt import Tilt
     from mechanism_sim.planar.view import Charted, Draft, ToothLoad, View
 
 GROUND = 'ground'
@@ -34,13 +36,23 @@ Spread: TypeAlias = dict[Arm, Any]
 
 @dataclass(frozen=True)
 class Body:
-    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed."""
+    """A link; of an elastic one mass, inertia and centre of gravity before it is deformed.
+
+    The mass of a rotor includes its supports; centre of gravity and inertia are the disk's.
+    """
 
     name: str
     mass: float  #: [kg]
     inertia: float  #: [kg m^2] about the centre of gravity
     cog: Vector2  #: [m] centre of gravity in the link's frame
     beam: Beam | None = None  #: what is elastic of it
+    tilt: Tilt | None = None  #: how it leans out of its plane
+    rotor: Rotor | None = None  #: how its axis gives way
+
+    @property
+    def disk_radius(self) -> float:
+        """Of an even disk with its mass and inertia [m]."""
+        return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0
 
 
 @dataclass(frozen=True)
@@ -176,7 +188,7 @@ class Mechanism:
     a link, or the displacement [m] of a link that a prismatic joint of the tree carries. A link
     that no uncut joint ties to the ground, not even by way of others, floats: its angle is
     followed, after those of all links, by two displacements of its centre of gravity. Last come
-    the elastic coordinates, see `Beam`.
+    the elastic coordinates, see `Beam`, and the inclinations of links that lean, see `Tilt`.
     """
 
     bodies: tuple[Body, ...]
@@ -199,22 +211,46 @@ class Mechanism:
         return {body.name: body.beam for body in self.bodies if body.beam}
 
     @cached_property
+    def flexible(self) -> dict[str, Beam | Tilt]:
+        """What has coordinates of its own and moves points of its link, by link."""
+        parts = ((b.name, b.beam or b.tilt) for b in self.bodies)
+        return {link: part for link, part in parts if part}
+
+    @cached_property
     def deformations(self) -> tuple[str, ...]:
-        """The elastic coordinates."""
-        return tuple(f'{link}.{name}' for link, beam in self.beams.items() for name in beam.names)
+        """The elastic coordinates, inclinations and what rotors give way by."""
+        parts = ((b.name, b.beam or b.tilt or b.rotor) for b in self.bodies)
+        return tuple(f'{link}.{name}' for link, part in parts if part for name in part.names)
+
+    @property
+    def tilts(self) -> tuple[str, ...]:
+        """The inclinations of links that lean among them [rad]."""
+        tilted = {body.name for body in self.bodies if body.tilt}
+        return tuple(c for c in self.deformations if c.partition('.')[0] in tilted)
+
+    @cached_property
+    def rotors(self) -> dict[str, Rotor]:
+        """What gives way of the links that are rotors."""
+        return {body.name: body.rotor for body in self.bodies if body.rotor}
 
     def strained(self, q: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Columns (N,) ``deflection.LINK`` and so on of `Beam.columns`, at coordinates (n, N)."""
         found: dict[str, NDArray[np.float64]] = {}
         for link, beam in self.beams.items():
-            own = [self.coordinates.index(f'{link}.{name}') for name in beam.names]
-            found |= {f'{what}.{link}': x for what, x in beam.columns(q[own]).items()}
+            columns = beam.columns(q[self.amplitudes(link)])
+            found |= {f'{what}.{link}': x for what, x in columns.items()}
         return found
+
+    def amplitudes(self, link: str) -> list[int]:
+        """Numbers of the elastic coordinates of a link."""
+        names = self.beams[link].names if link in self.beams else ()
+        return [self.coordinates.index(f'{link}.{name}') for name in names]
 
     @cached_property
     def displacements(self) -> tuple[str, ...]:
         """The coordinates that are displacements."""
-        turning = [b.name for b in self.bodies if b.name not in self.sliding]
+        turning = [b.name for b in self.bodies if b.name not in self.sliding] + [*self.tilts]
+        turning += [f'{link}.{c}' for link, rotor in self.rotors.items() for c in rotor.angles]
         return tuple(c for c in self.coordinates if c not in turning)
 
     @cached_property
@@ -240,7 +276,7 @@ class Mechanism:
         """Longest distance between two points of one link, or extent of a higher pair [m].
 
         The points are its joints, its origin and its centre of gravity; a higher pair may reach
-        farther. 0 if all coincide.
+        farther, and so may the disk of a rotor. 0 if all coincide.
         """
         ends: dict[str, list[Vector2]] = {b.name: [(0.0, 0.0), b.cog] for b in self.bodies}
         for j in self.joints:
@@ -253,7 +289,8 @@ class Mechanism:
             for b in points
         )
         extents = (j.extent for j in self.joints if isinstance(j, HigherPair))
-        return max(longest, *extents, 0.0)
+        disks = (body.disk_radius for body in self.bodies if body.rotor)
+        return max(longest, *extents, *disks, 0.0)
 
     @cached_property
     def reach(self) -> float:
@@ -346,16 +383,18 @@ class Mechanism:
         moved = _minus(self._deformed(link, here))
         if deformed:
             moved = _plus(self._deformed(link, at), moved)
+        if deformed and link in self.rotors:
+            moved = _plus(moved, self.rotors[link].moved(link))
         rigid: Point = {(frame, None): rotate((at[0] - here[0], at[1] - here[1]), offset)}
         return _plus(_plus(result, rigid), moved)
 
     def _deformed(self, link: str, at: Vector2) -> Point:
         """How the deformation of a link moves its points in its frame."""
-        if link not in self.beams:
+        if link not in self.flexible:
             return {}
         return {
             (link, names[0] if len(names) == 1 else names): d
-            for own, d in self.beams[link].arms(at).items()
+            for own, d in self.flexible[link].arms(at).items()
             for names in [tuple(f'{link}.{name}' for name in own)]
         }
 
@@ -365,17 +404,33 @@ class Mechanism:
         A rigid link has one, at its centre of gravity, beside its moment of inertia.
         """
         body = self.body(link)
-        if not body.beam:
+        if body.beam:
+            return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+        if body.tilt:
+            return [
+                (mass, _plus(self.point(link, (x, y)), self.lean(link, height)))
+                for mass, (x, y, height) in body.tilt.particles
+            ]
+        if not body.rotor:
             return [(body.mass, self.point(link, body.cog))]
-        return [(mass, self.point(link, at)) for mass, at in body.beam.particles]
+        disk = body.mass - body.rotor.mass, self.point(link, body.cog)
+        return [disk, *body.rotor.particles(link)]
+
+    def lean(self, link: str, height: float = 0.0) -> Point:
+        """How a point above a link's plane [m] moves in the plane when the link leans."""
+        tilt = self.body(link).tilt if height and link != GROUND else None
+        if not tilt:
+            return {}
+        ways = (height, 0.0), (0.0, height)
+        return {(link, f'{link}.{name}'): d for name, d in zip(tilt.names, ways, strict=True)}
 
     def spread(self, link: str) -> tuple[Any, Spread]:
         """The same with all masses (K,) in one array, and the arms of all points: (2, K) each.
 
-        Of a rigid link, numbers instead.
+        Of a rigid link with one particle, numbers instead.
         """
         found = self.particles(link)
-        if link not in self.beams:
+        if len(found) == 1 and link not in self.flexible:
             return found[0]
         arms = dict.fromkeys(arm for _, point in found for arm in point)
         none = (0.0, 0.0)
@@ -386,7 +441,7 @@ class Mechanism:
     def centre(self, link: str) -> Point:
         """The centre of gravity of a link."""
         body = self.body(link)
-        if not body.beam:
+        if not (body.beam or body.rotor):
             return self.point(link, body.cog)
         found: Point = {}
         for mass, point in self.particles(link):
@@ -398,8 +453,8 @@ class Mechanism:
         """How much a link turns at a point with each coordinate: 1, or [rad/m]."""
         frame = self.frame(link)[0]
         found = {} if frame == GROUND else {frame: 1.0}
-        if link in self.beams:
-            found |= {f'{link}.{name}': x for name, x in self.beams[link].slopes(at).items()}
+        if link in self.flexible:
+            found |= {f'{link}.{name}': x for name, x in self.flexible[link].slopes(at).items()}
         return found
 
     def locate(self, link: str, q: Mapping[str, float], at: Vector2 = (0.0, 0.0)) -> Vector2:
@@ -416,8 +471,12 @@ class Mechanism:
         self, link: str, q: NDArray[np.float64], at: Vector2 = (0.0, 0.0)
     ) -> NDArray[np.float64]:
         """The same (2, N) [m] at N instants, with coordinates (n, N) in their order."""
+        return self.evaluate(self.point(link, at), q)
+
+    def evaluate(self, point: Point, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World components (2, N) [m] of a sum over arms, likewise."""
         place, index = np.zeros((2, q.shape[1])), self.coordinates.index
-        for (frame, slide), (x, y) in self.point(link, at).items():
+        for (frame, slide), (x, y) in point.items():
             angle = 0.0 if frame == GROUND else q[index(frame)]
             s = math.prod(q[index(c)] for c in factors(slide))
             c, sn = np.cos(angle), np.sin(angle)
@@ -472,10 +531,29 @@ class Mechanism:
         frame, offset = self.frame(link)
         return offset + (0.0 if frame == GROUND else q[frame])
 
-    def separation(self, joint: str) -> Point:
-        """Point of the first link minus point of the second link at a cut joint."""
+    def separation(
+        self,
+        joint: str,
+        pin: Vector2 = (0.0, 0.0),
+        bushing: Vector2 = (0.0, 0.0),
+        height: float = 0.0,
+    ) -> Point:
+        """Point of the first link minus point of the second link at a cut joint.
+
+        Parameters
+        ----------
+        pin, bushing : how far off the joint's points these are, in the links' frames [m]
+        height : above the plane of the links [m]
+        """
         j = self.joint(joint)
-        return _plus(self.point(j.first, j.on_first), _minus(self.point(j.second, j.on_second)))
+        first = _plus(self.point(j.first, j.on_first), self.offset(j.first, pin, height))
+        second = _plus(self.point(j.second, j.on_second), self.offset(j.second, bushing, height))
+        return _plus(first, _minus(second))
+
+    def offset(self, link: str, off: Vector2, height: float) -> Point:
+        """A vector of a link's frame, and what a height above the plane adds by leaning [m]."""
+        fixed: Point = {(self.frame(link)[0], None): self.turn(link, off)}
+        return _plus(fixed, self.lean(link, height))
 
 
 def closing_joints(

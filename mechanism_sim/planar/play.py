@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import heyoka as hy
@@ -12,7 +13,7 @@ from mechanism_sim.numerics.symbolic import Term, dense, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet, lift
 from mechanism_sim.planar.loads import Wrench
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Side
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute, Side
 from mechanism_sim.planar.protocols import ForceLaw, PairClosure
 
 Array = NDArray[np.float64]
@@ -102,8 +103,17 @@ def corner_name(mechanism: Mechanism, joint: Prismatic, end: str, side: Side) ->
     return _name_of(mechanism, joint, f'{end}_{side}')
 
 
+ENDS = 'front', 'rear'
+"""Of a bearing along its axis: that on the reader's side, and the other."""
+
+
+def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:
+    """Of the gap at an end of a bearing whose ends differ: ``JOINT_front``, ``JOINT_rear``."""
+    return _name_of(mechanism, joint, end)
+
+
 def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
-    """The joint whose gap has that name: its own, or that of one of its walls.
+    """The joint whose gap has that name: its own, or that of one of its walls or ends.
 
     Raises
     ------
@@ -116,9 +126,16 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
             own += [wall_name(mechanism, joint, side) for side in joint.sides]
         if isinstance(joint, Prismatic):
             own += [corner_name(mechanism, joint, *corner) for corner in SIDES]
+        if isinstance(joint, Revolute):
+            own += [end_name(mechanism, joint, end) for end in ENDS]
         if gap in own:
             return joint
     raise KeyError(gap)
+
+
+def gaps_of(mechanism: Mechanism, joint: str, gaps: Iterable[str]) -> list[str]:
+    """Those of some gaps that a joint has, by name."""
+    return [gap for gap in gaps if joint_of_gap(mechanism, gap).name == joint]
 
 
 def walls(

@@ -13,7 +13,7 @@ from matplotlib.transforms import Affine2D
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, tint
-from mechanism_sim.export.shapes import OPEN, Path, Shape, coil
+from mechanism_sim.export.shapes import OPEN, Path, Shape, coil, subdivided
 from mechanism_sim.export.skeleton import Skeleton
 from mechanism_sim.planar.mechanism import GROUND
 
@@ -33,13 +33,14 @@ class Brush:
         self._layers = count()
         self._frames = {link: Affine2D() for link in skeleton.links}
         self._coils: Any = None
+        self._bent: list[tuple[str, Path, Any]] = []
 
     def thick(self, points: float) -> float:
         """So many points of print in metres of the drawing."""
         return points / self._metre
 
     def paint(self, pose: Array) -> None:
-        """The whole machine at a pose (L, 3)."""
+        """The whole machine at a pose of `Skeleton.poses` (L, 3 + M)."""
         self._coils = LineCollection(
             [], colors=INK, linewidths=0.9, zorder=1.0, joinstyle='round', capstyle='round'
         )
@@ -50,12 +51,16 @@ class Brush:
                 layer = 1.5 + 0.002 * next(self._layers)
                 patch = self._patch(path, frame, zorder=layer, **_look(path.style, shape.number))
                 patch.set_gid(f'{shape.kind}-{shape.label}')
+                if shape.bends:
+                    self._bent.append((shape.link, path, patch))
         self.move(pose)
 
     def move(self, pose: Array) -> None:
-        """What was painted, to another pose (L, 3)."""
-        for frame, (x, y, angle) in zip(self._frames.values(), pose.tolist(), strict=True):
+        """What was painted, to another pose (L, 3 + M)."""
+        for frame, (x, y, angle) in zip(self._frames.values(), pose[:, :3].tolist(), strict=True):
             frame.clear().rotate(angle).translate(x, y)
+        for link, path, patch in self._bent:
+            patch.set_path(_outline(self._deformed(link, path, pose)))
         ends = [
             [self._skeleton.placed(link, np.array([at]), pose[None])[0, 0] for link, at in spring]
             for spring in self._skeleton.springs
@@ -63,26 +68,32 @@ class Brush:
         self._coils.set_segments([coil(start, end, self._skeleton.symbol) for start, end in ends])
 
     def ghost(self, pose: Array, shade: str = GHOST) -> None:
-        """Links and sliders at another pose (L, 3), as lines."""
+        """Links and sliders at another pose (L, 3 + M), as lines."""
         for shape in self._skeleton.shapes:
             if shape.link == GROUND or shape.kind in ('bushing', 'pin', 'point', 'cog', 'drive'):
                 continue
-            x, y, angle = pose[self._skeleton.links.index(shape.link)].tolist()
+            x, y, angle = pose[self._skeleton.links.index(shape.link), :3].tolist()
             bare = shape.kind == 'link' and len(shape.outline) < 2
             curve = _spine(shape) if not bare else None
             if curve is not None:
-                path = Path('line', (curve,))
+                if shape.bends:
+                    curve = subdivided(curve, shape.symbol)
+                path = self._deformed(shape.link, Path('line', (curve,)), pose)
                 frame = Affine2D().rotate(angle).translate(x, y)
                 self._patch(path, frame, zorder=1.2, fc='none', ec=shade, lw=0.8)
 
     def _patch(self, path: Path, frame: Affine2D, **how: Any) -> Any:
-        closed = path.style not in OPEN
-        outline = Outline.make_compound_path(
-            *(Outline(_closed(c) if closed else c) for c in path.curves)
-        )
-        patch = PathPatch(outline, joinstyle='round', capstyle='round', **how)
+        patch = PathPatch(_outline(path), joinstyle='round', capstyle='round', **how)
         patch.set_transform(frame + self._axes.transData)
         return self._axes.add_artist(patch)
+
+    def _deformed(self, link: str, path: Path, pose: Array) -> Path:
+        return Path(path.style, tuple(self._skeleton.deformed(link, c, pose) for c in path.curves))
+
+
+def _outline(path: Path) -> Outline:
+    closed = path.style not in OPEN
+    return Outline.make_compound_path(*(Outline(_closed(c) if closed else c) for c in path.curves))
 
 
 def _look(style: str, number: int) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import cycle as endless
 from typing import Any, Literal
 
@@ -9,17 +10,15 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.cycles.cycle import Cycle
-from mechanism_sim.cycles.points import Poses
+from mechanism_sim.cycles.points import choose
 from mechanism_sim.export.palette import INK, colour
-from mechanism_sim.export.skeleton import Skeleton, bounds, scale_bar, skeleton_of
+from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.report.brush import Brush
 from mechanism_sim.report.labels import Labels
 from mechanism_sim.report.picture import Picture
 
 _SIDES = 7.5, 6.0
 """Width and height of a picture at most [in]."""
-
-_BENDS = 41  # points along the axis of an elastic link
 
 PATHS = ('-', '--', '-.', ':')
 
@@ -38,15 +37,15 @@ def draw(
     t : [s] within the cycle
     positions : this one, and as many others as ghosts, evenly over the cycle
     labels : of links and joints, of links only, or none
-    magnified : how many times as much elastic links deform in lines over them; 0: no lines
+    magnified : how many times as much elastic links deform; 0: visibly
     """
     sweep = _coordinates(cycle, cycle.t)
-    skeleton = skeleton_of(cycle.machine, sweep)
-    here = cycle.at(np.array([t]))
+    skeleton = skeleton_of(cycle.machine, sweep, magnified)
     (now,) = skeleton.poses(_coordinates(cycle, np.array([t])))
     since = np.arange(1, positions) / positions * cycle.duration
     others = cycle.t[0] + (t - cycle.t[0] + since) % cycle.duration
-    low, high = bounds(skeleton, np.concatenate([skeleton.poses(sweep), now[None]]))
+    passed = skeleton.poses(sweep)
+    low, high = bounds(skeleton, np.concatenate([passed, now[None]]))
     figure = Picture()
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     inch = float(max((high - low) / _SIDES))  # [m] in the drawing
@@ -55,17 +54,14 @@ def draw(
     if positions > 1:
         for pose in skeleton.poses(_coordinates(cycle, others)):
             brush.ghost(pose)
-    for name, line in zip(cycle.points, endless(PATHS)):
-        path = np.stack([cycle[f'position.{name}.{axis}'] for axis in 'xy'], axis=1)
+    points = choose(cycle.machine, cycle.points)
+    for (name, (link, at)), line in zip(points.items(), endless(PATHS)):
+        path = skeleton.placed(link, np.array([at]), passed)[:, 0]
         trace(axes, skeleton, name, path, line)
-        at = [here[f'position.{name}.{axis}'] for axis in 'xy']
-        axes.plot(*at, 'o', color=INK, ms=3.0, zorder=4.5)
+        here = skeleton.placed(link, np.array([at]), now[None])[0]
+        axes.plot(*here.T, 'o', color=INK, ms=3.0, zorder=4.5)
         names.avoid(path)
     brush.paint(now)
-    if magnified:
-        _bend(axes, skeleton, _coordinates(cycle, np.array([t])), magnified)
-        if positions > 1:
-            _bend(axes, skeleton, _coordinates(cycle, others), magnified, 0.35)
     if labels != 'none':
         names.write(skeleton, now, labels == 'all')
     title = brush.thick(14.0)
@@ -76,21 +72,11 @@ def draw(
     if len(cycle.points) > 1:
         axes.legend(loc='lower right', frameon=False, fontsize=7.0)
     bottom, top = low[1] - 1.4 * title, high[1] + 2.6 * title
-    rule(axes, (low[0] + title, bottom + 0.5 * title), high[0] - low[0])
+    rule(axes, skeleton, (low[0] + title, bottom + 0.5 * title), high[0] - low[0])
     figure.set_size_inches((high[0] - low[0]) / inch, (top - bottom) / inch)
     axes.set(xlim=(low[0], high[0]), ylim=(bottom, top), aspect='equal')
     axes.set_axis_off()
     return figure
-
-
-def _bend(axes: Any, skeleton: Skeleton, q: Array, magnified: float, opacity: float = 1.0) -> None:
-    """The axes of elastic links at coordinates (n, N), in the colours of the links."""
-    poses = Poses(skeleton.mechanism, q, magnified)
-    for link, beam in skeleton.mechanism.beams.items():
-        along = np.linspace(0.0, beam.length, _BENDS).tolist()
-        x, y = np.array([poses.at((link, (x, 0.0))) for x in along]).swapaxes(0, 1)
-        shade = colour(skeleton.links.index(link))
-        axes.plot(x, y, color=shade, lw=1.8, alpha=opacity, zorder=7.5)
 
 
 def trace(axes: Any, skeleton: Skeleton, point: str, path: Array, line: Any) -> None:
@@ -100,9 +86,9 @@ def trace(axes: Any, skeleton: Skeleton, point: str, path: Array, line: Any) -> 
     axes.plot(*path.T, color=shade, lw=1.0, ls=line, zorder=1.4, label=point)
 
 
-def rule(axes: Any, at: tuple[float, float], width: float) -> None:
+def rule(axes: Any, skeleton: Skeleton, at: Sequence[float] | Array, width: float) -> None:
     """The scale bar of a drawing that is so wide [m]."""
-    length, text = scale_bar(width)
+    length, text = skeleton.scale_bar(width)
     x = np.array([at[0], at[0] + length])
     axes.plot(
         x, [at[1]] * 2, color=INK, lw=1.6, solid_capstyle='butt', zorder=8.0, marker='|', ms=5

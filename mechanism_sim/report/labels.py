@@ -58,7 +58,7 @@ class Labels:
         self._costs.append(np.full(len(line), cost))
 
     def write(self, skeleton: Skeleton, pose: Array, joints: bool) -> Move:
-        """Name all links, and joints too, at a pose (L, 3); gives back what moves them to others.
+        """Name all links, and joints too, at a pose (L, 3 + M); gives what moves them to others.
 
         Names of what else is there keep off it.
         """

@@ -94,7 +94,7 @@ class Screen:
         metre = layout.machine[3] * self.size[1] / (high[1] - low[1])  # [pixels]
         self._brush = brush = Brush(axes, skeleton, metre * 72.0 / DENSITY)
         names = Labels(axes, brush, skeleton.symbol, low, high)
-        rule(axes, (low[0] + brush.thick(6.0), low[1] + brush.thick(6.0)), high[0] - low[0])
+        rule(axes, skeleton, low + brush.thick(6.0), high[0] - low[0])
         self._shows: list[Callable[[int], None]] = [self._clock()]
         for (name, place), style in zip(points.items(), endless(PATHS)):
             line = self._path(axes, place, style, name)
@@ -144,14 +144,19 @@ class Screen:
 
     def _path(self, axes: Any, place: Any, style: Any, name: str) -> Array:
         """The whole path of a point, and a dot that runs on it."""
-        mechanism, (link, at) = self._record.machine.mechanism, place
+        link, at = place
         fine = np.linspace(*self._span, max(_SWEEP, 4 * len(self._t)))
-        path = mechanism.locate_all(link, self._coordinates(fine), at)
-        trace(axes, self._skeleton, name, path.T, style)
+
+        def along(t: Array) -> Array:
+            poses = self._skeleton.poses(self._coordinates(t))
+            return self._skeleton.placed(link, np.array([at]), poses)[:, 0]
+
+        path = along(fine)
+        trace(axes, self._skeleton, name, path, style)
         (dot,) = axes.plot([], [], 'o', color=INK, ms=3.0, zorder=5.5)
-        now = mechanism.locate_all(link, self._coordinates(self._t), at)
-        self._shows.append(lambda i: dot.set_data(now[0, i : i + 1], now[1, i : i + 1]))
-        return np.asarray(path.T)
+        now = along(self._t)
+        self._shows.append(lambda i: dot.set_data(*now[i : i + 1].T))
+        return path
 
     def _clock(self) -> Callable[[int], None]:
         """The time, and where the drive is."""

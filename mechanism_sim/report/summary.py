@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mechanism_sim import text_table
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.scene.machine import Machine
@@ -120,11 +121,11 @@ def _final(run: Stream) -> dict[str, object]:
         'velocity': by_name(o.velocity),
         'acceleration': by_name(o.acceleration),
     }
-    strained: dict[str, dict[str, float]] = {}
-    for name, row in physics.strained(o.position).items():
+    others: dict[str, dict[str, float]] = {}
+    for name, row in physics.columns(o).items():
         kind, _, link = name.partition('.')
-        strained.setdefault(kind, {})[link] = float(row[0])
-    final |= strained
+        others.setdefault(kind, {})[link] = float(row[0])
+    final |= others
     if physics.has_forces:
         final['reactions'] = {
             joint: plain(force[:, 0].tolist())
@@ -174,19 +175,28 @@ def render(run: Stream) -> str:
     )
     lines += [f'  {line}' for line in describe_no_limits(run.machine, run.no_limits)]
     lines.append(f'  at the end, t = {run.duration:.9g} s')
+    rows: list[tuple[str, ...]] = [('coordinate', 'position', 'speed', 'acceleration')]
     for c in run.machine.physics.coordinates:
-        q, v, a = (data[k][c] for k in ('position', 'velocity', 'acceleration'))  # type: ignore[index]
         unit = 'm' if c in run.machine.physics.displacements else 'rad'
-        lines.append(f'    {c:9} {q:16.10g} {unit} {v:16.10g} {unit}/s {a:16.10g} {unit}/s^2')
+        moving = zip(('position', 'velocity', 'acceleration'), ('', '/s', '/s^2'), strict=True)
+        rows.append((c, *(f'{data[k][c]:.10g} {unit}{per}' for k, per in moving)))  # type: ignore[index]
+    lines += text_table.lines(rows, indent='    ')
     stresses: dict[str, float] = data.get('stress', {})  # type: ignore[assignment]
     for link, deflection in data.get('deflection', {}).items():  # type: ignore[attr-defined]
         stress = f', stress {stresses[link]:.9g} Pa' if link in stresses else ''
         lines.append(f'    {link:9} deflection {deflection:.9g} m{stress}')
-    for joint, (x, y) in data.get('reactions', {}).items():  # type: ignore[attr-defined]
-        moment = data['reaction_moments'].get(joint)  # type: ignore[attr-defined]
-        turning = f' {moment:14.9g} N m' if moment else ''
-        force = ' '.join(f'{"no limit" if z is None else f"{z:.9g}":>14}' for z in (x, y))
-        lines.append(f'    {joint:16} {force} N{turning}')
+    moments: dict[str, float] = data.get('reaction_moments', {})  # type: ignore[assignment]
+    carried: list[tuple[str, ...]] = [
+        ('joint', 'force x', 'force y', *(['moment'] if moments else []))
+    ]
+    for joint, force in data.get('reactions', {}).items():  # type: ignore[attr-defined]
+        cells = ['no limit' if z is None else f'{z:.9g} N' for z in force]
+        moment = f'{moments[joint]:.9g} N m' if joint in moments else ''
+        carried.append((joint, *cells, *([moment] if moments else [])))
+    if len(carried) > 1:
+        lines += text_table.lines(carried, indent='    ')
+    for name, moment in data.get('bearing_moment', {}).items():  # type: ignore[attr-defined]
+        lines.append(f'    moment {name} {moment:14.9g} N m')
     torques: dict[str, float | None] = data.get('drive_torques', {})  # type: ignore[assignment]
     for c, torque in torques.items():
         straight = c in run.machine.physics.displacements

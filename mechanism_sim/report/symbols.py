@@ -106,9 +106,18 @@ class Symbols:
 
     def _kind(self, c: str) -> tuple[str, str, str, str]:
         """Stem, subject, meaning and unit of a coordinate."""
+        link, _, axis = c.partition('.')
+        mechanism = self._equations.mechanism
+        if link in mechanism.rotors and axis:
+            pair, _, way = axis.rpartition('_')
+            if c not in self._displacements:
+                return axis, link, f'slope of the axis of {link} towards {way}', 'rad'
+            where = f'its support {pair}' if pair else 'its middle'
+            return axis, link, f'{way} of the axis of {link} in {where}, from where it rests', 'm'
+        if c in mechanism.deformations:
+            return axis, link, f'amplitude of the shape {axis} of the elastic link {link}', 'm'
         if c not in self._displacements:
             return 'theta', c, f'angle of the link {c} from the x axis', 'rad'
-        link, _, axis = c.partition('.')
         if axis:
             return axis, link, f'{axis} of the centre of gravity of the link {link}', 'm'
         return 's', c, f'displacement of the link {c} along its guide', 'm'

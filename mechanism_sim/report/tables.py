@@ -170,11 +170,12 @@ class _Whole:
 
 
 class _Csv:
-    def __init__(self, path: Path, _: Mapping[str, str]) -> None:
-        self._file = path.open('w', encoding='utf-8')
+    def __init__(self, path: Path, units: Mapping[str, str]) -> None:
+        self._file, self._units = path.open('w', encoding='utf-8'), units
 
     def write(self, columns: dict[str, Array]) -> None:
-        names = ','.join(columns) if self._file.tell() == 0 else ''
+        heads = [tables.Column(n, x, self._units.get(n, '')).heading for n, x in columns.items()]
+        names = ','.join(heads) if self._file.tell() == 0 else ''
         rows = np.column_stack(list(columns.values()))
         np.savetxt(self._file, rows, '%.17g', ',', header=names, comments='')
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from mechanism_sim import text_table
 from mechanism_sim.report.figures import strokes, titled
-from mechanism_sim.study.modes import Mode, Station
-from mechanism_sim.study.response import FrequencyResponse, Harmonics
+from mechanism_sim.study.harmonics import Harmonics
+from mechanism_sim.study.modes import CriticalSpeed, Mode, Station
+from mechanism_sim.study.response import FrequencyResponse
 
 
 class ModeTable(NamedTuple):
@@ -22,14 +23,14 @@ class ModeTable(NamedTuple):
     stations : one about rest, several over angles or speeds
     over : 'angle' or 'speed'; None about rest
     main : coordinate of the drive
-    critical : speeds at which a natural frequency is that of the rotation [rad/s]
+    critical : speeds at which a natural frequency is that of the rotation
     """
 
     scene: str
     stations: Sequence[Station]
     over: str | None = None
     main: str = ''
-    critical: Sequence[float] = ()
+    critical: Sequence[CriticalSpeed] = ()
 
     def abscissa(self, station: Station) -> float:
         """Speed [rad/s] or angle [rad] of the drive."""
@@ -39,7 +40,9 @@ class ModeTable(NamedTuple):
 def modes_json(table: ModeTable) -> dict[str, Any]:
     """SI units, frequencies in Hz."""
     if table.over is None:
-        return {'scene': table.scene, 'modes': [_mode(m) for m in table.stations[0].modes]}
+        (only,) = table.stations
+        turning = {'speed': only.speed, 'faded': only.faded} if only.speed else {}
+        return {'scene': table.scene, **turning, 'modes': [_mode(m) for m in only.modes]}
     found: dict[str, Any] = {
         'scene': table.scene,
         'over': table.over,
@@ -52,7 +55,11 @@ def modes_json(table: ModeTable) -> dict[str, Any]:
             for s in table.stations
         ],
     }
-    return found | ({'critical_speeds': [*table.critical]} if table.over == 'speed' else {})
+    if table.over == 'speed':
+        found['critical_speeds'] = [x.speed for x in table.critical]
+        if any(x.whirl is not None for x in table.critical):
+            found['critical_whirl'] = [x.whirl for x in table.critical]
+    return found
 
 
 def _mode(mode: Mode) -> dict[str, Any]:
@@ -62,7 +69,13 @@ def _mode(mode: Mode) -> dict[str, Any]:
         'damped_frequency': mode.damped_frequency,
         'shape': {name: z.real for name, z in mode.shape.items()},
         'shape_imaginary': {name: z.imag for name, z in mode.shape.items()},
+        **({} if mode.whirl is None else {'whirl': mode.whirl}),
     }
+
+
+def _way(whirl: float | None) -> str:
+    """Of a whirl: with the rotation, against it; nothing where the axis goes to and fro."""
+    return '' if whirl is None or abs(whirl) < 1e-6 else ' forward' if whirl > 0.0 else ' backward'
 
 
 def modes_text(table: ModeTable) -> str:
@@ -77,17 +90,24 @@ def modes_text(table: ModeTable) -> str:
             ['damping ratio', *(f'{m.damping_ratio:.6g}' for m in modes)],
             ['damped frequency [Hz]', *(f'{m.damped_frequency:.6g}' for m in modes)],
         ]
+        if any(_way(m.whirl) for m in modes):
+            rows.append(['whirl', *(_way(m.whirl).strip() or '-' for m in modes)])
         rows += [[name, *(_amplitude(m.shape.get(name)) for m in modes)] for name in names]
-        return '\n'.join(text_table.lines(rows, indent=''))
+        lines = text_table.lines(rows, indent='')
+        if speed := table.stations[0].speed:
+            lines.append(f'its torque keeps {table.main} turning at {speed:.9g} rad/s')
+        if faded := table.stations[0].faded:
+            lines.append(f'{faded} more die out within a turn')
+        return '\n'.join(lines)
     unit = 'rad/s' if table.over == 'speed' else 'rad'
     most = max(len(s.modes) for s in table.stations)
     rows = [[f'{table.over} of {table.main} [{unit}]', *(f'{k + 1} [Hz]' for k in range(most))]]
     for s in table.stations:
-        shown = [f'{m.frequency:.6g}' for m in s.modes]
+        shown = [f'{m.frequency:.6g}{_way(m.whirl)}' for m in s.modes]
         rows.append([f'{table.abscissa(s):.6g}', *shown, *[''] * (most - len(shown))])
     lines = text_table.lines(rows, indent='')
     if table.critical:
-        speeds = ', '.join(f'{w:.9g}' for w in table.critical)
+        speeds = ', '.join(f'{x.speed:.9g}{_way(x.whirl)}' for x in table.critical)
         lines.append(f'critical speeds [rad/s]: {speeds}')
     return '\n'.join(lines)
 
@@ -128,7 +148,7 @@ def modes_picture(table: ModeTable, title: str) -> Any:
         axes.plot(x, [s.modes[k].frequency for s in table.stations], label=f'{k + 1}', **stroke)
     if table.over == 'speed':
         axes.plot(x, np.abs(x) / (2.0 * np.pi), color='0.6', lw=0.6, label='rotation')
-        for w in table.critical:
+        for w, _ in table.critical:
             axes.plot([w], [abs(w) / (2.0 * np.pi)], 'o', color='k', mfc='none')
     axes.legend()
     axes.set_xlabel(
@@ -167,7 +187,7 @@ def response_text(found: FrequencyResponse) -> str:
 def _per(found: FrequencyResponse, name: str) -> str:
     """Unit of an amplitude per unit of the source."""
     unit, source = found.units[name], found.source.unit
-    return '1' if unit == source else f'{unit} per {source}'
+    return unit if not source else '1' if unit == source else f'{unit} per {source}'
 
 
 def response_picture(found: FrequencyResponse, title: str) -> Any:

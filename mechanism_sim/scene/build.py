@@ -189,21 +189,23 @@ def _without_mass(loops: Kinematics, q: Array) -> Array | None:
 
 
 def _check_joints(machine: Machine) -> None:
-    shortest = _shortest(machine) if machine.plan.rigid else 0.0
-    for joint, clearance in machine.plan.rigid.items():
+    loose = machine.plan.rigid
+    shortest = _shortest(machine) if loose else 0.0
+    for joint, clearance in loose.items():
         where = f'{machine.name}: joints.{joint}.{_key_of_play(machine, joint)}'
         if clearance.radial >= shortest:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
                 f'({shortest:g} m)'
             )
-        if clearance.contact is None and machine.level is Level.COMPLIANT:
+        if clearance.wall == 'rigid' and any(c.wall == 'soft' for c in loose.values()):
+            key = 'contact.stiffness' if clearance.film else 'contact'
             raise InputError(
-                f"{where} has no 'contact', but another joint has: either all loose joints are "
+                f"{where} has no '{key}', but another joint has: either all loose joints are "
                 'compliant or none is'
             )
-        _check_contact(where, clearance, machine)
-        if clearance.contact and math.isinf(clearance.friction):
+        _check_contact(where, clearance)
+        if clearance.wall == 'soft' and math.isinf(clearance.friction):
             raise InputError(f'{where}.friction = rough is for rigid contacts only')
         if clearance.contact and clearance.contact.law == 'flores' and not clearance.restitution:
             raise InputError(f'{where}: the law of Flores needs a restitution above 0')
@@ -226,24 +228,32 @@ def _key_of_play(machine: Machine, joint: str) -> str:
     return next((k for k in keys if getattr(given, k)), 'clearance')
 
 
-def _check_contact(where: str, clearance: Play, machine: Machine) -> None:
+def _check_contact(where: str, clearance: Play) -> None:
     """What each law of contact needs, and no more."""
     contact = clearance.contact
     if contact is None:
         return
-    film = contact.law == 'film'
+    film, thin = clearance.film, contact.roughness
     for key in ('viscosity', 'width', 'radius') if film else ('stiffness',):
         if getattr(contact, key) is None:
             raise InputError(
                 f"{where}.contact: '{key}' is missing: the law {contact.law} needs it"
             )
-    if film and clearance.friction:
-        raise InputError(f'{where}.friction has no meaning with a film: its oil has its own')
-    films = [
-        c.contact is not None and c.contact.law == 'film' for c in machine.plan.rigid.values()
-    ]
-    if any(films) and not all(films):
-        raise InputError(f'{where}: either all loose joints have a film or none has')
+    if thin and not film:
+        raise InputError(f'{where}.contact.roughness is for the law film: there is no oil')
+    if thin and thin >= clearance.radial:
+        raise InputError(
+            f'{where}.contact.roughness = {thin:g} m must be less than radial, '
+            f'{clearance.radial:g} m: there is no room for oil'
+        )
+    if film and not thin and (clearance.friction or contact.stiffness):
+        key = 'friction' if clearance.friction else 'contact.stiffness'
+        raise InputError(
+            f"{where}.{key} has no meaning with a film alone: give 'contact.roughness', at which "
+            'its walls touch'
+        )
+    if film and clearance.pin_radius:
+        raise InputError(f'{where}.pin_radius: with a film it is contact.radius; leave it out')
 
 
 def _shortest(machine: Machine) -> float:

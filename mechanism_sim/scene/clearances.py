@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from mechanism_sim.contact.compliant import Flores, Hertz, HuntCrossley, LankaraniNikravesh
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.linkages.bearing import BearingClearance, FilmBearing
+from mechanism_sim.linkages.bearing_ends import bearing_ends
 from mechanism_sim.linkages.guide import corners
 from mechanism_sim.linkages.slot import PinInSlot, SlotWall
-from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic
+from mechanism_sim.planar.mechanism import GROUND, HigherPair, Mechanism, Prismatic, Vector2
 from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, ForceLaw, Gap
-from mechanism_sim.scene.contact_keys import Clearance, Play
+from mechanism_sim.scene.contact_keys import Clearance, Misalignment, Play
+
+_IN_LINE = 1e-5
 
 
 def gaps_and_films(
@@ -22,7 +27,6 @@ def gaps_and_films(
     gaps: list[Gap] = []
     films: list[ForceElement] = []
     for name, c in clearances.items():
-        film = oil_film(c)
         joint = mechanism.joint(name)
         if isinstance(joint, HigherPair):
             films += joint.elements(mechanism)
@@ -41,15 +45,21 @@ def gaps_and_films(
                 mechanism, name, c.length or 0.0, c.height or 0.0, c.radial, c.restitution,
                 c.friction, c.hypothesis, force_law(c),
             )  # fmt: skip
-        elif film:
-            films.append(FilmBearing(name, mechanism, film))
         else:
-            gaps.append(
-                BearingClearance(
-                    name, mechanism, c.radial, c.restitution, c.friction, c.hypothesis,
-                    c.pin_radius, force_law(c),
+            reach, arm = c.radial, c.pin_radius
+            if film := oil_film(c):
+                arm = film.radius
+                reach -= (c.contact and c.contact.roughness) or 0.0
+                films.append(
+                    FilmBearing(name, mechanism, film, reach if c.wall else 0.0, c.wall == 'soft')
                 )
-            )  # fmt: skip
+            if c.wall:
+                leans = leaning(mechanism, name, c)
+                gap = BearingClearance(
+                    name, mechanism, reach, c.restitution, c.friction, c.hypothesis, arm,
+                    force_law(c, 0.5 if leans else 1.0),
+                )  # fmt: skip
+                gaps += bearing_ends(gap, *leans) if leans else [gap]
     return gaps, films
 
 
@@ -60,19 +70,46 @@ def oil_film(clearance: Play) -> ShortBearing | None:
         return None
     given = (contact.viscosity, contact.width, contact.radius)
     viscosity, width, radius = (value or 0.0 for value in given)  # checked to be there
-    return ShortBearing(viscosity, width, radius, clearance.radial)
+    full = contact.cavitation == 'none'
+    return ShortBearing(viscosity, width, radius, clearance.radial, full)
 
 
-def force_law(clearance: Play) -> ForceLaw | None:
-    """The law of a compliant contact; ``None`` for a rigid one."""
-    contact, e = clearance.contact, clearance.restitution
-    if contact is None or contact.law == 'film' or contact.stiffness is None:
+class Leaning(NamedTuple):
+    """A bearing whose ends differ, see `bearing_ends`."""
+
+    length: float  #: [m]
+    pin: Vector2  #: [rad] inclination by manufacture
+    bushing: Vector2  #: [rad]
+    along: float  #: [m]
+
+
+def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None:
+    """How the axes of a bearing lean against each other; None if its ends do not differ.
+
+    Within a hundred thousandth of the clearance at its ends they count as in line.
+    """
+    if not isinstance(clearance, Clearance) or not clearance.length:
         return None
-    if contact.law == 'hertz':
-        return Hertz(contact.stiffness, contact.exponent)
+    given, length = clearance.misalignment or Misalignment(), clearance.length
+    pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
+    off = 0.5 * length * (math.hypot(*pin) + math.hypot(*bushing))
+    ends = (mechanism.joint(joint).first, mechanism.joint(joint).second)
+    leans = any(mechanism.body(link).tilt for link in ends if link != GROUND)
+    if not leans and off <= _IN_LINE * clearance.radial:
+        return None
+    return Leaning(length, pin, bushing, clearance.along)
+
+
+def force_law(clearance: Play, share: float = 1.0) -> ForceLaw | None:
+    """The law of a compliant contact with a share of the stiffness; ``None`` for a rigid one."""
+    contact, e = clearance.contact, clearance.restitution
+    if contact is None or contact.stiffness is None:
+        return None
+    if contact.law in ('hertz', 'film'):
+        return Hertz(share * contact.stiffness, contact.exponent)
     laws: dict[str, Callable[[float, float, float], ForceLaw]] = {
         'hunt_crossley': HuntCrossley,
         'lankarani_nikravesh': LankaraniNikravesh,
         'flores': Flores,
     }
-    return laws[contact.law](contact.stiffness, e, contact.exponent)
+    return laws[contact.law](share * contact.stiffness, e, contact.exponent)

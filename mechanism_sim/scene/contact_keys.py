@@ -6,12 +6,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from mechanism_sim.planar.mechanism import rotate
 from mechanism_sim.scene.quantities import (
     POSITIVE,
+    Angle,
     Coefficient,
     Displacement,
     Length,
     Part,
+    Position,
     Radius,
     si,
 )
@@ -26,7 +29,7 @@ class Contact(Part):
     law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
     """Hertz without loss, three laws with loss by impact, or an oil film."""
     stiffness: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
-    """In N/m^exponent; required but for a film."""
+    """In N/m^exponent; required but for a film, whose walls are rigid without."""
     exponent: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5
     """Of the depth."""
     viscosity: Annotated[float, si('Pa s'), POSITIVE] | None = None
@@ -35,6 +38,11 @@ class Contact(Part):
     """Of the bearing along its axis; required for a film."""
     radius: Length | None = None
     """Of the journal; required for a film."""
+    cavitation: Literal['guembel', 'none'] = 'guembel'
+    """Of a film where its pressure falls below that of the supply: it ruptures and carries nothing
+    (Guembel); or it pulls, if the supply's pressure keeps it whole."""
+    roughness: Length | None = None
+    """Thickness of a film at which its walls touch; without, they never do."""
 
 
 class Friction(Part):
@@ -62,7 +70,44 @@ class Play(Part):
     pin_radius: Radius = 0.0
     """The arm of friction; only with friction."""
     contact: Contact | None = None
-    """A law of force instead of a rigid contact; for all loose joints or for none."""
+    """A law of force instead of a rigid contact, for all loose joints or for none; or oil."""
+
+    @property
+    def film(self) -> bool:
+        """Whether oil fills it."""
+        return self.contact is not None and self.contact.law == 'film'
+
+    @property
+    def wall(self) -> Literal['rigid', 'soft', '']:
+        """Of what kind its contacts are; empty for a film without walls."""
+        if self.contact is None:
+            return 'rigid'
+        if self.film and not self.contact.roughness:
+            return ''
+        return 'soft' if self.contact.stiffness else 'rigid'
+
+
+class Inclination(Part):
+    """How an axis is inclined against the normal of the plane of motion."""
+
+    angle: Annotated[float, si('rad'), Field(ge=0.0, lt=0.1)]
+    """Small: the equations are of the first order in it."""
+    direction: Angle = 0.0
+    """In which the axis leans on the side towards the reader, in the frame of its link."""
+
+    @property
+    def inclination(self) -> tuple[float, float]:
+        """Along the x and y axes of the link's frame [rad]; exact for quarter turns."""
+        return rotate((self.angle, 0.0), self.direction)
+
+
+class Misalignment(Part):
+    """How far the axes of a bearing are out of line, by manufacture."""
+
+    pin: Inclination | None = None
+    """Of the pin, on the first-named link."""
+    bushing: Inclination | None = None
+    """Of the bushing, on the second-named link."""
 
 
 class Clearance(Play):
@@ -71,6 +116,10 @@ class Clearance(Play):
     radial: Length
     """Radius of the circle in which the pin's centre can move; of a block, its play each side."""
     length: Length | None = None
-    """Of a block along its guide, about its point; required there."""
+    """Of a bearing along its axis, or of a block along its guide, about the joint's point."""
+    along: Position = 0.0
+    """Where the middle of a bearing lies along its axis, above the plane of its links."""
+    misalignment: Misalignment | None = None
+    """Of the axes of pin and bushing, which then touch at the ends of the bearing's length."""
     height: Length | None = None
     """Of a block across its guide; required there."""

@@ -15,7 +15,7 @@ from mechanism_sim.hybrid.system import System
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.massless import inertial_motion, without_mass
 from mechanism_sim.planar.mechanism import Mechanism
@@ -66,6 +66,16 @@ class DynamicModel(NominalModel):
         ideal = self.plan.ideal
         return Observer(self._compiled(ideal, [], closures(ideal, ideal.cut), []))
 
+    def torques(self, q: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torques (k, N) of the first laws of the powered coordinates, all being at (n, N)."""
+        rows, places = [], self.plan.ideal.coordinates
+        for c in self.plan.powered:
+            i, law = places.index(c), self.plan.laws[c][0]
+            assert isinstance(law, TorqueLaw)  # noqa: S101 - it is powered
+            constant, per_angle, per_speed = law.coefficients
+            rows.append(constant + per_angle * q[i] + per_speed * v[i])
+        return np.reshape(rows, (-1, q.shape[1]))
+
     def _compiled(
         self,
         mechanism: Mechanism,
@@ -98,7 +108,8 @@ class DynamicModel(NominalModel):
 
     def at_start(self, mechanism: Mechanism) -> NDArray[np.float64]:
         """Coordinates (n,) of the ideal mechanism, however it is cut, at the start."""
-        return converted(self.plan.ideal, mechanism, self.assembly.q)
+        at = self.assembly
+        return converted(self.plan.ideal, mechanism, at.q, at.v)[0]
 
     @cached_property
     def physics(self) -> Physics:
@@ -114,7 +125,7 @@ class DynamicModel(NominalModel):
         system = self.system
         tabulated = any(isinstance(s, Table) for s in system.switches)
         many = len(system.free) + self._rows >= _COMPACT_FROM
-        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.beams
+        more = system.elements or system.lent or system.dynamics.rubs or self.mechanism.flexible
         return bool(more) or tabulated or many
 
     @property

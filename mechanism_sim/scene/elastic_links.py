@@ -49,7 +49,8 @@ def read_beams(places: Places, joints: Iterable[Joint], driven: Iterable[str]) -
 
 
 def stiffened(link: LinkPart) -> LinkPart:
-    """The same link, but rigid."""
+    """The same link, but rigid and in its plane."""
+    link = link.model_copy(update={'tilt': None})
     if not link.elastic:
         return link
     body = _body('', '', link)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
+from mechanism_sim.hybrid.observer import Instants
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.assembly import Assembly
 from mechanism_sim.scene.dynamic_model import DynamicModel
 
@@ -96,18 +97,12 @@ def _accelerations(machine: DynamicModel, q: Array, v: Array, t: float) -> Array
     """Of the elastic coordinates (m, N)."""
     observer = machine.ideal_observer if machine.clearances else machine.observer
     system, count = observer.system, q.shape[1]
-    torques = []
-    for c in machine.plan.powered:
-        i, law = system.coordinates.index(c), machine.plan.laws[c][0]
-        assert isinstance(law, TorqueLaw)  # noqa: S101 - it is powered
-        constant, per_angle, per_speed = law.coefficients
-        torques.append(constant + per_angle * q[i] + per_speed * v[i])
     pushed = [np.full(count, _law(machine, c, t)[2]) for c in machine.plan.prescribed]
     outside = np.array([np.full(count, t if name == 'time' else 0.0) for name in system.outside])
-    seen = observer.observe(
+    seen = observer.observe(Instants(
         q, v, np.reshape(pushed, (-1, count)), np.zeros((0, count), np.uint8),
-        np.reshape(torques, (-1, count)), outside=outside.reshape(-1, count),
-    )  # fmt: skip
+        machine.torques(q, v), outside=outside.reshape(-1, count),
+    ))  # fmt: skip
     elastic = [system.coordinates.index(c) for c in machine.plan.ideal.deformations]
     return seen.acceleration[elastic]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -12,20 +11,22 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import Array
 from mechanism_sim.linkages.bearing import BearingClearance
+from mechanism_sim.linkages.bearing_ends import BearingEnd
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.mechanism import GROUND, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.dynamic_model import DynamicModel
 from mechanism_sim.scene.elastic_start import smooth_start
-from mechanism_sim.scene.start_configuration import seats
+from mechanism_sim.scene.start_configuration import leaning_seats, seats
 
 _SOFT = 1e-3
 """Weight of a pin's way from its seat, in clearances, against a size that ideal joints open."""
 _ROUNDS = 30
+_SEATED = 1e-16
 
 Values = dict[str, float]
 
@@ -53,13 +54,20 @@ def initial_state(machine: DynamicModel) -> State:
         (0,) * len(system.free),
         tuple(q[c] for c in system.free),
         tuple(v[c] for c in system.free),
-        tuple(seated and _starts_closed(machine, gap) for gap in system.gaps),
+        tuple(
+            seated and _starts_closed(machine, gap, value)
+            for gap, value in zip(system.gaps, machine.observer.gap_values(values), strict=True)
+        ),
     )
 
 
-def _starts_closed(machine: DynamicModel, gap: Gap) -> bool:
-    """Pins are on their bushings, and what can only lift off is in contact."""
-    return machine.clearances[gap.joint].radial == 0.0 or isinstance(gap, BearingClearance)
+def _starts_closed(machine: DynamicModel, gap: Gap, value: Array) -> bool:
+    """Pins are on their bushings but in oil, and what can only lift off is in contact."""
+    play = machine.clearances[gap.joint]
+    if not isinstance(gap, BearingClearance) or play.film:
+        return play.radial == 0.0
+    near = max(1e-9 * play.radial, 1e-14 * machine.mechanism.size)
+    return not isinstance(gap, BearingEnd) or float(gap.distance(value)[0]) <= near
 
 
 def _placed(machine: DynamicModel) -> tuple[Values, Values]:
@@ -78,7 +86,7 @@ def _placed(machine: DynamicModel) -> tuple[Values, Values]:
                 f'{machine.name}: initial.{kind}.{lost[0]} cannot be set: with its loose joints '
                 f'the machine is not carried by the guide of {lost[0]}; give other links instead'
             )
-    near = converted(plan.ideal, loose, start.q)
+    near, _ = converted(plan.ideal, loose, start.q, start.v)
     held = [c for c in loose.coordinates if c in plan.begins or c in plan.prescribed]
     placed = _places(machine, start, near, held, given[0])
     v = _rates(machine, start, placed, held, given[1])
@@ -115,17 +123,27 @@ def _places(
     fixed = [c for c in names if c in held or c in given]
     every = Kinematics(loose, closures(loose, loose.cut), fixed)
     targets = np.zeros(len(every.rows))
+    pressed: dict[str, Array] = {}
     if machine.scene.start == 'seated' and machine.system.gaps:
         columns = [x[:, None] for x in (start.q, start.v)]
         a = np.zeros_like(columns[0])
         if not (machine.torque_driven or machine.starts_singular):
             _, _, a, _ = machine.ideal.motion(columns[0], *_driven_rates(machine))
-        for name, Q in seats(machine, columns[0], columns[1], a).items():
+        pressed = seats(machine, columns[0], columns[1], a)
+        for name, Q in pressed.items():
             targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
     if not given and not targets.any():
         return guess  # the loops of the ideal mechanism are closed
     try:
-        return closed_near(machine.name, every, guess, targets)
+        closed = closed_near(machine.name, every, guess, targets)
+        for _ in range(_ROUNDS):  # where axes lean, the seat turns with the links
+            before = targets.copy()
+            for name, Q in leaning_seats(machine, pressed, closed).items():
+                targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
+            if np.abs(targets - before).max(initial=0.0) <= _SEATED * loose.size:
+                break
+            closed = closed_near(machine.name, every, closed, targets)
+        return closed
     except InputError as error:
         if not given:
             centred = "; or write 'start: centred'" if targets.any() else ''
@@ -157,7 +175,8 @@ def _rates(
         If given rates would open a joint that has no clearance.
     """
     plan, loose = machine.plan, machine.mechanism
-    near = dict(zip(loose.coordinates, _converted_rates(machine, start), strict=True))
+    _, rates = converted(plan.ideal, loose, start.q, start.v)
+    near = dict(zip(loose.coordinates, rates.tolist(), strict=True))
     firm = [j for j in loose.cut if j not in machine.clearances]
     kinematics = Kinematics(loose, closures(loose, firm), held)
     driven = {c: machine.held[c][1] for c in held if c not in plan.assumed[1]}
@@ -176,39 +195,6 @@ def _rates(
         f'{machine.name}: initial.velocity cannot be: with {said} the joint {joint}, which has no '
         f'clearance, would open at {speed:.4g} m/s; leave one of them out'
     )
-
-
-def _converted_rates(machine: DynamicModel, start: Assembly) -> list[float]:
-    """Rates of the loose mechanism's coordinates when it moves as the ideal one."""
-    ideal, loose = machine.plan.ideal, machine.mechanism
-    q, v = start.q[:, None], start.v[:, None]
-    turning = dict(zip(ideal.coordinates, start.v.tolist(), strict=True)) | {GROUND: 0.0}
-    found = []
-    for name in loose.coordinates:
-        link, _, axis = name.partition('.')
-        if name in ideal.deformations:
-            found.append(turning[name])
-        elif axis:
-            speed = ideal.velocity_all(link, q, v, loose.body(link).cog)
-            found.append(float(speed['xy'.index(axis), 0]))
-        elif name in loose.displacements:
-            j = loose.tree_joints[link]
-            assert isinstance(j, Prismatic)  # noqa: S101 - it carries a displacement
-            x, y = (
-                ideal.locate_all(j.second, q, j.on_second)
-                - ideal.locate_all(j.first, q, j.on_first)
-            )[:, 0]
-            dx, dy = (
-                ideal.velocity_all(j.second, q, v, j.on_second)
-                - ideal.velocity_all(j.first, q, v, j.on_first)
-            )[:, 0]
-            known = dict(zip(ideal.coordinates, start.q.tolist(), strict=True))
-            way, spin = ideal.angle(j.first, known) + j.axis, turning[ideal.frame(j.first)[0]]
-            c, sine = math.cos(way), math.sin(way)
-            found.append(float(dx * c + dy * sine + spin * (y * c - x * sine)))
-        else:
-            found.append(turning[ideal.frame(link)[0]])
-    return found
 
 
 def _driven_rates(machine: DynamicModel) -> tuple[Array, Array]:
@@ -234,6 +220,11 @@ def _check_inside(machine: DynamicModel, q: Array, seated: bool) -> None:
                 raise InputError(
                     f'{machine.name}: initial.position puts {gap.joint} {-distance:.6g} m into '
                     'its wall'
+                )
+            if isinstance(gap, BearingEnd):
+                raise InputError(
+                    f'{machine.name}: initial.position puts the pin of {gap.joint} '
+                    f'{-distance:.6g} m into its bushing, at the end {gap.name}'
                 )
             raise InputError(
                 f'{machine.name}: initial.position puts the pin of {gap.name} '

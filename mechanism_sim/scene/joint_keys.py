@@ -13,6 +13,7 @@ from pydantic import Field
 
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Joint, LinkPoint, Mechanism, Vector2
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.contact_keys import Clearance, Friction, Play
 from mechanism_sim.scene.quantities import Part
 from mechanism_sim.units import Measure
@@ -109,6 +110,7 @@ class JointKind:
     mounted : a joint as it is put together where coordinates have rough values [rad, m]
     friction : that of an ideal joint, of its name, its keys and the mechanism; None if it has none
     arm : the key that says where friction acts, and whether it must be given
+    rotor : if it lets the axis of a link give way: that link, and how
     """
 
     name: str
@@ -121,6 +123,7 @@ class JointKind:
     mounted: Callable[[Any, Mapping[str, float]], Joint] = lambda joint, start: joint  # noqa: ARG005
     friction: Callable[[str, Friction, Mechanism], JointFriction] | None = None
     arm: tuple[str, bool] = ('', False)
+    rotor: Callable[[Names, str, Any], tuple[str, Rotor]] | None = None
 
 
 KINDS: dict[str, JointKind] = {}

@@ -105,9 +105,8 @@ class NominalModel(MachineModel):
     def level(self) -> Level:
         """The cheapest level that is exact for the scene."""
         if self.clearances:
-            contacts = self.plan.rigid.values()
-            asked = any(c.contact for c in contacts) or not contacts
-            return Level.COMPLIANT if asked else Level.NONSMOOTH
+            rigid = any(c.wall == 'rigid' for c in self.plan.rigid.values())
+            return Level.NONSMOOTH if rigid else Level.COMPLIANT
         if self.torque_driven:
             return Level.SMOOTH
         wanted = self.scene.outputs.forces and self.plan.weighed and not self.without_forces

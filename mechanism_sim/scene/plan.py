@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
 from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
@@ -28,7 +28,8 @@ from mechanism_sim.scene.loads import read_loads
 from mechanism_sim.scene.loads.applied import read_effort
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints
+from mechanism_sim.scene.structure import read_bodies, read_frictions, read_joints, read_rotors
+from mechanism_sim.scene.tilt_keys import check_tilts, without_mass
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -141,7 +142,13 @@ def plan_of(name: str, scene: Scene) -> Plan:
     closing = closing_joints(places.links, joints, (), straight)
     check_bearings(places, joints, closing)
     elastic = read_beams(places, joints, drives)
-    massless = tuple(elastic.get(link, Body(link, 0.0, 0.0, (0.0, 0.0))) for link in places.links)
+    check_tilts(places, joints)
+    rotors = read_rotors(places)
+    massless = tuple(
+        elastic.get(link)
+        or replace(without_mass(link, scene.links[link].tilt), rotor=rotors.get(link))
+        for link in places.links
+    )
     tree = Mechanism(massless, joints, closing)
     laws: dict[str, tuple[Law, ...]] = {}
     begins: dict[str, tuple[float, float]] = {}
@@ -176,7 +183,7 @@ def plan_of(name: str, scene: Scene) -> Plan:
         if drive.effort is not None
     }
     return Plan(
-        read_bodies(places, tree, drives, elastic),
+        read_bodies(places, tree, drives, elastic, rotors),
         joints,
         closing,
         scene.gravity,

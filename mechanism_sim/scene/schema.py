@@ -41,6 +41,7 @@ from mechanism_sim.scene.quantities import (
 from mechanism_sim.scene.sensor_keys import QUANTITIES
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
+from mechanism_sim.scene.tilt_keys import TiltPart
 from mechanism_sim.sensing import chain
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import Measure
@@ -168,6 +169,8 @@ class LinkPart(Part):
     """Centre of gravity: along the link, or as [x, y] in its frame."""
     elastic: ElasticPart | None = None
     """How it bends; without, it is rigid."""
+    tilt: TiltPart | None = None
+    """How it leans out of its plane; without, it stays in it."""
 
 
 class PointMass(Part):
@@ -207,7 +210,7 @@ class SensorPart(*(kind.keys for kind in SENSORS.values())):  # type: ignore[mis
     @property
     def measures(self) -> str:
         """What its samples are, one of `QUANTITIES`."""
-        return SENSORS[self.kind].quantity(self)
+        return SENSORS[self.kind].quantity or str(self.quantity)
 
     @property
     def unit(self) -> str:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.hybrid.system import Array
-from mechanism_sim.planar.mechanism import Revolute
+from mechanism_sim.linkages.bearing_ends import seat
+from mechanism_sim.planar.mechanism import Revolute, rotate
+from mechanism_sim.scene.clearances import leaning
 from mechanism_sim.scene.dynamic_model import DynamicModel
 
 
@@ -28,6 +31,7 @@ def seats(machine: DynamicModel, q: Array, v: Array, a: Array) -> dict[str, Arra
     pressed = [
         name
         for name, c in machine.clearances.items()
+        if not c.film
         if isinstance(machine.mechanism.joint(name), Revolute) or not c.radial
     ]
     if not pressed:
@@ -56,12 +60,31 @@ def seats(machine: DynamicModel, q: Array, v: Array, a: Array) -> dict[str, Arra
         size = float(np.hypot(*force))
         contact = clearance.contact
         soft = contact.stiffness if contact and not machine.placed_outright else None
+        leans = leaning(machine.mechanism, name, clearance)
+        alone = leans and any((*leans.pin, *leans.bushing))  # one end of two takes it all
+        soft = 0.5 * soft if soft and alone else soft
         depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
         if pin:
             found[name] = (clearance.radial + depth) * force / size
         else:  # what can only lift off
             found[name] = np.array([-depth])
     return found
+
+
+def leaning_seats(machine: DynamicModel, found: dict[str, Array], q: Array) -> dict[str, Array]:
+    """The same where pin and bushing are out of line, at coordinates (n,) of the loose machine."""
+    mechanism = machine.mechanism
+    place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
+    seated = {}
+    for name, centred in found.items():
+        if leans := leaning(mechanism, name, machine.clearances[name]):
+            joint, axes = mechanism.joint(name), (leans.pin, leans.bushing)
+            angles = (mechanism.angle(link, place) for link in (joint.first, joint.second))
+            first, second = (np.array(rotate(x, a)) for x, a in zip(axes, angles, strict=True))
+            off = 0.5 * leans.length * (first - second)
+            room = float(np.hypot(*centred))
+            seated[name] = seat(room, centred / room, off) if off.any() else centred
+    return seated
 
 
 def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:
@@ -78,13 +101,6 @@ def joint_forces(machine: DynamicModel, q: Array, v: Array, a: Array) -> Array:
             )
         return machine.inverse_dynamics(q, v, a).reaction[:, :, 0]
     observer = machine.ideal_observer
-    system = observer.system
-    rows = []
-    for c in machine.plan.powered:
-        i = system.coordinates.index(c)
-        law = machine.plan.laws[c][0]
-        constant, per_angle, per_speed = law.coefficients
-        rows.append(constant + per_angle * q[i] + per_speed * v[i])
     none, modes = np.zeros((len(machine.plan.prescribed), 1)), np.zeros((0, 1), np.uint8)
-    seen = observer.observe(q, v, none, modes, np.reshape(rows, (-1, 1)))
+    seen = observer.observe(Instants(q, v, none, modes, machine.torques(q, v)))
     return seen.reaction[:, :, 0]

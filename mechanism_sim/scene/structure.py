@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import GROUND, Body, Joint, Mechanism, Vector2
+from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene.elastic_links import loaded
 from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.places import Places
 from mechanism_sim.scene.schema import DrivePart, JointPart
+from mechanism_sim.scene.tilt_keys import tilted
 
 
 def read_joints(places: Places) -> tuple[Joint, ...]:
@@ -72,6 +75,30 @@ def read_frictions(places: Places) -> Callable[[Mechanism], list[JointFriction]]
     return made
 
 
+def read_rotors(places: Places) -> dict[str, Rotor]:
+    """What gives way of the links that are rotors, by link.
+
+    Raises
+    ------
+    InputError
+        If one is in two joints of that kind, or is elastic itself.
+    """
+    found: dict[str, Rotor] = {}
+    for name, joint in places.scene.joints.items():
+        make = KINDS[joint.kind].rotor
+        if make is None:
+            continue
+        link, rotor = make(places, name, joint)
+        own = places.scene.links[link]
+        if link in found or own.elastic or own.tilt:
+            raise InputError(
+                f'{places.name}: joints.{name}: {link} gives way already, as a rotor in another '
+                "joint or by its key 'elastic' or 'tilt': leave one of them out"
+            )
+        found[link] = rotor
+    return found
+
+
 def _check_connected(places: Places, joints: Iterable[Joint]) -> None:
     reached, grown = {GROUND}, True
     while grown:
@@ -91,6 +118,7 @@ def read_bodies(
     tree: Mechanism,
     drives: Mapping[str, DrivePart],
     elastic: Mapping[str, Body],
+    rotors: Mapping[str, Rotor],
 ) -> tuple[Body, ...]:
     """The moving links with what they weigh, point masses and flywheels included.
 
@@ -133,9 +161,16 @@ def read_bodies(
             if on == link:
                 parts.append((mass.mass, 0.0, at))
         body = _together(link, parts)
-        if link in drives:
-            body = Body(link, body.mass, body.inertia + drives[link].added_inertia, body.cog)
-        found.append(body)
+        added = drives[link].added_inertia if link in drives else 0.0
+        body = Body(link, body.mass, body.inertia + added, body.cog)
+        if link in rotors:
+            if given.mass is not None and not body.mass:
+                raise InputError(
+                    f"{places.name}: 'links.{link}.mass' is 0: the axis of the rotor could move "
+                    'without moving any mass: give it more'
+                )
+            body = replace(body, mass=body.mass + rotors[link].mass, rotor=rotors[link])
+        found.append(tilted(body, given.tilt, f'{places.name}: links.{link}', added))
     return tuple(found)
 
 

@@ -6,7 +6,7 @@ static equilibrium near the start. Joints with clearance count as ideal, prescri
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -43,11 +43,14 @@ class Mode:
     damping_ratio : -Re(root)/|root|; above 1 if overdamped, negative if it grows
     shape : complex amplitude [rad, m] of each coordinate that is not driven, the largest one 1;
         angles are compared with displacements over the size of the mechanism
+    whirl : how round the axes of rotors go, from -1, a circle against their rotation, over 0, to
+        and fro, to 1, a circle with it; None if no rotor turns, or no axis moves
     """
 
     frequency: float
     damping_ratio: float
     shape: dict[str, complex]
+    whirl: float | None = None
 
     @property
     def damped_frequency(self) -> float:
@@ -56,12 +59,20 @@ class Mode:
         return self.frequency * float(np.sqrt(max(square, 0.0)))
 
 
+class CriticalSpeed(NamedTuple):
+    """A speed of rotation that is a natural frequency."""
+
+    speed: float  #: [rad/s]
+    whirl: float | None  #: of its mode
+
+
 class Station(NamedTuple):
     """The modes at one place of the drive and one speed."""
 
     position: dict[str, float]  #: of all coordinates, where they are linearised [rad, m]
     speed: float  #: of the drive [rad/s, m/s]
     modes: list[Mode]
+    faded: int = 0  #: modes besides that die out in less than a turn, too fast to be told
 
 
 @dataclass(frozen=True)
@@ -110,17 +121,30 @@ class LinearMachine:
             )
         free = self.derivatives.free
         B, scale = self.B[free], self.derivatives.scale[free]
-        return [
-            Mode(frequency, ratio, _shape([names[i] for i in free], B @ z, scale))
-            for frequency, ratio, z in natural_modes(M, C, K)
-        ]
+        found = []
+        for frequency, ratio, z in natural_modes(M, C, K):
+            shape = _shape([names[i] for i in free], B @ z, scale)
+            found.append(Mode(frequency, ratio, shape, self._whirl(shape)))
+        return found
+
+    def _whirl(self, shape: Mapping[str, complex]) -> float | None:
+        """Area that rotors' axes go round, with their rotation, over the largest of their size."""
+        area = size = 0.0
+        for link, rotor in self.machine.plan.ideal.rotors.items():
+            spin = self.at.v[self.derivatives.coordinates.index(link)]
+            lengths = [shape[f'{link}.{c}'] for c in rotor.names if c not in rotor.angles]
+            for x, y in zip(lengths[::2], lengths[1::2], strict=True):
+                area -= 2.0 * (x.conjugate() * y).imag * np.sign(spin)
+                size += (abs(x) ** 2 + abs(y) ** 2) * abs(np.sign(spin))
+        return area / size if size else None
 
 
 def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, ComplexArray]]:
     """Frequencies [Hz], damping ratios and shapes (f,) of ``M z'' + C z' + K z = 0``.
 
-    Proportional damping gives one mode for each coordinate, overdamped ones too; any other gives
-    one for each pair of conjugate roots and one for each real root.
+    Proportional damping gives one mode for each coordinate, overdamped ones too; any other, or
+    where a rigid-body mode is damped, gives one for each pair of conjugate roots and one for each
+    real root.
     """
     scale = 1.0 / np.sqrt(np.diag(M))
     M, C, K = (scale[:, None] * x * scale for x in (M, C, K))
@@ -138,9 +162,11 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[float, float, Comp
         if found is not None and found.decay_rates is not None:
             w, a = found.frequencies, found.decay_rates
             w = np.where(w <= np.sqrt(ROUNDING) * w.max(initial=0.0), 0.0, w)
-            ratios = [float(x / y) if y else float(x > 0.0) for x, y in zip(a, w, strict=True)]
-            shapes = (scale[:, None] * found.shapes).astype(complex)
-            return list(zip((w / (2.0 * np.pi)).tolist(), ratios, shapes.T, strict=True))
+            drifts = (w == 0.0) & (a > ROUNDING * np.maximum(w, a).max(initial=0.0))
+            if not drifts.any():
+                ratios = [float(x / y) if y else 0.0 for x, y in zip(a, w, strict=True)]
+                shapes = (scale[:, None] * found.shapes).astype(complex)
+                return list(zip((w / (2.0 * np.pi)).tolist(), ratios, shapes.T, strict=True))
     roots, vectors = scipy.linalg.eig(state_space.state_matrix(M, C, tidy))
     roots[np.abs(roots) <= _RIGID * np.abs(roots).max()] = 0.0
     shapes = scale[:, None] * vectors[: len(M)]
@@ -164,8 +190,14 @@ def _shape(names: Sequence[str], amplitudes: ComplexArray, scale: Array) -> dict
     return dict(zip(names, (amplitudes / largest).tolist(), strict=True))
 
 
-def derivatives(machine: Machine, excitation: Excitation | None = None) -> Linearisation:
+def derivatives(
+    machine: Machine, excitation: Excitation | None = None, held: Sequence[str] = ()
+) -> Linearisation:
     """The derivatives of a machine's equations of motion, its joints ideal.
+
+    Parameters
+    ----------
+    held : coordinates that a torque moves, but whose motion is given here
 
     Raises
     ------
@@ -184,17 +216,20 @@ def derivatives(machine: Machine, excitation: Excitation | None = None) -> Linea
             f'{machine.name}: joints.{name}.friction: Coulomb friction has no linear form, and '
             f"near rest it sticks: set it to zero, as '--set joints.{name}.friction.coefficient=0'"
         )
-    laws = [plan.laws[c][0] for c in plan.powered]
+    laws = [plan.laws[c][0] for c in plan.powered if c not in held]
     found = Linearisation(
-        ideal, closures(ideal, ideal.cut), plan.prescribed,
-        [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal), plan.motors,
-        excitation,
+        ideal, closures(ideal, ideal.cut), [*plan.prescribed, *held],
+        [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal),
+        [motor for motor in plan.motors if motor.coordinate not in held], excitation,
     )  # fmt: skip
-    if machine.assembly.freedom + len(plan.powered) == 0:
-        raise InputError(
-            f'{machine.name}: nothing can vibrate: its drives prescribe the whole motion; give '
-            "'drive.torque' instead of a speed, or a link that moves on springs"
+    if machine.assembly.freedom - len(held) <= 0:
+        why = (
+            'with its drive held nothing else moves; leave out --along and --speeds'
+            if held
+            else "its drives prescribe the whole motion; give 'drive.torque' instead of a speed, "
+            'or a link that moves on springs'
         )
+        raise InputError(f'{machine.name}: nothing can vibrate: {why}')
     return found
 
 
@@ -204,6 +239,7 @@ def linearised(
     start: Array | None = None,
     speed: float = 0.0,
     known: Linearisation | None = None,
+    turning: bool = False,
 ) -> LinearMachine:
     """A machine near its equilibrium, driven coordinates held or turning steadily.
 
@@ -213,6 +249,7 @@ def linearised(
         start of the scene if not given
     speed : of the main drive [rad/s, m/s]; links that it carries turn with it
     known : derivatives of the same machine
+    turning : whether to look for the steady rotation in which a torque keeps it, not for rest
 
     Raises
     ------
@@ -223,13 +260,16 @@ def linearised(
     found = known or derivatives(machine, excitation)
     q = machine.assembly.q if start is None else start
     try:
-        at = found.equilibrium(found.point(np.array(q, float), _rates(machine, speed)))
+        rates = steady_rates(machine, speed)
+        at = None if turning else found.equilibrium(found.point(np.array(q, float), rates))
     except FloatingPointError:
         raise InputError(
             f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
             "spring whose ends meet has no direction (set them apart, with a 'free_length'), and "
             'a formula may be out of its range'
         ) from None
+    if at is None and not speed and machine.main in machine.plan.powered:
+        at = _steady(machine, found, q)
     if at is None:
         raise InputError(
             f'{machine.name}: no equilibrium was found near the start'
@@ -238,7 +278,7 @@ def linearised(
             "'initial.position'"
         )
     linear = found(at)
-    if np.abs(linear.J @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
+    if speed and np.abs(linear.J @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
         raise InputError(
             f'{machine.name}: at a steady speed of {machine.main} its links move against each '
             'other, so the modes change over the turn: take --along'
@@ -246,7 +286,25 @@ def linearised(
     return LinearMachine(machine, found, at, linear, *found.basis(linear.J))
 
 
-def _rates(machine: Machine, speed: float) -> Array:
+def _steady(machine: Machine, found: Linearisation, q: Array) -> Point | None:
+    """The steady rotation in which a drive's torque keeps a machine, sought from likely speeds."""
+    if machine.scene.drive is None or machine.main in machine.plan.ideal.displacements:
+        return None
+    start = found.point(np.array(q, float), np.zeros(len(q)))
+    paces = [getattr(m.characteristic, 'synchronous_speed', 0.0) / m.ratio
+             for m in machine.plan.motors]  # fmt: skip
+    for speed in dict.fromkeys((machine.start_of_crank[1], *paces)):
+        try:
+            turned = found.turning(start, found.coordinates.index(machine.main))
+            at = found.steady(start._replace(v=speed * turned), turned)
+        except FloatingPointError:
+            continue
+        if at is not None:
+            return at
+    return None
+
+
+def steady_rates(machine: Machine, speed: float) -> Array:
     """Rates (n,) of a steady motion: the main drive, and the angles of the links it carries."""
     mechanism = machine.plan.ideal
     rates = np.zeros(len(mechanism.coordinates))
@@ -266,7 +324,24 @@ def _rates(machine: Machine, speed: float) -> Array:
 
 
 def modes(machine: Machine) -> list[Mode]:
-    """The modes of a machine about its static equilibrium, and of its frames on springs.
+    """The modes of a machine, as `about`, and of its frames on springs.
+
+    Raises
+    ------
+    InputError
+        As `about`.
+    """
+    return about(machine).modes
+
+
+def about(machine: Machine, turning: bool = False) -> Station:
+    """The modes about the static equilibrium, or the steady rotation in which a torque keeps it.
+
+    Those of frames on springs are among them.
+
+    Parameters
+    ----------
+    turning : whether to look for the rotation only
 
     Raises
     ------
@@ -275,8 +350,12 @@ def modes(machine: Machine) -> list[Mode]:
     """
     found = [mode for name in machine.scene.oscillators for mode in _frame_modes(machine, name)]
     if found and not machine.torque_driven:
-        return found
-    return sorted([*found, *linearised(machine).modes()], key=lambda m: m.frequency)
+        return Station({}, 0.0, found)
+    one = linearised(machine, turning=turning)
+    k = one.derivatives.coordinates.index(machine.main)
+    driven = machine.main in machine.plan.prescribed
+    own = _station(one, 0.0 if driven else float(one.at.v[k]))
+    return own._replace(modes=sorted([*found, *own.modes], key=lambda m: m.frequency))
 
 
 def _frame_modes(machine: Machine, name: str) -> list[Mode]:
@@ -293,17 +372,18 @@ def _frame_modes(machine: Machine, name: str) -> list[Mode]:
 def along(machine: Machine, count: int) -> list[Station]:
     """The modes with the drive held at `count` places around its turn.
 
-    At each the equilibrium is sought from that at the place before.
+    At each the equilibrium is sought from that at the place before. A torque or a motor is
+    replaced by what holds its link (frozen).
 
     Raises
     ------
     InputError
-        As `linearised`; or if no drive prescribes an angle.
+        As `linearised`; or if no drive turns an angle.
     """
     if count < 1:
         raise InputError(f'--along {count}: expected 1 angle or more')
-    main = _turning(machine, '--along')
-    found = derivatives(machine)
+    main = turning(machine, '--along')
+    found = derivatives(machine, held=kept(machine))
     k, q = found.coordinates.index(main), machine.assembly.q.copy()
     first, stations = q[k], []
     for i in range(count):
@@ -322,46 +402,64 @@ def along(machine: Machine, count: int) -> list[Station]:
 def campbell(machine: Machine, speeds: Array) -> list[Station]:
     """The modes at steady speeds (s,) [rad/s] of the drive, about the relative equilibrium.
 
+    A torque or a motor is replaced by what keeps the speed.
+
     Raises
     ------
     InputError
-        As `linearised`; or if no drive prescribes an angle.
+        As `linearised`; or if no drive turns an angle.
     """
-    _turning(machine, '--speeds')
-    found = derivatives(machine)
+    turning(machine, '--speeds')
+    found = derivatives(machine, held=kept(machine))
     return [
         _station(linearised(machine, speed=float(speed), known=found), float(speed))
         for speed in speeds
     ]
 
 
-def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[float]:
-    """Speeds [rad/s] at which a natural frequency is that of the rotation, between stations."""
-    known, found = derivatives(machine), []
+def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[CriticalSpeed]:
+    """Speeds at which a natural frequency is that of the rotation, between stations."""
+    known, found = derivatives(machine, held=kept(machine)), []
+
+    def mode(speed: float, k: int) -> Mode:
+        modes = linearised(machine, speed=speed, known=known).modes()
+        return modes[min(k, len(modes) - 1)]
 
     def above(speed: float, k: int) -> float:
-        modes = linearised(machine, speed=speed, known=known).modes()
-        return modes[min(k, len(modes) - 1)].frequency - abs(speed) / (2.0 * np.pi)
+        return mode(speed, k).frequency - abs(speed) / (2.0 * np.pi)
 
     for a, b in pairwise(stations):
         for k in range(min(len(a.modes), len(b.modes))):
             ends = [x.modes[k].frequency - abs(x.speed) / (2.0 * np.pi) for x in (a, b)]
             if ends[0] == 0.0 and a.speed:
-                found.append(a.speed)
+                found.append(CriticalSpeed(a.speed, a.modes[k].whirl))
             elif ends[0] * ends[1] < 0.0:
-                found.append(scipy.optimize.brentq(above, a.speed, b.speed, (k,), rtol=1e-14))
-    return sorted(found)
+                w = scipy.optimize.brentq(above, a.speed, b.speed, (k,), rtol=1e-14)
+                found.append(CriticalSpeed(w, mode(w, k).whirl))
+    return sorted(found, key=lambda x: x.speed)
 
 
-def _turning(machine: Machine, option: str) -> str:
-    """The main drive's coordinate."""
+def turning(machine: Machine, option: str) -> str:
+    """The main drive's coordinate, which an option turns.
+
+    Raises
+    ------
+    InputError
+        If it is no angle, or nothing drives it.
+    """
     plan = machine.plan
-    if machine.main not in plan.prescribed or machine.main in plan.ideal.displacements:
+    driven = machine.main in plan.prescribed or machine.scene.drive is not None
+    if not driven or machine.main in plan.ideal.displacements:
         raise InputError(
-            f'{machine.name}: {option} needs a drive that prescribes an angle: give '
-            "'drive.coordinate' and 'drive.speed'"
+            f"{machine.name}: {option} needs a drive of an angle: give 'drive.coordinate', and "
+            "'drive.speed' or 'drive.torque'"
         )
     return machine.main
+
+
+def kept(machine: Machine) -> list[str]:
+    """The main coordinate if a torque moves it: then the torque is what its motion takes."""
+    return [machine.main] if machine.main in machine.plan.powered else []
 
 
 def _station(one: LinearMachine, speed: float) -> Station:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from mechanism_sim.cycles.measure_text import Measure
+from mechanism_sim.cycles.measure_text import Measure, read_all
 from mechanism_sim.cycles.measures import Measurement
 from mechanism_sim.scene import Machine
 
@@ -46,6 +46,13 @@ FIGURES = (
 """Numbers of a row, besides its steps, its digest and its status."""
 
 RESERVED = {*(c.name for c in FIGURES), 'run', 'steps', 'digest', 'status'}
+
+
+def of_sensors(machine: Machine, given: Sequence[Measure] = ()) -> list[Measure]:
+    """Root mean square and extreme of what every sensor reads, but for what is `given`."""
+    texts = [f'{f}(sensors.{name})' for name in machine.scene.sensors for f in ('rms', 'largest')]
+    known = {m.text for m in given}
+    return read_all([text for text in texts if text not in known], machine.name)
 
 
 def own_columns(machine: Machine, measures: Sequence[Measure] = ()) -> list[Column]:

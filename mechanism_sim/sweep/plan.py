@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
 from pathlib import Path
@@ -29,7 +29,7 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.statistics import BATCHES
-from mechanism_sim.sweep.figures import RESERVED, Column, own_columns
+from mechanism_sim.sweep.figures import RESERVED, Column, of_sensors, own_columns
 from mechanism_sim.sweep.schema import DesignPart, SweepFile
 from mechanism_sim.sweep.windows import Windows
 from mechanism_sim.units import Measure, to_si, to_si_like, to_si_text
@@ -76,6 +76,7 @@ class Run:
     values : what is swept, by dotted path, in SI units
     given : the same as the file has it
     key : a fingerprint of all that its row follows from
+    measures : what is measured, as ``NAME = TEXT`` or ``TEXT``
     """
 
     index: int
@@ -84,6 +85,7 @@ class Run:
     values: Mapping[str, float | str | bool | None]
     given: Mapping[str, Any]
     key: str
+    measures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -129,12 +131,15 @@ class Plan:
         return _hash(content)
 
 
-def read_plan(name: str, measures: Sequence[str] = ()) -> Plan:
+def read_plan(
+    name: str, measures: Sequence[str] = (), show: Callable[[str], None] | None = None
+) -> Plan:
     """The sweep of a file, or of one that comes with the package.
 
     Parameters
     ----------
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
+    show : called with how far it is
 
     Raises
     ------
@@ -159,7 +164,10 @@ def read_plan(name: str, measures: Sequence[str] = ()) -> Plan:
     own: dict[str, Column] = {}
     limits: dict[str, float] = {}
     measured: set[str] = set()
-    for one, point, values_drawn in product(file.runs or [{}], product(*grid), drawn):
+    listed, total = file.runs or [{}], math.prod(map(len, grid)) * len(drawn) * file.repeat
+    for one, point, values_drawn in product(listed, product(*grid), drawn):
+        if show:
+            show(f'{len(runs)} of {total * len(listed)} runs')
         given = {**one, **dict(point), **values_drawn}
         where = f'{path.name}: run {len(runs)}{_describe(given)}'
         try:
@@ -177,9 +185,10 @@ def read_plan(name: str, measures: Sequence[str] = ()) -> Plan:
                         machine.start_of_crank[0] + repetition * file.nudge
                     )
                 nudged = machine.scene
+                read = [] if windows else of_sensors(machine, taken)
                 if scene not in measured:
                     measured.add(scene)
-                    for column in own_columns(machine, taken):
+                    for column in own_columns(machine, [*taken, *read]):
                         own.setdefault(column.name, column)
                     limits |= _limits(path.name, file, own)
                 span(machine, extent.revolutions, extent.duration)
@@ -192,10 +201,11 @@ def read_plan(name: str, measures: Sequence[str] = ()) -> Plan:
                 values |= {REPEAT: repetition} if REPEAT in columns else {}
                 ordered = {c: values[c] for c in columns}
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
-                ruling += [list(kept)] if kept else []
-                ruling += [_measurement_keys(nudged)] if reads_sensors else []
+                asked = (*kept, *(m.text for m in read))
+                ruling += [list(asked)] if asked else []
+                ruling += [_measurement_keys(nudged)] if reads_sensors or read else []
                 key = _hash(ruling)
-                runs.append(Run(len(runs), base.stem, nudged, ordered, given, key))
+                runs.append(Run(len(runs), base.stem, nudged, ordered, given, key, asked))
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
     units = _units(columns, runs) | {f.path: f.unit for f in factors}

@@ -162,7 +162,7 @@ def _tasks(plan: Plan, bags: Path | None, cut: Mapping[int, Shard]) -> dict[str,
     for key, (run, *others) in sharing.items():
         bag = bags / f'run_{run.index:05d}.mcap' if bags else None
         files = tuple(cut[r.index] for r in (run, *others)) if cut else ()
-        tasks[key] = Task(key, run.name, run.scene, plan.extent, bag, files, plan.measures)
+        tasks[key] = Task(key, run.name, run.scene, plan.extent, bag, files, run.measures)
     return tasks
 
 

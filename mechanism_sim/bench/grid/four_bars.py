@@ -27,6 +27,7 @@ NOT_SEATED = ('no force presses', "or write 'start: centred'")
 
 
 _WHIRLS = 1000
+_DRAG = 3e4  # of a film's journal at the centre, over pi [N s/m]
 
 
 def pick(random: Random, values: Sequence[Any]) -> Any:
@@ -215,6 +216,44 @@ def _film(random: Random, k: int) -> Draft:
     return add_drive(random, found, kind, speeds=(0.7, 1.8))
 
 
+def _film_on_walls(random: Random, k: int) -> Draft:
+    """Thin films whose rough walls touch, rigid or not; beside a dry joint, or others of oil.
+
+    Steps of an explicit method go with ``viscosity radius (width/radial)^3`` [N s/m], which is
+    bounded here: thin films are those of small bearings and thin oil.
+    """
+    soft, others = k % 3 == 2, k // 3 % 3
+    known = random.permutation(len(JOINTS)).tolist()
+    play = {}
+    for i in known[: 2 if others == 2 else 1]:
+        width, radius = float(random.uniform(0.005, 0.03)), float(random.uniform(2e-3, 0.015))
+        viscosity = decades(random, -2.5, -0.7)
+        radial = (viscosity * radius * width**3 / _DRAG) ** (1.0 / 3.0) * decades(random, 0.0, 0.7)
+        contact: Scene = {
+            'law': 'film', 'viscosity': viscosity, 'width': width, 'radius': radius,
+            'roughness': radial * pick(random, (0.05, 0.1, 0.5, 0.9)),
+            'cavitation': pick(random, ('guembel', 'guembel', 'none')),
+        }  # fmt: skip
+        if soft:
+            contact |= {'stiffness': decades(random, 8.0, 10.0)}
+        play[JOINTS[i]] = {
+            'radial': radial,
+            'restitution': pick(random, RESTITUTIONS[:-1]),
+            'contact': contact,
+            'friction': pick(random, (0.0, 0.1, 0.3)),
+        }
+    if others == 1:
+        dry = JOINTS[known[2]]
+        e = (
+            compliant(random, pick(random, LAWS), friction=False)
+            if soft
+            else clearance(random, False)
+        )
+        play[dry] = e | {'restitution': min(e['restitution'], 0.9)}
+    found = base(random) | _loosen(play)
+    return add_drive(random, found, DRIVES[(0, 0, 1, 3)[k % 4]], speeds=(0.7, 1.8))
+
+
 def _start_in_bushing(random: Random, k: int) -> Draft:
     """A pin that starts anywhere in its bushing, at rates of its own."""
     found = base(random) | {'start': 'centred'}
@@ -253,5 +292,6 @@ FAMILIES = (
     Family('four_bar_compliant', 144, _soft, NOT_SEATED),
     Family('four_bar_compliant_joints', 24, _soft_several, NOT_SEATED),
     Family('four_bar_film', 24, _film, NOT_SEATED, 12),
+    Family('four_bar_film_walls', 36, _film_on_walls, NOT_SEATED, 12),
     Family('four_bar_placed', 36, _start_in_bushing, (), 6),
 )

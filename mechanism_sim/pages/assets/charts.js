@@ -2,12 +2,18 @@ import { bytes } from 'player';
 
 /* global Plotly */
 
-/** Unpacks plotly.js, which the page holds compressed: it is most of it. */
+/** Loads plotly.js: the page holds it compressed, as most of itself, or says where it is. */
 export async function loadPlotly() {
-  const packed = document.getElementById('plotly').textContent;
-  if (!packed) return;
-  const unpacked = new Blob([bytes(packed)]).stream().pipeThrough(new DecompressionStream('gzip'));
+  const { textContent: packed, dataset: { from } } = document.getElementById('plotly');
+  if (!packed && !from) return;
   const script = document.createElement('script');
+  if (from) {
+    script.src = from;
+    document.head.append(script);
+    await new Promise((done, failed) => Object.assign(script, { onload: done, onerror: failed }));
+    return;
+  }
+  const unpacked = new Blob([bytes(packed)]).stream().pipeThrough(new DecompressionStream('gzip'));
   script.textContent = await new Response(unpacked).text();
   document.head.append(script);
 }

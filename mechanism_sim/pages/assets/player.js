@@ -38,8 +38,10 @@ export class Recording {
     this.bearings = stage.bearings.length;
     this.joints = stage.joints.length;
     this.plays = stage.plays.length;
+    this.frames = stage.frames?.length ?? 0;
     this.moving = stage.joints.filter(({ foot }) => foot !== undefined).length;
     this.slides = stage.slides;
+    this.wide = this.poses.length / (this.t.length * this.links) || 3;
   }
 
   get start() { return this.t[0]; }
@@ -61,10 +63,11 @@ export class Recording {
         const [a, b] = [values[i * k * width + at], values[j * k * width + at]];
         return a + share * (b - a);
       }));
-    const poses = between(this.poses, this.links, 3);
+    const poses = between(this.poses, this.links, this.wide);
     for (let link = 0; link < this.links; link += 1) {
-      const at = link * 3 + 2;
-      const [a, b] = [this.poses[i * this.links * 3 + at], this.poses[j * this.links * 3 + at]];
+      const at = link * this.wide + 2;
+      const each = this.links * this.wide;
+      const [a, b] = [this.poses[i * each + at], this.poses[j * each + at]];
       poses[link][2] = a + share * (b - a - TURN * Math.round((b - a) / TURN));
     }
     return {
@@ -76,6 +79,7 @@ export class Recording {
       touching: Array.from(this.touching.subarray(i * this.plays, (i + 1) * this.plays)),
       forces: between(this.forces, this.joints, 2),
       feet: between(this.feet, this.moving, 2),
+      sway: between(this.sway, this.frames, 3),
       drive: this.drive[i] + share * (this.drive[j] - this.drive[i]),
       impacts: this.#impacts(t, glow),
     };

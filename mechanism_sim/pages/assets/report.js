@@ -1,17 +1,24 @@
 import { Charts, loadPlotly } from 'charts';
-import { Lens, Slit } from 'lens';
+import { Curves } from 'curves';
+import { keys } from 'keys';
+import { lensOf } from 'lens';
 import { Player, Recording } from 'player';
 import { Stage, words } from 'stage';
+import { zoomable } from 'zoom';
 
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
 const SLOWEST = 0.01; // that is offered where a turn does not need less
 const TURN = 4; // of ours [s], at the start
 const BINS = 600;
+const LAYERS = ['names', 'forces', 'paths'];
 
 const by = (id) => document.getElementById(id);
 const data = JSON.parse(by('data').textContent);
-const recording = new Recording(data);
-const stage = new Stage(by('stage'), data.stage);
+const family = [data, ...(data.family ?? [])];
+let chosen = data; // of the family
+let recording = new Recording(data);
+let stage = new Stage(by('stage'), data.stage);
+const curves = data.curves ? new Curves(by('curves'), data.curves) : null;
 const other = data.other ? new Recording(data.other) : null;
 const ghost = other ? new Stage(by('ghost'), data.other.stage) : null;
 let lens = null;
@@ -32,9 +39,11 @@ document.documentElement.dataset.ready = '1';
 
 function start() {
   player.speed = speeds();
+  by('family')?.addEventListener('input', () => become(Number(by('family').value)));
+  if (curves) name(0);
   ticks();
   choose(0);
-  stage.layer('names', false);
+  layers();
   by('play').addEventListener('click', toggle);
   by('back').addEventListener('click', () => step(-1));
   by('on').addEventListener('click', () => step(1));
@@ -44,22 +53,50 @@ function start() {
   });
   by('speed').addEventListener('change', () => { player.speed = Number(by('speed').value); });
   by('bearing')?.addEventListener('change', () => choose(Number(by('bearing').value)));
-  for (const name of ['names', 'forces', 'paths']) {
-    by(name)?.addEventListener('change', () => stage.layer(name, by(name).checked));
-  }
+  for (const layer of LAYERS) by(layer)?.addEventListener('change', layers);
   by('loop').addEventListener('click', () => loop(null));
   by('stage').addEventListener('pointerover', ({ target }) => {
     const { kind, link, label } = target.closest('g[data-kind]')?.dataset ?? {};
     charts?.light(kind === 'link' ? link : label || link);
   });
   by('stage').addEventListener('pointerleave', () => charts?.light());
-  document.addEventListener('keydown', key);
+  keys({ ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
+    Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) });
+  zoomable(by('stage'), () => [stage, ghost].filter(Boolean));
   window.addEventListener('beforeprint', () => charts?.paper());
   window.addEventListener('afterprint', () => charts?.screen());
 }
 
+function layers() {
+  for (const layer of LAYERS) if (by(layer)) stage.layer(layer, by(layer).checked);
+}
+
+function name(member) {
+  by('value').textContent = by('family').dataset.values.split('|')[member];
+  by('family').setAttribute('aria-valuetext', by('value').textContent);
+  curves.choose(member);
+}
+
+/** Shows another run of the family, as far on as this one. */
+function become(member) {
+  const share = (player.time - recording.start) / (recording.end - recording.start || 1);
+  chosen = family[member];
+  recording = new Recording(chosen);
+  const { box } = stage;
+  stage = new Stage(by('stage'), chosen.stage);
+  stage.trace(recording.turn());
+  stage.look(box);
+  layers();
+  name(member);
+  ticks();
+  player.frames = recording;
+  player.now = recording.start + share * (recording.end - recording.start);
+  choose(Number(by('bearing')?.value ?? 0));
+}
+
 function show(frame, shown) {
   stage.show(frame);
+  curves?.show(frame.t);
   lens?.show(frame);
   if (other) {
     const second = other.at(Math.min(frame.t, other.end), shown?.glow ?? 0);
@@ -118,23 +155,19 @@ function ticks() {
 }
 
 function choose(bearing) {
+  player.seek(player.time);
   if (!by('lens')) return;
-  lens = magnified('lens', data.stage, recording, bearing);
+  lens = magnified('lens', chosen.stage, recording, bearing);
   stage.callout(data.bearings[bearing]);
   if (other) beside = magnified('lens-other', data.other.stage, other, bearing);
   player.seek(player.time);
 }
 
-/** The lens over a bearing of a run, nothing where that has no such bearing. */
+/** The lens over a bearing of a run. */
 function magnified(id, shown, run, bearing) {
-  const [index, slit] = [shown.bearings, shown.plays]
-    .map((all) => all.findIndex(({ joint }) => joint === data.bearings[bearing]));
-  by(id).toggleAttribute('hidden', index < 0 && slit < 0);
-  if (slit >= 0) return new Slit(by(id), shown, slit);
-  if (index < 0) return null;
   const turns = shown.slides ? 1 : 3; // it may run slower than in the mean
   const span = data.turn ? turns * data.turn : Infinity;
-  return new Lens(by(id), shown, index, (t) => run.path(index, t, span));
+  return lensOf(by(id), shown, data.bearings[bearing], (index, t) => run.path(index, t, span));
 }
 
 /** Plays an interval [s] over and over, and shows it in charts; without one all. */
@@ -158,15 +191,4 @@ function step(count) {
 function seek(t) {
   player.playing = false;
   player.seek(t);
-}
-
-function key(event) {
-  if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const acts = { ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
-    Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) };
-  // what has the focus keeps its own keys
-  const own = event.key === ' ' ? 'button, select, input:not([type=range])' : 'select';
-  if (!(event.key in acts) || event.target.closest(own)) return;
-  event.preventDefault();
-  acts[event.key]();
 }

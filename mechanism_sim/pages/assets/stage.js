@@ -1,4 +1,4 @@
-import { add, arrow, line, quantity } from 'svg';
+import { add, arrow, line, onResize, quantity } from 'svg';
 
 /** Units of the drawing in a symbol, the size of a joint. */
 const SYMBOL = 10;
@@ -8,7 +8,7 @@ const OPEN = ['line', 'thin'];
 /**
  * @typedef {Object} Frame an instant; SI units, along the world's axes
  * @property {number} t
- * @property {number[][]} poses x, y and angle of each moving link
+ * @property {number[][]} poses x, y, angle and elastic coordinates of each moving link
  * @property {number[][]} pins centre of each loose pin less that of its bushing
  * @property {number[]} modes of contact, as in ModeChange
  * @property {number[][]} forces in each joint, of its first link on its second
@@ -23,13 +23,16 @@ export class Stage {
   constructor(svg, stage) {
     const [left, bottom, right, top] = stage.bounds;
     this.stage = stage;
+    this.frames = stage.frames ?? []; // on springs
     this.unit = stage.symbol / SYMBOL;
     this.corner = [left, top];
     this.links = new Map(stage.links.map((name, i) => [name, i]));
     svg.replaceChildren();
     svg.classList.add('stage');
-    svg.setAttribute('viewBox', [0, 0, (right - left) / this.unit, (top - bottom) / this.unit]
-      .map((x) => x.toFixed(2)).join(' '));
+    svg.classList.remove('zoomed');
+    this.all = [0, 0, (right - left) / this.unit, (top - bottom) / this.unit];
+    this.box = this.all;
+    svg.setAttribute('viewBox', this.all.map((x) => x.toFixed(2)).join(' '));
     svg.setAttribute('role', 'img');
     svg.setAttribute('aria-label', stage.title);
     this.svg = svg;
@@ -42,7 +45,16 @@ export class Stage {
       add(this.arrows[i], 'title').textContent = `force of ${words(joint.first)} on ${
         words(joint.link)} in ${words(joint.name)}`;
     });
-    new ResizeObserver(() => this.#measure()).observe(svg);
+    onResize(svg, () => this.#measure());
+    this.#measure();
+  }
+
+  /** Shows a part of the drawing: left, top, width and height. @param {number[]} box */
+  look(box) {
+    this.box = box;
+    this.svg.setAttribute('viewBox', box.map((x) => x.toFixed(4)).join(' '));
+    this.svg.classList.toggle('zoomed', box[2] < this.all[2]);
+    this.#rule();
     this.#measure();
   }
 
@@ -76,8 +88,9 @@ export class Stage {
   }
 
   /** A point of a link in the drawing. @returns {number[]} */
-  place(frame, link, [x, y]) {
-    const [x0, y0, angle] = this.#pose(frame, link);
+  place(frame, link, at) {
+    const [x0, y0, angle, ...bends] = this.#pose(frame, link);
+    const [x, y] = this.#bent(link, at, bends);
     const [c, s] = [Math.cos(angle), Math.sin(angle)];
     return this.point([x0 + c * x - s * y, y0 + s * x + c * y]);
   }
@@ -97,8 +110,25 @@ export class Stage {
       group.setAttribute('transform',
         `translate(${px.toFixed(3)} ${py.toFixed(3)}) rotate(${turn.toFixed(4)})`);
     }
-    for (const { path, ends } of this.springs) {
+    for (const { path, link, style, curves } of this.elastic) {
+      const bends = this.#pose(frame, link).slice(3);
+      path.setAttribute('d', outline(style, curves.map((curve) => curve.map(([x, y]) => {
+        const [u, v] = this.#bent(link, [x * this.unit, -y * this.unit], bends);
+        return [u / this.unit, -v / this.unit];
+      }))));
+    }
+    this.frames.forEach(({ name, cog }, k) => {
+      const [x, y] = this.point(this.#swayed(frame, k, cog));
+      const turn = ((-180 / Math.PI) * frame.sway[k][2]).toFixed(4);
+      const back = `${-cog[0] / this.unit} ${cog[1] / this.unit}`;
+      for (const group of this.swaying.get(name)) {
+        group.setAttribute('transform', `translate(${x} ${y}) rotate(${turn}) translate(${back})`);
+      }
+    });
+    for (const [i, { path, ends }] of this.springs.entries()) {
       const [from, to] = ends.map(([link, at]) => this.place(frame, link, at));
+      const k = this.frames.findIndex(({ springs }) => springs.includes(i));
+      if (k >= 0) [from[0], from[1]] = this.point(this.#swayed(frame, k, ends[0][1]));
       const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
       const far = SYMBOL / (Math.hypot(dx, dy) || 1);
       path.setAttribute('d', line(this.stage.coil.map(([share, aside]) => [
@@ -127,23 +157,45 @@ export class Stage {
     const { joint, second, on_second: on, link = second, at = on } = this.called;
     const foot = this.stage.joints.find(({ name }) => name === joint)?.foot;
     const [x, y] = foot === undefined ? this.place(frame, link, at) : this.point(frame.feet[foot]);
-    const { width, height } = this.svg.viewBox.baseVal;
-    const [dx, dy, r] = [0.5 * width - x, height - y, 1.6 * SYMBOL];
+    const [left, top, width, height] = this.box;
+    const [dx, dy, r] = [left + 0.5 * width - x, top + height - y, 1.6 * SYMBOL];
     const far = Math.hypot(dx, dy) || 1;
     this.line.setAttribute('d', `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0${
-      line([[x + (r * dx) / far, y + (r * dy) / far], [0.5 * width, height]])}`);
+      line([[x + (r * dx) / far, y + (r * dy) / far], [x + dx, y + dy]])}`);
   }
 
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
   #measure() {
     this.pixel = 1 / (this.svg.getScreenCTM()?.a || 1);
-    this.svg.style.setProperty('--pixel', this.pixel.toFixed(3));
+    this.svg.style.setProperty('--pixel', this.pixel.toFixed(4));
+    this.svg.style.setProperty('--whole', (this.pixel * (this.all[2] / this.box[2])).toFixed(4));
     if (this.frame) this.show(this.frame);
+  }
+
+  /** Where a point of a frame on springs is drawn [m]. */
+  #swayed(frame, k, [x, y]) {
+    const [dx, dy, angle] = frame.sway[k];
+    const [cx, cy] = this.frames[k].cog;
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    return [cx + dx + c * (x - cx) - s * (y - cy), cy + dy + s * (x - cx) + c * (y - cy)];
   }
 
   #pose(frame, link) {
     const i = this.links.get(link);
     return i === undefined ? [0, 0, 0] : frame.poses[i];
+  }
+
+  /** A point of an elastic link in its frame, as it is drawn at these elastic coordinates. */
+  #bent(link, [x, y], bends) {
+    const field = this.stage.bendings[link];
+    if (!field) return [x, y];
+    const on = Math.min(Math.max(x, 0), field.length);
+    const last = field.slope[0].length - 1;
+    const i = Math.min(Math.floor((on / field.length) * last), last - 1);
+    const share = (on / field.length) * last - i;
+    const [along, across, slope] = ['along', 'across', 'slope'].map((name) => field[name].reduce(
+      (sum, row, k) => sum + bends[k] * (row[i] + share * (row[i + 1] - row[i])), 0));
+    return [x + along - y * slope, y + across + (x - on) * slope];
   }
 
   #layer(name, count, element, attributes) {
@@ -154,6 +206,8 @@ export class Stage {
   #machine() {
     const machine = add(this.svg, 'g', { class: 'machine' });
     this.moving = [];
+    this.swaying = new Map(this.frames.map(({ name }) => [name, []]));
+    this.elastic = [];
     this.names = [];
     this.springs = this.stage.springs.map((ends) => ({
       path: add(machine, 'path', { class: 'line spring' }), ends,
@@ -172,32 +226,40 @@ export class Stage {
       'data-label': label,
       style: `--link: var(--link-${colour})` });
     if (this.links.has(link)) this.moving.push({ group, link });
+    else if (this.swaying.has(label) && kind === 'frame') this.swaying.get(label).push(group);
     else group.setAttribute('transform', `translate(${this.point([0, 0]).join(' ')})`);
-    for (const [style, curves] of paths) {
-      add(group, 'path', { class: style, d: curves.map((flat) => {
-        const points = [];
-        for (let i = 0; i < flat.length; i += 2) points.push([flat[i], -flat[i + 1]]);
-        return line(points, !OPEN.includes(style));
-      }).join('') });
+    for (const [style, flats] of paths) {
+      const curves = flats.map((flat) => Array.from({ length: flat.length / 2 },
+        (_, i) => [flat[2 * i], -flat[2 * i + 1]]));
+      const path = add(group, 'path', { class: style, d: outline(style, curves) });
+      if (this.stage.bendings[link]) this.elastic.push({ path, link, style, curves });
     }
     const named = kind === 'link' ? words(label) : [words(label), words(link)].find(Boolean);
     add(group, 'title').textContent = named;
   }
 
-  /** How long things are. */
+  /** How long things are, in the corner of what is shown and as large as ever. */
   #rule() {
+    const [left, top, width, height] = this.box;
+    const times = this.all[2] / width;
     const { length, text } = this.stage.scale;
-    const { height } = this.svg.viewBox.baseVal;
-    const rule = add(this.svg, 'g', { class: 'rule' });
-    const [x, y, far] = [0, height, length / this.unit];
-    add(rule, 'path', { class: 'line', d: line([[x, y - 4], [x, y], [far, y], [far, y - 4]]) });
-    add(rule, 'text', { x: far + 6, y }).textContent = text;
+    const shown = times > 1 ? below(length / times) : length;
+    const far = (shown * times) / this.unit;
+    const at = { transform: `translate(${left} ${top + height - (times > 1 ? 3 / times : 0)}) scale(${1 / times})` };
+    const hidden = this.rules?.at(-1).style.display;
+    this.rules?.forEach((rule) => rule.remove());
+    const rule = add(this.svg, 'g', { class: 'rule', ...at });
+    this.rules = [rule];
+    add(rule, 'path', { class: 'line', d: line([[0, -4], [0, 0], [far, 0], [far, -4]]) });
+    add(rule, 'text', { x: far + 6, y: 0 }).textContent = times > 1 ? quantity(shown, 'm') : text;
     if (!this.stage.force) return;
-    const long = (this.stage.force * this.stage.force_scale) / this.unit;
-    const forces = add(this.svg, 'g', { class: 'rule of-forces' });
-    const above = y - 2.4 * SYMBOL;
-    add(forces, 'path', { class: 'force', d: arrow([x, above - 3], [x + long, above - 3], 2.2) });
-    add(forces, 'text', { x: x + long + 6, y: above }).textContent = quantity(this.stage.force, 'N');
+    const force = times > 1 ? below(this.stage.force / times) : this.stage.force;
+    const long = (force * times * this.stage.force_scale) / this.unit;
+    const forces = add(this.svg, 'g', { class: 'rule of-forces', ...at });
+    this.rules.push(forces);
+    forces.style.display = hidden ?? '';
+    add(forces, 'path', { class: 'force', d: arrow([0, -2.4 * SYMBOL - 3], [long, -2.4 * SYMBOL - 3], 2.2) });
+    add(forces, 'text', { x: long + 6, y: -2.4 * SYMBOL }).textContent = quantity(force, 'N');
   }
 
   #name(names, { link, label, outline }) {
@@ -219,7 +281,7 @@ export class Stage {
     const angle = this.#pose(frame, link)[2];
     const [c, s] = [Math.cos(angle), Math.sin(angle)];
     const [ax, ay] = [(c * aside[0] - s * aside[1]) / far, -(s * aside[0] + c * aside[1]) / far];
-    const { width, height } = this.svg.viewBox.baseVal;
+    const [, , width, height] = this.all;
     const away = ax * (x - 0.5 * width) + ay * (y - 0.5 * height) < 0 ? -1 : 1;
     const room = 0.5 * BAR + 3 * this.pixel;
     const half = 3.6 * text.textContent.length * this.pixel; // of its width, about
@@ -254,6 +316,15 @@ export class Stage {
       flash.setAttribute('opacity', (1 - impact.age).toFixed(3));
     }
   }
+}
+
+const outline = (style, curves) => curves.map((curve) => line(curve, !OPEN.includes(style)))
+  .join('');
+
+/** The greatest of 1, 2 and 5 times a power of ten that is not above x. */
+function below(x) {
+  const ten = 10 ** Math.floor(Math.log10(x) + 1e-9);
+  return [5, 2, 1].find((times) => times * ten <= x * (1 + 1e-9)) * ten;
 }
 
 /** A name as people read it. */

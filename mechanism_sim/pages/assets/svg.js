@@ -37,6 +37,16 @@ export function arrow(from, to, thick) {
   return line(sides.map(([s, a]) => [from[0] + s * ux - a * uy, from[1] + s * uy + a * ux]), true);
 }
 
+const watched = new WeakMap();
+
+/** Calls `act` whenever an element changes its size, in place of what was called before. */
+export function onResize(element, act) {
+  watched.get(element)?.disconnect();
+  const watch = new ResizeObserver(act);
+  watch.observe(element);
+  watched.set(element, watch);
+}
+
 /**
  * A number with a unit of a size that people read, as '12.3 mN'.
  * @param {number} value @param {string} unit

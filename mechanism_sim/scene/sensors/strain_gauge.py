@@ -43,9 +43,8 @@ class Gauge:
     inputs = 1
 
     def __init__(self, mechanism: Mechanism, link: str, x: float, y: float) -> None:
-        beam = mechanism.beams[link]
-        self._shares = beam.strain(x, y)
-        self._used = [mechanism.coordinates.index(f'{link}.{name}') for name in beam.names]
+        self._shares = mechanism.beams[link].strain(x, y)
+        self._used = mechanism.amplitudes(link)
 
     def through(self, chain: Rational) -> Modes:
         """The system from what is read here to what comes out of a chain."""
@@ -104,7 +103,7 @@ register(
         'strain_gauge',
         StrainKeys,
         needs=('link',),
-        quantity=lambda sensor: 'strain',  # noqa: ARG005
+        quantity='strain',
         source=lambda machine, sensor: Gauge(
             machine.mechanism, sensor.link, *_fibre(machine, sensor)
         ),

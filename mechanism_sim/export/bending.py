@@ -1,0 +1,103 @@
+"""How elastic links are drawn: deformed, more than they are by a factor that drawings state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.export.scale import round_below
+from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.planar.mechanism import Mechanism
+
+STATIONS = 41
+"""Points along an axis from which viewers without shape functions draw."""
+
+_VISIBLE, _MOST = 0.04, 1000.0
+"""How much of a machine's size the largest deflection covers, if it need not grow by more."""
+
+
+@dataclass(frozen=True)
+class Bending:
+    """The field of displacements of a link, linear in its elastic coordinates.
+
+    What is magnified is the distance of the axis from the straight line through the outermost
+    joints of the link (from the parallel through a single one), so that these stay where they are.
+
+    Attributes
+    ----------
+    ends : places [m] of these joints along the axis
+    magnified : how many times as large deformations are shown
+    """
+
+    beam: Beam
+    ends: tuple[float, float]
+    magnified: float = 1.0
+
+    def fields(self, x: Array) -> tuple[Array, Array, Array]:
+        """Displacements along and across the axis, and slopes, at places x (k,): (n, k) each."""
+        beam, m = self.beam, self.magnified
+        modes = len(beam.names) - beam.stretch
+
+        def at(x: Array) -> Array:
+            none = np.zeros((len(beam.names), len(x)))
+            none[modes:] = beam.elongation(x)
+            return np.stack([none, np.pad(beam.deflection(x), ((0, beam.stretch), (0, 0)))])
+
+        first, last = np.array(self.ends)
+        base, top = at(np.array([first, last])).transpose(2, 0, 1)[..., None]
+        rate = (top - base) / (last - first) if last > first else 0.0 * base
+        (along, across) = m * at(x) - (m - 1.0) * (base + rate * (x - first))
+        slope = m * np.pad(beam.deflection(x, 1), ((0, beam.stretch), (0, 0)))
+        return along, across, slope - (m - 1.0) * rate[1]
+
+    def moved(self, points: Array, amplitudes: Array) -> Array:
+        """Points (k, 2) [m] of the link's frame when its coordinates are (N, n): (N, k, 2)."""
+        x = np.clip(points[:, 0], 0.0, self.beam.length)
+        along, across, slope = self.fields(x)
+        across = across + (points[:, 0] - x) * slope
+        shifts = np.stack([along - points[:, 1] * slope, across], axis=-1)
+        return np.asarray(points + np.tensordot(amplitudes, shifts, 1))
+
+    def to_json(self) -> dict[str, Any]:
+        """The fields at stations evenly along the axis."""
+        named = zip(('along', 'across', 'slope'), self.fields(self._stations), strict=True)
+        return {'length': self.beam.length, **{name: x.tolist() for name, x in named}}
+
+    @property
+    def _stations(self) -> Array:
+        return np.linspace(0.0, self.beam.length, STATIONS)
+
+    def largest(self, amplitudes: Array) -> float:
+        """The largest distance [m] that is magnified, of coordinates (N, n)."""
+        along, across, _ = replace(self, magnified=2.0).fields(self._stations)
+        true = replace(self, magnified=1.0).fields(self._stations)
+        bent = np.hypot(amplitudes @ (along - true[0]), amplitudes @ (across - true[1]))
+        return float(np.nanmax(bent, initial=0.0))
+
+
+def bendings(
+    mechanism: Mechanism, q: Array, size: float, magnified: float = 0.0
+) -> dict[str, Bending]:
+    """How the elastic links of a mechanism are drawn whose coordinates go through q (n, N).
+
+    Parameters
+    ----------
+    size : of the machine [m]
+    magnified : 0: so that bending is visible, a round number
+    """
+    found: dict[str, Bending] = {}
+    for link, beam in mechanism.beams.items():
+        sides = [
+            side for j in mechanism.joints
+            for side in ((j.first, j.on_first), (j.second, j.on_second))
+        ]  # fmt: skip
+        places = [min(max(at[0], 0.0), beam.length) for name, at in sides if name == link]
+        found[link] = Bending(beam, (min(places, default=0.0), max(places, default=0.0)))
+    if not magnified:
+        bent = [x.largest(q[mechanism.amplitudes(link)].T) for link, x in found.items()]
+        share = max(bent, default=0.0) / size
+        magnified = round_below(min(max(_VISIBLE / share, 1.0), _MOST)) if share else 1.0
+    return {link: replace(x, magnified=magnified) for link, x in found.items()}

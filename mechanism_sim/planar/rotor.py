@@ -1,0 +1,181 @@
+"""Rotors: a link on a shaft or in supports that give way, whose axis moves and tilts a little.
+
+The axis is that of a shaft without mass, square to the plane of the machine. Its coordinates
+come in pairs, along x and y: the disk's centre, the slope of the axis there (out of the direction
+in which it rests, towards x and y), and each support that has a mass. With the pairs as complex
+numbers ``r = x + i y``, the spin W and the diametral and polar moments of inertia ``I_d``, ``I_p``
+their equations are
+
+    M r'' + C r' + C_i (r' - i W r) + K r - i W I_p e e^T r' = forces
+
+with e the unit vector of the slope, and K and C of their own along x and y. External damping C
+acts against the motion in the ground, internal damping ``C_i`` in the shaft against that in a
+frame that turns with it, so that it feeds a whirl slower than the spin; the disk's spin pays for
+it. The gyroscopic moment does no work. All is of the first order in the tilt (G. Genta, Dynamics
+of Rotating Systems, 2005, sections 2.4, 2.5 and 4.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+
+if TYPE_CHECKING:
+    from mechanism_sim.planar.frames import Frames
+    from mechanism_sim.planar.mechanism import Point
+
+Array: TypeAlias = NDArray[np.float64]
+Rows: TypeAlias = tuple[tuple[float, ...], ...]
+GROUND, SLOPE = 'ground', 'tilt'
+
+
+@dataclass(frozen=True)
+class Support:
+    """What a support does to the shaft, by pair: minus ``stiffness r + damping r'``."""
+
+    stiffness: Rows  #: (2, p) along x and along y [N/m, N/rad]
+    damping: Rows  #: (2, p) [N s/m, N s/rad]
+    rigid: bool = False  #: whether this is the force of the shaft, with its internal damping
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """What gives way of a link that turns with a shaft; p pairs of coordinates.
+
+    Attributes
+    ----------
+    pairs : their names; that of the disk's centre is empty
+    stiffness, damping : (2, p, p) along x and along y
+    internal : (p, p) damping in the shaft
+    diametral, polar : moments of inertia of the disk [kg m^2]
+    lumps : masses of supports [kg], with the pairs that move them (p,)
+    place : where the undeformed axis is in the world [m]
+    relaxation : of the shaft, its internal damping over its stiffness [s]
+    """
+
+    pairs: tuple[str, ...]
+    stiffness: tuple[Rows, Rows]
+    damping: tuple[Rows, Rows]
+    internal: Rows
+    diametral: float
+    polar: float
+    lumps: tuple[tuple[float, tuple[float, ...]], ...]
+    supports: tuple[tuple[str, Support], ...]
+    place: tuple[float, float] = (0.0, 0.0)
+    relaxation: float = 0.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``SUPPORT_x``, ..."""
+        return tuple(f'{pair}_{axis}' if pair else axis for pair in self.pairs for axis in 'xy')
+
+    @property
+    def angles(self) -> tuple[str, ...]:
+        """Those that are angles."""
+        return tuple(f'{pair}_{axis}' for pair in self.pairs if pair == SLOPE for axis in 'xy')
+
+    @property
+    def mass(self) -> float:
+        """Of the supports [kg]."""
+        return sum(mass for mass, _ in self.lumps)
+
+    def moved(self, link: str, shares: Sequence[float] = (1.0,)) -> Point:
+        """How a point of the axis moves that pairs move by these shares; the disk's centre."""
+        found: Point = {}
+        for pair, share in zip(self.pairs, shares, strict=False):
+            if share:
+                x, y = (f'{link}.{pair}_{a}' if pair else f'{link}.{a}' for a in 'xy')
+                found |= {(GROUND, x): (share, 0.0), (GROUND, y): (0.0, share)}
+        return found
+
+    def particles(self, link: str) -> Iterator[tuple[float, Point]]:
+        """Masses [kg] beside the disk and their points.
+
+        Those of the tilt are points of the axis a metre from the disk, which have together neither
+        a mass nor a momentum.
+        """
+        axis: Point = {(GROUND, None): self.place}
+        for mass, shares in self.lumps:
+            yield mass, axis | self.moved(link, shares)
+        if self.diametral and SLOPE in self.pairs:
+            tilt = [float(pair == SLOPE) for pair in self.pairs]
+            for share, place in ((0.5, 1.0), (0.5, -1.0), (-1.0, 0.0)):
+                yield share * self.diametral, axis | self.moved(link, [place * x for x in tilt])
+
+    def forces(self, link: str, frames: Frames) -> RotorForces:
+        """What the rotor does to its coordinates."""
+        return RotorForces(self, link, frames)
+
+    def support_force(self, name: str, q: Array, v: Array, spin: Array) -> Array:
+        """Force (2, N) [N] of a support on the shaft.
+
+        Parameters
+        ----------
+        q, v : coordinates and their rates (2 p, N), in the order of `names`
+        spin : of the disk (N,) [rad/s]
+        """
+        support = dict(self.supports)[name]
+        r, dr = (u.reshape(len(self.pairs), 2, -1).swapaxes(0, 1) for u in (q, v))
+        if support.rigid:
+            r = r + self.relaxation * (dr - spin * np.array([-r[1], r[0]]))
+        parts = zip(support.stiffness, r, support.damping, dr, strict=True)
+        return -np.array([np.asarray(k) @ x + np.asarray(c) @ u for k, x, c, u in parts])
+
+
+class RotorForces:
+    """The forces of a rotor as symbols, on the left-hand side of its equations of motion.
+
+    Attributes
+    ----------
+    elastic, other : by coordinate, those of stiffness, and those that depend on rates
+    energy, loss : [J], [W]
+    """
+
+    def __init__(self, rotor: Rotor, link: str, frames: Frames) -> None:
+        p, v = frames.parameters, frames.v
+        names = [
+            [f'{link}.{pair}_{axis}' if pair else f'{link}.{axis}' for pair in rotor.pairs]
+            for axis in 'xy'
+        ]
+        self.elastic: dict[str, Term] = {}
+        self.other: dict[str, Term] = {}
+        self.energy: Term = None
+        self.loss: Term = None
+        spin, half = v[link], hy.expression(0.5)
+        slips: list[list[Term]] = []
+        for own, crossed, sign in ((names[0], names[1], 1.0), (names[1], names[0], -1.0)):
+            slips.append([
+                add(v[a], mul(hy.expression(sign), mul(spin, frames.q[b])))
+                for a, b in zip(own, crossed, strict=True)
+            ])  # fmt: skip
+        torque: Term = None
+        for axis in (0, 1):
+            for i, c in enumerate(names[axis]):
+                key = f'links:{c}'
+                held, damped, inner = None, None, None
+                for j, other in enumerate(names[axis]):
+                    k = p(f'{key}.stiffness.{j}', rotor.stiffness[axis][i][j])
+                    d = p(f'{key}.damping.{j}', rotor.damping[axis][i][j])
+                    held = add(held, mul(k, frames.q[other]))
+                    damped = add(damped, mul(d, v[other]))
+                    rub = p(f'{key}.internal_damping.{j}', rotor.internal[i][j])
+                    inner = add(inner, mul(rub, slips[axis][j]))
+                self.elastic[c], self.other[c] = held, add(damped, inner)
+                self.energy = add(self.energy, mul(half, mul(held, frames.q[c])))
+                self.loss = add(self.loss, mul(damped, v[c]), mul(inner, slips[axis][i]))
+                lever = mul(inner, frames.q[names[1 - axis][i]])
+                torque = add(torque, lever if axis == 0 else neg(lever))
+        self.other[link] = torque
+        if SLOPE in rotor.pairs:
+            k = rotor.pairs.index(SLOPE)
+            gyroscopic = mul(p(f'links:{link}.polar_inertia', rotor.polar), spin)
+            x, y = names[0][k], names[1][k]
+            self.other[x] = add(self.other[x], mul(gyroscopic, v[y]))
+            self.other[y] = add(self.other[y], neg(mul(gyroscopic, v[x])))

@@ -1,0 +1,99 @@
+"""Links that lean out of their plane: small rotations about two axes fixed in the link.
+
+A link leans by s = (s_x, s_y), the inclinations of its normal along the axes of its frame. Its
+point at r in its plane, from the centre of gravity, and z above, is then in the link's frame at
+
+    r + z s - s (s.r)/2    and    z - s.r    above.
+
+Rotations are taken to the second order, and kinetic and potential energy with them, so that the
+equations are exact to the first order in s: with gyroscopic and centrifugal terms, and with what
+forces in the plane do to a link that leans. Moments in the plane are taken as semitangential
+(H. Ziegler, Principles of Structural Stability, 1968): they do no work on s. The centre of gravity
+stays in its plane.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+Vector2 = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """What holds a rigid link in its plane, and what it takes to turn out of it.
+
+    Its interface is that of `mechanism_sim.planar.elastic.Beam`.
+    """
+
+    mass: float  #: [kg]
+    cog: Vector2  #: [m] in the link's frame
+    inertia: tuple[float, float, float]  #: [kg m^2] about x, y and normal of the link, at the cog
+    rigidity: Vector2  #: [N m/rad] against rotation about the link's x and y axes
+    damping: float = 0.0  #: ratio of critical damping of each rotation by itself
+    spin: float = 0.0  #: [kg m^2] that turns with the link in the plane, but does not lean
+
+    names = 'tilt_x', 'tilt_y'
+
+    @cached_property
+    def _moments(self) -> tuple[float, float, float]:
+        """Second moments of the mass along x, y, z [kg m^2], none of them less than nothing."""
+        total = 0.5 * sum(self.inertia)
+        x, y, z = (max(0.0, total - own) for own in self.inertia)
+        return x, y, z
+
+    @property
+    def particles(self) -> tuple[tuple[float, tuple[float, float, float]], ...]:
+        """Masses [kg] and their points [m] that stand for the link, the third above its plane."""
+        share, (x, y) = self.mass / 6.0, self.cog
+        a, b, c = (math.sqrt(3.0 * moment / self.mass) for moment in self._moments)
+        off = (a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c)
+        return tuple(
+            (share, (x + sign * u, y + sign * v, sign * w))
+            for u, v, w in off
+            for sign in (1.0, -1.0)
+        )
+
+    def arms(self, at: Vector2) -> dict[tuple[str, ...], Vector2]:
+        """How a point of the link's plane moves in the link's frame, by products of coordinates.
+
+        Parameters
+        ----------
+        at : [m] in the link's frame
+        """
+        x, y = at[0] - self.cog[0], at[1] - self.cog[1]
+        p, q = self.names
+        found = {(p, p): (-0.5 * x, 0.0), (p, q): (-0.5 * y, -0.5 * x), (q, q): (0.0, -0.5 * y)}
+        return {names: d for names, d in found.items() if d != (0.0, 0.0)}
+
+    def slopes(self, _: Vector2) -> dict[str, float]:
+        """The link does not turn in the plane by leaning."""
+        return {}
+
+    @property
+    def rising(self) -> dict[str, float]:
+        """Moment of inertia [kg m^2] of the motion out of the plane, by coordinate."""
+        return dict(zip(self.names, self._moments, strict=False))
+
+    @property
+    def stiffness(self) -> dict[str, float]:
+        """Of each coordinate [N m/rad]: leaning along x is a rotation about y."""
+        return dict(zip(self.names, self.rigidity[::-1], strict=True))
+
+    @property
+    def frequencies(self) -> dict[str, float]:
+        """Natural angular frequency [rad/s] of each coordinate while the link rests."""
+        about_x, about_y, _ = self.inertia
+        pairs = zip(self.stiffness.items(), (about_y, about_x), strict=True)
+        return {name: math.sqrt(k / own) for (name, k), own in pairs}
+
+    @property
+    def resistance(self) -> dict[str, float]:
+        """Damping of each coordinate [N m s/rad]."""
+        rates = self.frequencies
+        return {
+            name: 2.0 * self.damping * k / rates[name] if k else 0.0
+            for name, k in self.stiffness.items()
+        }

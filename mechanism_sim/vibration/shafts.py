@@ -1,0 +1,99 @@
+"""The stiffness of a shaft in its supports, as the disk and the heavy supports feel it.
+
+The shaft is a beam of Euler and Bernoulli without mass, so that its own places follow from those
+of the disk and of the supports that have a mass (static condensation, exact here).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-12  # of a stiffness
+
+
+@dataclass(frozen=True)
+class Bearing:
+    """A support of a shaft in one plane."""
+
+    along: float  #: [m] from the disk
+    stiffness: float = np.inf  #: [N/m]; infinite for one that does not give way
+    kept: bool = False  #: whether its displacement stays a coordinate
+    clamped: bool = False  #: whether the shaft cannot tilt there
+
+
+def beam(rigidity: float, length: float) -> Array:
+    """Stiffness (4, 4) of a beam for its ends' deflections and slopes, w1, s1, w2, s2.
+
+    Parameters
+    ----------
+    rigidity : E I [N m^2]
+    """
+    L = length
+    return (rigidity / L**3) * np.array([
+        [12.0, 6.0 * L, -12.0, 6.0 * L],
+        [6.0 * L, 4.0 * L**2, -6.0 * L, 2.0 * L**2],
+        [-12.0, -6.0 * L, 12.0, -6.0 * L],
+        [6.0 * L, 2.0 * L**2, -6.0 * L, 4.0 * L**2],
+    ])  # fmt: skip
+
+
+def condensed(
+    rigidity: float, bearings: Sequence[Bearing], tilts: bool
+) -> tuple[Array, list[Array]] | None:
+    """Stiffness for the deflection of the disk, its slope, and the supports that are kept.
+
+    Parameters
+    ----------
+    rigidity : E I [N m^2]
+    tilts : whether the slope at the disk is a coordinate
+
+    Returns
+    -------
+    (p, p) [N/m, N m/rad], without the stiffness of the supports that are kept; of each support the
+    row (p,) of minus its force on the shaft, zero where it is kept. None if the supports do not
+    hold the shaft.
+    """
+    places = sorted({0.0, *(b.along for b in bearings)})
+    at = {z: 2 * i for i, z in enumerate(places)}
+    K = np.zeros((2 * len(places), 2 * len(places)))
+    for (z, i), (after, _) in zip(at.items(), list(at.items())[1:], strict=False):
+        K[i : i + 4, i : i + 4] += beam(rigidity, after - z)
+    shaft = K.copy()
+    kept, fixed = [at[0.0], *([at[0.0] + 1] if tilts else [])], []
+    for b in bearings:
+        if b.kept:
+            kept.append(at[b.along])
+        elif np.isinf(b.stiffness):
+            fixed.append(at[b.along])
+        else:
+            K[at[b.along], at[b.along]] += b.stiffness
+        if b.clamped:
+            fixed.append(at[b.along] + 1)
+    rest = [i for i in range(len(K)) if i not in kept and i not in fixed]
+    inner = K[np.ix_(rest, rest)]
+    if rest:
+        size = np.sqrt(np.diag(inner))
+        if np.linalg.eigvalsh(inner / np.outer(size, size)).min() < ROUNDING:
+            return None
+    moves = np.zeros((len(K), len(kept)))  # all places, from those that are kept
+    moves[kept, range(len(kept))] = 1.0
+    moves[rest] = -np.linalg.solve(inner, K[np.ix_(rest, kept)])
+    found = moves.T @ K @ moves
+    stiff = np.sqrt(np.diag(K)[kept])
+    found[np.abs(found) < ROUNDING * np.outer(stiff, stiff)] = 0.0
+    rows = []
+    for b in bearings:
+        i = at[b.along]
+        if b.kept:
+            rows.append(np.zeros(len(kept)))
+        elif np.isinf(b.stiffness):
+            rows.append(-(shaft[i] @ moves))
+        else:
+            rows.append(b.stiffness * moves[i])
+    return (found + found.T) / 2.0, rows
