@@ -61,6 +61,7 @@ _BEYOND = 1e3  # times the rounding of a guard: more did not fall at the same in
 _ROUNDING_FORCE = 1e-9  # [N] by which rounding may leave a contact outside of its friction cone
 
 _RUBBED, _MOST_RUBBED = 1e-13, 200  # of impulses that friction in ideal joints changes
+_ROUGHLY_RUBBED = 1e-9  # the same, where rounding goes on turning a slip over
 
 
 class Contacts(Switching):
@@ -493,10 +494,13 @@ class Contacts(Switching):
             if not x.any():
                 break
             lost = loss(rubs, x, T)
-            if np.abs(x - before).max() <= _RUBBED * np.abs(x).max():
+            if (left := np.abs(x - before).max() / np.abs(x).max()) <= _RUBBED:
                 break
             self._arrays[0][:], before = plain, x
             T = with_friction(self._problem, rubs, x, T)
+        else:
+            if left > _ROUGHLY_RUBBED:
+                raise self._rubbed_fast()
         return lost
 
     @property
