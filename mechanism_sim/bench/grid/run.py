@@ -17,6 +17,7 @@ from mechanism_sim.bench.grid import (
     linkages,
     machines,
     rotors,
+    tilted,
     trains,
 )
 from mechanism_sim.bench.grid.case import Family, GridCase, Outcome, run_case
@@ -28,7 +29,7 @@ _CHUNK = 6  # neighbouring cases that one process runs, for what it has compiled
 
 FAMILIES: tuple[Family, ...] = tuple(
     family
-    for module in (four_bars, machines, linkages, cams, trains, elastic, rotors)
+    for module in (four_bars, machines, linkages, cams, trains, elastic, rotors, tilted)
     for family in module.FAMILIES
 )
 
