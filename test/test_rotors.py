@@ -365,6 +365,13 @@ def test_a_rotor_without_geometry_has_the_same_modes_everywhere():
         assert [TURN * m.frequency for m in modes(machine)] == pytest.approx(expected, **EXACT)
 
 
+def test_a_rigid_machine_has_no_shafts_that_give_way():
+    rigid = ms.load_scene('overhung_rotor').rigid
+    assert not rigid.plan.ideal.rotors
+    assert not rigid.torque_driven
+
+
+@pytest.mark.deep
 def test_a_crank_on_supports_that_give_way_must_turn_as_on_rigid_ones():
     supports = {'both': {'stiffness': '10 N/um'}}
     crank = {'rotor': ['ground', 'crank'], 'supports': supports}
