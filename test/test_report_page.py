@@ -501,6 +501,28 @@ def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
     assert not tab.page.locator('#stage .paths path').is_visible()
 
 
+def test_a_frame_on_springs_sways_as_much_as_the_page_says(tab, tmp_path):
+    """Its picture, less the magnification, is what the frame's own equations give then."""
+    run = show(tab, tmp_path, 'four_bar_on_frame', revolutions=1)
+    (times,) = run.stage.sways.values()
+    assert f'{times:g} times' in tab.page.locator('#machine .text').inner_text()
+    frame = run.record.machine.oscillator('frame').take(run.record.history)
+    part = run.record.machine.scene.oscillators['frame']
+    unit = run.stage.skeleton.symbol / 10.0
+    seen = []
+    for share in (0.2, 0.5, 0.8):
+        t = scrub(tab.page, share)
+        drawn = tab.page.locator('#stage g[data-kind=frame]').get_attribute('transform')
+        x, y, angle = (float(n) for n in re.findall(r'-?[\d.]+(?:e-?\d+)?', drawn)[:3])
+        place = run.stage.low[0] + unit * x, run.stage.high[1] - unit * y
+        true = frame(t).position[:, 0]
+        moved = [*(np.array(place) - part.cog), -math.radians(angle)]
+        assert moved == pytest.approx((times * true).tolist(), rel=2e-2, abs=1e-6)
+        seen.append(moved[1])
+    assert np.ptp(seen) > 0.1 * run.stage.skeleton.symbol
+    assert tab.complaints == []
+
+
 @pytest.mark.deep
 def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
     """350 turns, 17,000 impacts: less than 10 MB, and the last instant is there."""
