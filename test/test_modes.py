@@ -587,7 +587,7 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match='a spring whose ends meet has no direction'):
         modes(scene(
             links={'a': {'mass': 1.0}}, joints={'g': {'prismatic': ['ground', 'a']}},
-            springs={'s': {'between': ['ground', 'a'], 'stiffness': '9 N/m'}},
+            springs={'s': {'between': ['ground', 'a'], 'stiffness': '9 N/m', 'free_length': 0.1}},
         ))  # fmt: skip
     source = read_source(machine, base='base')
     for name in ('speed.mass', 'position.mas', 'reaction.ground_mass', 'reaction.g.x'):

@@ -10,6 +10,7 @@ import mechanism_sim as ms
 from mechanism_sim.cycles.columns import columns_of
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.build import build
+from mechanism_sim.scene.check import check
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.study.harmonics import harmonics, unbalance_response
 from mechanism_sim.study.modes import campbell, critical_speeds, modes
@@ -362,6 +363,26 @@ def test_a_rotor_without_geometry_has_the_same_modes_everywhere():
     expected = [math.sqrt(k / MASS) for k in (2e5, 3e5)]
     for machine in (whole, split):
         assert [TURN * m.frequency for m in modes(machine)] == pytest.approx(expected, **EXACT)
+
+
+def test_a_rigid_machine_has_no_shafts_that_give_way():
+    rigid = ms.load_scene('overhung_rotor').rigid
+    assert not rigid.plan.ideal.rotors
+    assert not rigid.torque_driven
+
+
+@pytest.mark.deep
+def test_a_crank_on_supports_that_give_way_must_turn_as_on_rigid_ones():
+    supports = {'both': {'stiffness': '10 N/um'}}
+    crank = {'rotor': ['ground', 'crank'], 'supports': supports}
+    content = ms.load_scene('slider_crank').scene.model_dump(exclude_unset=True)
+    content['joints'] = content['joints'] | {'ground_crank': crank}
+    machine = build('crank', Scene.model_validate(content))
+    assert check(machine).level == 'smooth dynamics'
+    content['links']['rod']['length'] = 0.045  # shorter than the crank
+    content['guess'] = {'rod': 0.0, 'piston': 0.09}
+    with pytest.raises(InputError, match='crank'):
+        check(build('short', Scene.model_validate(content)))
 
 
 def test_a_mode_of_a_rotor_at_rest_has_no_sense_of_whirl():

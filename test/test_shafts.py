@@ -12,6 +12,8 @@ from mechanism_sim.analysis.loads import BearingCollector
 from mechanism_sim.cycles.cycle import cycle
 from mechanism_sim.errors import InputError
 from mechanism_sim.gears.forces import WormPair, pitch_angles
+from mechanism_sim.messages import BearingLoads, deserialize
+from mechanism_sim.nodes.publications import bearing_loads
 from mechanism_sim.scene.check import check
 from mechanism_sim.scene.files import check_scene
 
@@ -200,6 +202,27 @@ def test_all_forces_on_a_shaft_are_in_balance_in_space(tmp_path, seed):
     teeth = np.array([[-s, -c], [c, -s]]) @ on_output[:2]
     assert both == pytest.approx(-teeth + [0.0, 2 * GRAVITY], rel=1e-9, abs=1e-9)
     assert found['bearing_force.output_shaft.a.axial'][0] == pytest.approx(-on_output[2])
+
+
+def test_a_message_says_what_the_bearings_of_each_shaft_carry():
+    """Both together the reaction of the plane; along the shaft opposite forces on both gears."""
+    machine = ms.load_scene('helical_shafts')
+    t = np.array([0.01, 0.02])
+    seen = ms.simulate(machine, duration=0.03).samples(t)
+    write = bearing_loads(machine, 'world')
+    messages = [deserialize(x, BearingLoads) for x in write(t, seen.observed, seen.modes)]
+    assert [(m.joint, m.time) for m in messages] == [
+        (joint, x) for joint in ('pinion_shaft', 'wheel_shaft') for x in t
+    ]
+    for m in messages:
+        k = machine.physics.joints.index(m.joint)
+        x, y = seen.observed.reaction[k][:, t.tolist().index(m.time)]
+        assert [sum(m.force_x), sum(m.force_y)] == pytest.approx([x, y], rel=1e-12)
+        assert m.bearings == ['left', 'right']
+    axial = np.array([m.axial_force for m in messages])
+    assert (axial[:2, 1] == 0.0).all()
+    assert (axial[2:, 0] == 0.0).all()
+    assert axial[:2, 0] == pytest.approx(-axial[2:, 1], rel=1e-12)
 
 
 def found_xy(found, head):

@@ -21,7 +21,9 @@ from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, assemble, closed_four_bar
 from mechanism_sim.scene.elastic_links import stiffened
+from mechanism_sim.scene.joint_keys import KINDS
 from mechanism_sim.scene.model import MachineModel
+from mechanism_sim.scene.schema import JointPart
 from mechanism_sim.units import Measure
 
 
@@ -73,7 +75,7 @@ class NominalModel(MachineModel):
 
     @cached_property
     def rigid(self) -> Self:
-        """The same machine with rigid links."""
+        """The same machine with rigid links, and shafts that do not give way."""
         elastic = self.plan.ideal.deformations
         if not elastic:
             return self
@@ -83,7 +85,13 @@ class NominalModel(MachineModel):
             kind: {c: x for c, x in getattr(scene.initial, kind).items() if c not in elastic}
             for kind in ('position', 'velocity')
         }
-        changed = {'links': links, 'initial': scene.initial.model_copy(update=given)}
+        joints = {
+            name: JointPart.model_validate({'revolute': j.points}) if KINDS[j.kind].rotor else j
+            for name, j in scene.joints.items()
+        }
+        changed = {
+            'links': links, 'joints': joints, 'initial': scene.initial.model_copy(update=given),
+        }  # fmt: skip
         return replace(self, scene=scene.model_copy(update=changed))
 
     @property

@@ -265,7 +265,7 @@ def linearised(
     except FloatingPointError:
         raise InputError(
             f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
-            "spring whose ends meet has no direction (set them apart, with a 'free_length'), and "
+            'spring whose ends meet has no direction (set them apart, or free_length to 0), and '
             'a formula may be out of its range'
         ) from None
     if at is None and not speed and machine.main in machine.plan.powered:
