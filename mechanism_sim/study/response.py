@@ -19,7 +19,7 @@ from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.places import Places
 from mechanism_sim.study import frames
-from mechanism_sim.study.modes import LinearMachine, linearised
+from mechanism_sim.study.modes import LinearMachine, derivatives, kept, linearised, turning
 
 ComplexArray = NDArray[np.complex128]
 
@@ -115,7 +115,11 @@ def read_source(
 
 
 def response(
-    machine: Machine, source: Source, quantities: Sequence[str], frequency: Array
+    machine: Machine,
+    source: Source,
+    quantities: Sequence[str],
+    frequency: Array,
+    speed: float = 0.0,
 ) -> FrequencyResponse:
     """The frequency response of quantities to a source.
 
@@ -124,6 +128,7 @@ def response(
     quantities : ``position.COORDINATE``, ``velocity.``, ``acceleration.``, ``reaction.JOINT.x``,
         ``reaction.JOINT.y``; the first of every free coordinate if empty
     frequency : (N,) [Hz]
+    speed : of the main drive, which turns steadily [rad/s]
 
     Raises
     ------
@@ -141,7 +146,11 @@ def response(
                 f"{machine.name}: '{quantity}': a frame answers to a force on itself, as --force "
                 'FRAME, and to its machine by --harmonics'
             )
-    one = linearised(machine, source.excitation)
+    known = None
+    if speed:
+        turning(machine, '--speed')
+        known = derivatives(machine, source.excitation, kept(machine))
+    one = linearised(machine, source.excitation, speed=speed, known=known)
     names = quantities or [f'position.{one.derivatives.coordinates[i]}' for i in one.independent]
     units = {name: unit_of(one, name) for name in names}
     w = 2.0 * np.pi * np.asarray(frequency, float)
