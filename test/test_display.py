@@ -248,6 +248,25 @@ def test_lenses_of_other_plays_show_what_is_between_their_walls(scene):
     assert seen.stage.plays
 
 
+def test_a_block_with_play_is_drawn_by_the_middle_of_its_sides():
+    """Between its corners, whose gaps the solution has; touched where one of them is closed."""
+    machine = ms.load_scene('slider_with_play')
+    stage, solution = preview(machine).stage, ms.simulate(machine)
+    t = np.linspace(0.0, solution.duration, 500)
+    k, dt = solution.motion.curve.find(t)
+    observed = machine.physics.observe(solution.motion, k, dt)
+    frames, told = stage.frames(t, observed, solution.motion.modes[k].T), solution.sample(t)
+    assert [pair.name for pair in stage.plays] == ['guide']
+    for n, side in enumerate(('left', 'right')):
+        corners = [f'guide_{end}_{side}' for end in ('rear', 'front')]
+        middle = np.mean([told[f'gap.{corner}'] for corner in corners], axis=0)
+        assert frames.walls[:, 0, n] == pytest.approx(middle, abs=1e-15)
+        closed = np.any([told[f'mode.{corner}'] > 1 for corner in corners], axis=0)
+        assert ((frames.touching[:, 0] & (1 + n)) > 0).tolist() == closed.tolist()
+        assert closed.any()
+    assert stage.widths['guide'] == pytest.approx(2e-3, rel=1e-3)
+
+
 def test_every_impact_flashes_once_at_its_joint(shown):
     impacts = shown.topics['/impacts']
     assert len(shown.flashes) == len(impacts) > 10

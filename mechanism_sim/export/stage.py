@@ -21,8 +21,9 @@ from mechanism_sim.export.shapes import COIL, Shape
 from mechanism_sim.export.skeleton import Skeleton, bounds, skeleton_of
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute, Side
-from mechanism_sim.planar.play import gaps_of, wall_name
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute, Side
+from mechanism_sim.planar.play import SIDES as CORNERS
+from mechanism_sim.planar.play import corner_name, gaps_of, wall_name
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
@@ -48,7 +49,8 @@ class Frames:
     pins : (N, B, 2) [m] centre of the pin less that of the bushing, along the world's axes
     pin_rates : (N, B, 2) [m/s] of the same; one instant's place and rate join with the next's
     modes : (N, B) of contact, as in ModeChange; 0 with an oil film
-    walls : (N, W, 2) [m] distance from the left and the right wall of a play; nan without one
+    walls : (N, W, 2) [m] distance from the left and the right wall of a play, of a block that of
+        the middle of its side; nan without one
     touching : (N, W) 1 where the left wall is touched, 2 the right one, 3 both
     forces : (N, J, 2) [N] of the first-named on the second-named link, along the world's axes
     feet : (N, K, 2) [m] points on the lines of action of forces that act at no fixed point
@@ -134,22 +136,30 @@ class Stage:
         return self.machine.bearings
 
     @cached_property
-    def plays(self) -> list[HigherPair]:
-        """Those that have walls: pins in slots, teeth with backlash, cams that followers leave."""
-        pairs = [j for j in self.machine.mechanism.joints if isinstance(j, HigherPair)]
+    def plays(self) -> list[HigherPair | Prismatic]:
+        """Those that have walls: pins in slots, blocks in guides, teeth, cams that are left."""
+        joints = self.machine.mechanism.joints
+        pairs = [j for j in joints if isinstance(j, HigherPair | Prismatic)]
         return [pair for pair in pairs if self._walls(pair)]
 
-    def _walls(self, pair: HigherPair) -> dict[Side, int]:
-        """The numbers of the gaps of a pair."""
+    def _walls(self, pair: HigherPair | Prismatic) -> dict[Side, list[int]]:
+        """The numbers of the gaps at each wall of a pair: a block has two, at its corners."""
         known, mechanism = self.machine.physics.clearances, self.machine.mechanism
-        names: dict[Side, str] = {side: wall_name(mechanism, pair, side) for side in pair.sides}
-        return {side: known.index(name) for side, name in names.items() if name in known}
+        if isinstance(pair, HigherPair):
+            named = [(side, wall_name(mechanism, pair, side)) for side in pair.sides]
+        else:
+            named = [(side, corner_name(mechanism, pair, end, side)) for end, side in CORNERS]
+        found: dict[Side, list[int]] = {}
+        for side, name in named:
+            if name in known:
+                found.setdefault(side, []).append(known.index(name))
+        return found
 
-    def _parted(self, o: Observation, pair: HigherPair) -> Array:
+    def _parted(self, o: Observation, pair: HigherPair | Prismatic) -> Array:
         """Distances (2, N) [m] from the left and the right wall of a pair; nan without one."""
         gaps = np.full((2, o.position.shape[1]), np.nan)
-        for side, k in self._walls(pair).items():
-            gaps[SIDES.index(side)] = o.gap[k]
+        for side, numbers in self._walls(pair).items():
+            gaps[SIDES.index(side)] = o.gap[numbers].mean(axis=0)
         return gaps
 
     def struck(self, gap: str) -> tuple[int, int]:
@@ -234,8 +244,8 @@ class Stage:
     def _touched(self, modes: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
         found = np.zeros((count, len(self.plays)), np.uint8)
         for w, pair in enumerate(self.plays):
-            for side, k in self._walls(pair).items():
-                touched = modes[k] > Mode.FREE_FLIGHT
+            for side, numbers in self._walls(pair).items():
+                touched = (modes[numbers] > Mode.FREE_FLIGHT).any(axis=0)
                 found[:, w] += np.uint8(1 + SIDES.index(side)) * touched.astype(np.uint8)
         return found
 
@@ -289,10 +299,11 @@ class Stage:
             'contact': play.contact.law if play.contact else 'rigid',
         }
 
-    def _play(self, pair: HigherPair) -> dict[str, Any]:
-        """What has the walls, and what is between them or on one: of cams the follower is."""
+    def _play(self, pair: HigherPair | Prismatic) -> dict[str, Any]:
+        """What has the walls, and what is between them or on one: followers and blocks are."""
         ends = [pair.second, pair.first]
-        face, body = reversed(ends) if hasattr(pair, 'cam') else ends
+        within = isinstance(pair, Prismatic) or hasattr(pair, 'cam')
+        face, body = reversed(ends) if within else ends
         numbers = {name: k for k, name in enumerate(self.links)}
         return {
             'joint': pair.name,

@@ -8,9 +8,10 @@ document.addEventListener('DOMContentLoaded', () => {
   all('th', (x) => { if (!x.innerText.trim()) x.setAttribute('role', 'presentation'); });
   all('th:has(math)', (x) => x.setAttribute('aria-label', x.textContent));
   const reach = () => all('pre, .table-wrapper, div.math, .math-wrapper, .output', (x) => {
-    if (x.scrollWidth > x.clientWidth) x.tabIndex = 0;
+    if (x.scrollWidth > x.clientWidth || x.scrollHeight > x.clientHeight) x.tabIndex = 0;
     else x.removeAttribute('tabindex');
   });
   reach();
+  document.fonts.ready.then(reach);
   window.addEventListener('resize', reach);
 });
