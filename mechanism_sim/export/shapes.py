@@ -122,7 +122,7 @@ def rounded(points: Array, radius: float) -> Array:
 
 
 def around(points: Array) -> Array:
-    """The corners of the convex polygon around points (n, 2), counterclockwise; or all of a line."""
+    """The corners of the convex polygon around points (n, 2), counterclockwise; all of a line."""
     if len(points) < 3 or min(np.ptp(points, axis=0)) == 0.0:
         return points
     return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])

@@ -378,7 +378,9 @@ class Contacts:
             if not guard.friction or self._leaves(gap):
                 self._touch(gap)
             elif self.modes[gap] == Mode.STICKING:
-                self._change(gap, _SLIDING[-guard.friction])
+                # corners that stick to one wall together may creep meanwhile
+                way = self._slip(self.terms(), gap) or -guard.friction
+                self._change(gap, _SLIDING[way])
             else:
                 self._change(gap, Mode.STICKING)
                 self.project()

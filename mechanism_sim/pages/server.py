@@ -249,7 +249,9 @@ def _silent() -> logging.Logger:
 def _listening(port: int, name: str) -> socket.socket:
     """A socket on a port of this machine, or on another if that is taken."""
     if not 0 <= port <= 65535:
-        raise InputError(f'{name}: the port must be between 0 and 65535, not {port}; 0 is any free')
+        raise InputError(
+            f'{name}: the port must be between 0 and 65535, not {port}; 0 is any free'
+        )
     try:
         return socket.create_server((HOST, port))
     except PermissionError as error:

@@ -46,9 +46,9 @@ def with_value(text: str, path: Path, value: Any) -> str:
             return _put(text, key.start_mark.index, end, '\n'.join(rows).lstrip())
         return _put(text, start, end, _flow(value))
     whole = _nest(rest, value)
-    if isinstance(node, yaml.ScalarNode) and node.value == '' or _is_empty(node):
+    if (isinstance(node, yaml.ScalarNode) and node.value == '') or _is_empty(node):
         indent = 2 * (len(chain) - 1)
-        flat = key is None or _in_flow(chain[:-1])
+        flat = key is None or _in_flow(chain[:-1]) or len(chain) > 2
         start, end = node.start_mark.index, node.end_mark.index
         rows = [x for k, v in whole.items() for x in _entry(k, v, indent)]
         put = f' {_flow(whole)}' if flat and start == end else _flow(whole)
@@ -84,7 +84,7 @@ def without(text: str, path: Path) -> str:
         return text
     parent = chain[-2]
     pairs = [x if isinstance(x, tuple) else (x, x) for x in parent.value]
-    i = next(i for i, (key, x) in enumerate(pairs) if x is chain[-1] and key.value == path[-1]
+    i = next(i for i, (key, x) in enumerate(pairs) if (x is chain[-1] and key.value == path[-1])
              or key is x is chain[-1])  # fmt: skip
     if len(pairs) == 1 and len(path) > 1:
         above = tuple(path[:-1])
@@ -116,16 +116,19 @@ def _chain(root: Any, path: Path) -> tuple[list[Any], Any]:
     """The nodes along a path as far as there are any, the root first, and the last one's key."""
     chain, last = [root], None
     for part in path:
-        node, found = chain[-1], None
+        node, found, since = chain[-1], None, chain[-1].start_mark.index
         if isinstance(node, yaml.MappingNode):
             for key, x in node.value:
                 if key.value == part:
-                    last, found = key, x
-        elif isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value):
+                    last, found, since = key, x, key.end_mark.index
+        elif (
+            isinstance(node, yaml.SequenceNode) and part.isdigit() and int(part) < len(node.value)
+        ):
             last, found = None, node.value[int(part)]
+            since = max([since, *(x.end_mark.index for x in node.value[: int(part)])])
         if found is None:
             break
-        if not node.start_mark.index <= found.start_mark.index <= node.end_mark.index:
+        if found.start_mark.index < since:
             raise InputError(
                 f"'{'.'.join(path)}' is an alias ('*') of what stands elsewhere: change it there"
             )

@@ -35,6 +35,7 @@ let quiet = 0;
 let drawing = null; // where a part begins
 let waiting = null; // a gesture that is sent when the answer to the last one is there
 let flying = false;
+let soon = 0; // the frame in which it is sent
 let fitted = null; // the document that was fitted
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
@@ -106,7 +107,8 @@ function landed() {
   if (!waiting) return;
   const next = waiting;
   waiting = null;
-  requestAnimationFrame(() => follow(next));
+  flying = true;
+  soon = requestAnimationFrame(() => { flying = false; follow(next); });
 }
 
 // --- what is shown -------------------------------------------------------------------------
@@ -219,11 +221,14 @@ function ran({ data, number }) {
   run.player.speed = SPEEDS[far.indexOf(Math.min(...far))];
   by('speed').replaceChildren(...SPEEDS.map((x) => new Option(`${x}×`, x, false, x === run.player.speed)));
   by('time').textContent = `${Number(length().toPrecision(4))} s`;
+  const titles = { force: 'Largest forces', drive: 'Largest of the drives', impacts: 'Impacts', hardest: 'Hardest impact' };
+  let before = '';
   const rows = data.figures.map(([what, name, value, unit, t]) => {
-    const label = { force: 'largest force in', drive: 'largest of the drive', hardest: 'hardest impact in' }[what] ?? what;
+    const head = what === before ? '' : `<tr><th colspan="3"><h3>${titles[what]}</h3></th></tr>`;
+    before = what;
     const shown = value === null ? 'without limit' : unit ? quantity(value, unit) : value;
-    return `<tr data-figure="${what}"><th>${label} ${escape(words(name))}</th><td>${shown}</td><td>${
-      t === null ? '' : `at ${quantity(t, 's')}`}</td></tr>`;
+    const at = t === null ? '' : `at ${quantity(Math.abs(t) < 1e-9 * data.end ? 0 : t, 's')}`;
+    return `${head}<tr data-figure="${what}"><th>${escape(words(name)) || 'in all'}</th><td>${shown}</td><td>${at}</td></tr>`;
   });
   if (by('figures')) {
     by('figures').innerHTML = `<table>${rows.join('')}</table><p class="soft">over ${
@@ -307,6 +312,7 @@ function gesture({ type, from, spot, handle, x, y }) {
       else if (type === 'drag') follow({ type: 'drag', ...move });
       else {
         waiting = null;
+        cancelAnimationFrame(soon);
         ask({ type: 'drop', ...move });
       }
     }

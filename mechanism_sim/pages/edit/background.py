@@ -57,7 +57,7 @@ class Background:
         self._link.send(job)
 
     def look(self, newest: Callable[[], Job | None]) -> None:
-        """End a process that goes on with what is not wanted any more, and begin with the newest."""
+        """End a process that goes on with what is not wanted, and begin with the newest."""
         if self._since is not None and time.monotonic() > self._since + PATIENCE:
             self.close()
             if job := newest():
@@ -93,7 +93,7 @@ class Background:
             pass  # it was ended
 
 
-class _NotWanted(Exception):
+class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
     """There is a newer job."""
 
 
@@ -177,5 +177,3 @@ def _shown(machine: Any, solution: Any) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return value if abs(value) < float('inf') else None
-
-

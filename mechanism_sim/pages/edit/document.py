@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -11,8 +12,8 @@ from mechanism_sim import documents, output
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.files import check_scene, find_scene
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.scene_text import renamed, with_value, without
+from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.table_keys import with_files
 
 GONE: Final = object()
@@ -217,7 +218,5 @@ def _texts(value: Any, path: tuple[str, ...] = ()) -> Iterable[tuple[tuple[str, 
 
 
 def _replaced(text: str, old: str, new: str) -> str:
-    """A text with another name for a link: where it names a link, a point of it or a coordinate."""
-    import re  # noqa: PLC0415
-
+    """A text with another name for a link, wherever it names the link or a point of it."""
     return re.sub(rf'(?<![\w.]){re.escape(old)}(?!\w)', new, text)

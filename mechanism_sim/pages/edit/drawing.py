@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim.export.palette import index
+from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import COIL, Shape, around
-from mechanism_sim.export.skeleton import scale_bar, skeleton_of
+from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written
 from mechanism_sim.pages.edit.layout import Pose, Poses, point, points_of
 from mechanism_sim.pages.edit.motion import Turn
@@ -82,7 +84,7 @@ def handles(scene: Scene, poses: Mapping[str, Pose]) -> list[Handle]:
 
 
 def _slid(scene: Scene) -> set[tuple[str, str]]:
-    """Points of links that slide, or of joints that are not pins: they lie where those put them."""
+    """Points of links at joints that are no pins: they lie where those put them."""
     found = set()
     for joint in scene.joints.values():
         if joint.kind != 'revolute':
@@ -91,14 +93,17 @@ def _slid(scene: Scene) -> set[tuple[str, str]]:
     return found
 
 
-def of_machine(turn: Turn, traced: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def of_machine(
+    turn: Turn, traced: Collection[str], symbol: float = 0.0
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Stage of an assembled machine, as `Stage.to_json` has it but without forces; and curves.
 
     Parameters
     ----------
     traced : LINK.POINT whose paths are wanted
+    symbol : size of a joint [m] while something is dragged; then nobody asks for bounds
     """
-    skeleton = skeleton_of(turn.machine, turn.q, mechanism=turn.mechanism)
+    skeleton = skeleton_of(turn.machine, turn.q, mechanism=turn.mechanism, size=60.0 * symbol)
     poses = skeleton.poses(turn.q)
     curves: dict[str, Any] = {}
     if poses.shape[0] > 1:
@@ -113,10 +118,9 @@ def of_machine(turn: Turn, traced: Collection[str]) -> tuple[dict[str, Any], dic
                 curves[f'{link}.{name}'] = np.round(placed[:, k], 7).tolist()
     stage = _stage(turn.machine.scene, skeleton.links, skeleton.symbol, skeleton.shapes)
     springs = [[[link, list(at)] for link, at in ends] for ends in skeleton.springs]
-    low, high = (f(_spread(skeleton.shapes, turn.start), axis=0) for f in (np.min, np.max))
-    if curves:
-        all_ = np.concatenate([np.array(c) for c in curves.values()])
-        low, high = np.minimum(low, all_.min(axis=0)), np.maximum(high, all_.max(axis=0))
+    if symbol:
+        return stage | {'springs': springs}, curves
+    low, high = bounds(skeleton, poses[:: max(1, len(poses) // 6)])
     return stage | {'springs': springs, 'bounds': [*low.tolist(), *high.tolist()]}, curves
 
 
@@ -126,15 +130,13 @@ def of_parts(scene: Scene, poses: Poses) -> dict[str, Any]:
     number = {link: k for k, link in enumerate(links)}
     ends = {link: np.array([*points_of(scene.links[link]).values()]) for link in links}
     everything = [poses[link].place(tuple(at)) for link in links for at in ends[link]]
-    everything += [at for at in points_of(scene.links.get(GROUND)).values()]
+    everything += list(points_of(scene.links.get(GROUND)).values())
     spread = np.array(everything or [(0.0, 0.0)])
     symbol = max(float(np.ptp(spread, axis=0).max()), SMALLEST) / 60.0
     shapes: list[Shape] = []
 
     def add(kind: Kind, link: str, at: Any, label: str = '') -> None:
-        shapes.append(
-            Shape(kind, link, (np.array(at),), symbol, label, 0.0, number.get(link, -1))
-        )
+        shapes.append(Shape(kind, link, (np.array(at),), symbol, label, 0.0, number.get(link, -1)))
 
     for link in links:
         add('link', link, around(ends[link]), link)
@@ -164,13 +166,31 @@ def of_parts(scene: Scene, poses: Poses) -> dict[str, Any]:
     pairs = [[point(scene, r) for r in spring.between] for spring in scene.springs.values()]
     springs = [[[x[0], list(x[2])] for x in pair if x] for pair in pairs if None not in pair]
     low, high = spread.min(axis=0), spread.max(axis=0)
-    bounds = [*low.tolist(), *high.tolist()]
-    return _stage(scene, links, symbol, shapes) | {'springs': springs, 'bounds': bounds}
+    corners = [*low.tolist(), *high.tolist()]
+    return _stage(scene, links, symbol, shapes) | {'springs': springs, 'bounds': corners}
 
 
-def _spread(shapes: list[Shape], poses: Poses) -> Any:
-    """All corners of shapes in the world (k, 2) [m]."""
-    return np.array([poses[s.link].place(tuple(at)) for s in shapes for at in s.hull])
+class _Alike:
+    """A shape that equals another if it looks the same."""
+
+    def __init__(self, shape: Shape) -> None:
+        self.shape = shape
+        self._key = (
+            shape.kind, shape.link, shape.label, shape.size, shape.number, shape.symbol,
+            *(curve.tobytes() for curve in shape.curves),
+        )  # fmt: skip
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Alike) and self._key == other._key
+
+
+@lru_cache(maxsize=256)
+def _written(alike: _Alike) -> dict[str, Any]:
+    """A shape for JSON; of those dragged along most are as before."""
+    return written(alike.shape)
 
 
 def _stage(scene: Scene, links: list[str], symbol: float, shapes: list[Shape]) -> dict[str, Any]:
@@ -178,7 +198,7 @@ def _stage(scene: Scene, links: list[str], symbol: float, shapes: list[Shape]) -
         'title': scene.title,
         'symbol': symbol,
         'links': links,
-        'shapes': [written(shape) for shape in shapes],
+        'shapes': [_written(_Alike(shape)) for shape in shapes],
         'coil': COIL.tolist(),
         'scale': dict(zip(('length', 'text'), scale_bar(60.0 * symbol), strict=True)),
         'joints': [],
@@ -186,5 +206,6 @@ def _stage(scene: Scene, links: list[str], symbol: float, shapes: list[Shape]) -
         'plays': [],
         'force': 0.0,
         'force_scale': 0.0,
+        'bendings': {},
         'colours': {link: index(k) for k, link in enumerate(links)},
     }

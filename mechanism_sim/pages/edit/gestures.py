@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 from mechanism_sim.errors import InputError
@@ -12,7 +12,7 @@ from mechanism_sim.pages.edit.drawing import Handle
 from mechanism_sim.pages.edit.layout import Pose, Poses, point, points_of
 from mechanism_sim.pages.edit.quantities import degrees, place, rounded
 from mechanism_sim.planar.mechanism import GROUND, Vector2, rotate
-from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.schema import DrivePart, Scene
 
 _ON_AXIS = 0.02
 """Of the frame's length: a joint so near its axis stays on it."""
@@ -124,9 +124,12 @@ def _on_link(
         length = max(math.dist(*ends), grid.step)
         poses[link] = Pose(x, y, math.atan2(v - y, u - x))
         edits.append(Edit(('links', link, 'length'), rounded(length, grid.step, grid.unit)))
-    for other in _joined(scene, link) - {'start', 'end'}:  # what is joined stays where it is
-        at = poses[link].within(pose.place(given.points[other]))
-        edits.append(Edit(('links', link, 'points', other), place(at, grid.step, grid.unit)))
+    joined = _joined(scene, link)
+    for other, place_of in given.points.items():
+        if other in joined:  # it stays where it is
+            within = poses[link].within(pose.place(place_of))
+            text = place(within, grid.step, grid.unit)
+            edits.append(Edit(('links', link, 'points', other), text))
     return edits
 
 
@@ -149,7 +152,9 @@ def starts(
     scene: Scene, found: Mapping[str, float], straight: Collection[str], grid: Grid
 ) -> list[Edit]:
     """Where drives begin, if that is not where their links are found to lie [rad, m]."""
-    drives = {c: (('drives', c), drive) for c, drive in scene.drives.items()}
+    drives: dict[str, tuple[tuple[str, ...], DrivePart]] = {
+        c: (('drives', c), drive) for c, drive in scene.drives.items()
+    }
     if scene.drive:
         drives[scene.drive.coordinate or 'crank'] = (('drive',), scene.drive)
     edits = []
@@ -180,7 +185,7 @@ def draw(scene: Scene, poses: Poses, what: str, start: Spot, end: Spot, grid: Gr
     InputError
         If it cannot be there: what it needs.
     """
-    makers = {
+    makers: dict[str, Callable[[_Draft, Spot, Spot], list[Edit]]] = {
         'link': _link, 'cylinder': _cylinder, 'spring': _spring, 'ground': _ground,
         'point': _point, 'slider': _slider, 'drive': _drive, 'clearance': _clearance,
         'masses': _masses,
@@ -279,12 +284,14 @@ def _spring(draft: _Draft, start: Spot, end: Spot) -> list[Edit]:
     (one, new), (two, newer) = draft.reference(start), draft.reference(end)
     if one.partition('.')[0] == two.partition('.')[0]:
         raise InputError('a spring is between points of two links, or of a link and the ground')
-    free = rounded(math.dist(draft.where(start), draft.where(end)), draft.grid.step, draft.grid.unit)
+    free = rounded(
+        math.dist(draft.where(start), draft.where(end)), draft.grid.step, draft.grid.unit
+    )
     values = {'between': [one, two], 'stiffness': '1000 N/m', 'free_length': free}
     return [*new, *newer, Edit(('springs', draft.name('spring')), values)]
 
 
-def _ground(draft: _Draft, start: Spot, _: Spot) -> list[Edit]:
+def _ground(draft: _Draft, start: Spot, _end: Spot) -> list[Edit]:
     """A point of the frame: with a pin where there is a point of a link."""
     if start.handle and any(link == GROUND for link, _ in start.handle.members):
         raise InputError(f'{start.handle.key} is on the ground already')
@@ -296,12 +303,11 @@ def _ground(draft: _Draft, start: Spot, _: Spot) -> list[Edit]:
     return edits
 
 
-def _point(draft: _Draft, start: Spot, _: Spot) -> list[Edit]:
+def _point(draft: _Draft, start: Spot, _end: Spot) -> list[Edit]:
     """A point of a link, whose path is drawn."""
     if start.handle or not start.link:
         raise InputError('a point is put on a link: press on a bar')
-    _, edits = draft.reference(start)
-    return edits
+    return draft.reference(start)[1]
 
 
 def _slider(draft: _Draft, start: Spot, end: Spot) -> list[Edit]:

@@ -12,7 +12,6 @@ from mechanism_sim.planar.mechanism import (
     GROUND,
     Mechanism,
     Prismatic,
-    Revolute,
     Vector2,
     rotate,
 )
@@ -49,7 +48,7 @@ def points_of(link: LinkPart | None) -> dict[str, Vector2]:
 
 
 def point(scene: Scene, reference: str) -> tuple[str, str, Vector2] | None:
-    """Link, name and place in the link's frame [m] of ``LINK.POINT`` or ``LINK``, if it is there."""
+    """Link, name and place in the link's frame [m] of ``LINK.POINT`` or ``LINK``."""
     link, _, name = reference.partition('.')
     name = name or 'start'
     at = points_of(scene.links.get(link)).get(name)

@@ -6,15 +6,14 @@ Loops are closed from where they were in the picture before, all instants of a t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.edit.layout import ORIGIN, Pose, Poses, coordinates
-from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import poses as poses_of
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.kinematics import Kinematics
@@ -35,6 +34,7 @@ class Turn:
     ----------
     near : poses near those of the start; without, the machine is assembled as its scene says
     before : the same of a machine that differed little
+    loops : the closures of the machine, if somebody has them
 
     Attributes
     ----------
@@ -48,17 +48,21 @@ class Turn:
     """
 
     def __init__(
-        self, machine: Machine, near: Mapping[str, Pose] | None = None, before: Turn | None = None
+        self,
+        machine: Machine,
+        near: Mapping[str, Pose] | None = None,
+        before: Turn | None = None,
+        loops: Kinematics | None = None,
     ) -> None:
-        self.machine, plan = machine, machine.plan
-        self.mechanism = plan.ideal
-        self._held = held = self._ways()
-        tree = self.mechanism
-        self._kinematics = Kinematics(tree, closures(tree, tree.cut), [*held])
+        self.machine = machine
+        loops = loops or machine.kinematics(())
+        self.mechanism = loops.mechanism
+        self._held = self._ways()
+        self._kinematics = loops.holding([*self._held])
         if near is None:
             first = machine.assembly.q.copy()
         else:
-            first = self._closed(coordinates(tree, near))
+            first = self._closed(coordinates(self.mechanism, near))
         self.q = self._followed(first, before)
 
     @cached_property
@@ -116,15 +120,15 @@ class Turn:
             [c in self.mechanism.displacements for c in self.mechanism.coordinates],
             self.mechanism.size, 1.0,
         )  # fmt: skip
-        if before is not None and before.mechanism.coordinates == self.mechanism.coordinates:
-            if before.q.shape[1] == INSTANTS:
-                guess = before.q + (first - before.q[:, 0])[:, None]
-                guess[held] = ways
-                q, left = self._kinematics.positions(guess)
-                leaps = np.abs(np.diff(q, axis=1)).max(axis=1) / size
-                same = np.abs(q[:, 0] - first) / size
-                if not left.any() and leaps.max() < _LEAP and same.max() < 1e-6:
-                    return q
+        alike = before is not None and before.mechanism.coordinates == self.mechanism.coordinates
+        if before is not None and alike and before.q.shape[1] == INSTANTS:
+            guess = before.q + (first - before.q[:, 0])[:, None]
+            guess[held] = ways
+            q, left = self._kinematics.positions(guess)
+            leaps = np.abs(np.diff(q, axis=1)).max(axis=1) / size
+            same = np.abs(q[:, 0] - first) / size
+            if not left.any() and leaps.max() < _LEAP and same.max() < 1e-6:
+                return q
         columns = [first]
         for k in range(1, INSTANTS):
             guess = columns[-1] + (columns[-1] - columns[-2] if k > 1 else 0.0)
@@ -137,11 +141,10 @@ class Turn:
 
 
 def _values(laws: tuple[Law, ...], t: Array) -> Array:
-    """What drives prescribe at times (N,) [s], without jumps by whole turns."""
+    """What drives prescribe at times (N,) [s], but for whole turns."""
     known = [law for law in laws if isinstance(law, DriveLaw)]
-    found = []
-    for at in t.tolist():
-        law = next((x for x in reversed(known) if x.valid_from <= at), known[0])
-        _, (value, *_) = law.about(Fraction(at))
-        found.append(value)
-    return np.array(found) if known[0].straight else np.unwrap(found)
+    found = np.empty_like(t)
+    for law in known:
+        now = t >= law.valid_from if law is not known[0] else t >= t[0]
+        found[now] = polynomial.polyval(t[now] - law.reference_time, law.coefficients)
+    return found if known[0].straight else np.unwrap(found)

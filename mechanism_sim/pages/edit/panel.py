@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 import yaml
 
@@ -14,7 +15,6 @@ from mechanism_sim.scene.kinds import KINDS
 from mechanism_sim.scene.quantities import Part, meanings
 from mechanism_sim.scene.schema import AnyScene
 
-_SECTIONS_ONLY = 'mechanism'
 _DEEPEST = 3
 
 
@@ -104,7 +104,9 @@ def _rows(
 def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
     """The keys that have a meaning: of a joint those of its kind."""
     if not issubclass(model, JointKeys):
-        first = [k for k in ('title', 'description', 'length', 'points') if k in model.model_fields]
+        first = [
+            k for k in ('title', 'description', 'length', 'points') if k in model.model_fields
+        ]
         return [*dict.fromkeys([*first, *model.model_fields])]
     kind = next((kind for name, kind in KINDS.items() if value.get(name)), None)
     if kind is None:
@@ -133,5 +135,5 @@ def _text(value: Any) -> str:
         return ''
     if isinstance(value, str):
         return ' '.join(value.split())
-    text = cast(str, yaml.safe_dump(value, default_flow_style=True, width=1e9, sort_keys=False))
+    text = str(yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False))
     return text.removesuffix('...\n').strip()

@@ -9,13 +9,10 @@ import webbrowser
 from collections.abc import Callable
 from typing import Any
 
-from markupsafe import Markup
-
 from mechanism_sim import ending, strict_json
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError
-from mechanism_sim.export.palette import css
-from mechanism_sim.pages.assets import asset, embedded, render
+from mechanism_sim.pages.assets import asset, embedded, render, styles
 from mechanism_sim.pages.edit.background import Background
 from mechanism_sim.pages.edit.document import Document
 from mechanism_sim.pages.edit.session import Session
@@ -31,9 +28,7 @@ _LOOK = 0.1  # [s] between looks at what runs
 _COMMAND = 400_000  # bytes: a whole document, its quotes escaped
 
 
-def edit(
-    document: Document, port: int | None, browse: bool, opened: Callable[[str], None]
-) -> int:
+def edit(document: Document, port: int | None, browse: bool, opened: Callable[[str], None]) -> int:
     """Serve the page of a document until a signal ends it; exit code 0.
 
     Parameters
@@ -57,7 +52,9 @@ def edit(
     )  # fmt: skip
     try:
         if port and server.port != port:
-            raise InputError(f'edit: port {port} of {HOST} is taken: choose another; 0 is any free')
+            raise InputError(
+                f'edit: port {port} of {HOST} is taken: choose another; 0 is any free'
+            )
         runs = Background(lambda *found: waiting.put(('run', found)))
         session = Session(document, server.send)
         greeting[:] = session.greeting
@@ -126,7 +123,7 @@ def page() -> str:
     """The page as HTML."""
     return render(
         'edit.html.jinja',
-        style=Markup(css() + asset('style.css') + asset('edit.css')),  # noqa: S704 - ours
+        style=styles('stage', 'style', 'edit'),
         imports=embedded({name: f'/{name}.js' for name in MODULES}),
         scenes=scene_names(),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from mechanism_sim.pages.edit.gestures import Grid, Spot
 from mechanism_sim.pages.edit.layout import ORIGIN, Poses, coordinates, placed
 from mechanism_sim.pages.edit.motion import Turn
 from mechanism_sim.pages.edit.quantities import degrees, unit_of
+from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import GROUND
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
@@ -87,7 +89,6 @@ class Session:
         except InputError as error:
             self._say(str(error))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
-            if __import__('os').environ.get('RAW'): raise
             self._say('that was no command of this page')
         if kind not in ('drag', 'pull'):
             self._grabbed = None
@@ -168,11 +169,11 @@ class Session:
             return
         self._picture = self._seen(scene, None)
 
-    def _seen(self, scene: Scene, near: Poses | None) -> Picture:
+    def _seen(self, scene: Scene, near: Poses | None, loops: Kinematics | None = None) -> Picture:
         old = self._picture
         try:
             machine = Machine(self.document.name, scene)
-            turn = Turn(machine, near, old.turn)
+            turn = Turn(machine, near, old.turn, loops)
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             poses = placed(scene, near or old.poses)
             return Picture(scene, None, {**poses, **(near or {})}, str(error))
@@ -187,7 +188,8 @@ class Session:
                 for name in given.points
                 if link != GROUND
             }
-            stage, curves = drawing.of_machine(picture.turn, self._traced or tracers)
+            symbol = self._shown['stage']['symbol'] if self._grabbed else 0.0
+            stage, curves = drawing.of_machine(picture.turn, self._traced or tracers, symbol)
         else:
             stage = drawing.of_parts(picture.scene, picture.poses)
         return {
@@ -223,16 +225,19 @@ class Session:
         handle = self._handle(key, before)
         short = self.document.content().get('mechanism') == 'four_bar'
         edits, poses = gestures.move(before.scene, before.poses, handle, to, grid, short)
-        scene = self.document.scene(edits)
+        scene, loops = self.document.scene(edits), None
         try:
-            found, straight = _released(Machine(self.document.name, scene), poses)
-            more = gestures.starts(scene, found, straight, grid)
+            loops = Machine(self.document.name, scene).kinematics(())
         except InputError:
-            more = []
-        if more:
-            edits = [*edits, *more]
-            scene = self.document.scene(edits)
-        return edits, self._seen(scene, poses)
+            return edits, self._seen(scene, poses)
+        tree = loops.mechanism
+        q, left = loops.positions(coordinates(tree, poses)[:, None])
+        if not left[0]:
+            found = dict(zip(tree.coordinates, q[:, 0].tolist(), strict=True))
+            if more := gestures.starts(scene, found, tree.displacements, grid):
+                edits = [*edits, *more]
+                scene = self.document.scene(edits)
+        return edits, self._seen(scene, poses, loops)
 
     def _drag(self, message: Mapping[str, Any]) -> None:
         _, self._picture = self._moved(message)
@@ -388,24 +393,12 @@ class Session:
         return edits
 
 
-def _released(machine: Machine, poses: Poses) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Coordinates near some poses with which loops close, drives left free; which are straight."""
-    tree = machine.plan.ideal
-    kinematics = machine.kinematics(())
-    q, left = kinematics.positions(coordinates(tree, poses)[:, None])
-    if left[0]:
-        return {}, ()
-    return dict(zip(tree.coordinates, q[:, 0].tolist(), strict=True)), tree.displacements
-
-
 def _path(message: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(str(part) for part in message['path'])
 
 
 def _place_of(problem: str, content: Mapping[str, Any]) -> list[str]:
     """The path of a scene that a sentence names, as far as it is there; empty if none."""
-    import re  # noqa: PLC0415
-
     best: list[str] = []
     for word in re.findall(r'[A-Za-z_]\w*(?:\.\w+)*', problem):
         parts = word.split('.')
