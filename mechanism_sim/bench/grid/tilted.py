@@ -40,7 +40,7 @@ def _tilted(random: Random, k: int) -> Draft:
             play['along'] = pick(random, (0.0, float(random.uniform(-0.6, 0.6)) * play['length']))
         if k % 5 == 4:
             play |= {'restitution': max(0.1, play['restitution']), 'hypothesis': 'newton'}
-            play.pop('friction', None)
+            play = {key: x for key, x in play.items() if key not in ('friction', 'pin_radius')}
             play['contact'] = {'law': LAWS[k % 4], 'stiffness': decades(random, 7.5, 9.5)}
         joints.setdefault(joint, {})['clearance'] = play
     scene['start'] = pick(random, ('seated', 'centred'))

@@ -106,6 +106,11 @@ def forces(course: Course) -> Section | None:
         title = 'Force in each joint over the whole run'
         charts.append(over_time(course, 'forces-run', title, curves, 'force', 'N'))
     lines = course.detail.lines
+    tilting = [j for j in joints if f'bearing_moment.{j}.size' in lines]
+    if tilting:
+        curves = [Curve(f'bearing_moment.{j}.size', j, joints.index(j)) for j in tilting]
+        title = 'Moment of each bearing that holds its pin by both ends'
+        charts.append(over_drive(course, 'bearing-moments', title, curves, 'moment', 'N m'))
     largest = {joint: lines[f'reaction.{joint}.size'].values.max() for joint in joints}
     charts += [
         _hodograph(course, joint, i)
